@@ -1,0 +1,1 @@
+//! TD(0) nexting agents: linear and MLP value functions, replay buffer, returns, scores.

@@ -1,0 +1,1 @@
+//! The words of the domain: timestamps, segments, transitions, states, normalisers, seeds, streams.

@@ -1,0 +1,1 @@
+//! Dynamic time warping: every step pattern, any length.

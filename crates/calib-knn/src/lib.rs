@@ -1,0 +1,1 @@
+//! Leave-one-block-out k-nearest-neighbour calibration models: blocks, exact search, tables.

@@ -1,0 +1,1 @@
+//! Multilayer perceptrons on a GEMM library: forward, backward, Adam, SGD.

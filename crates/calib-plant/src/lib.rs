@@ -1,0 +1,1 @@
+//! A simulated membrane-filtration pilot plant.

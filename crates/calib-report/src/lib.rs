@@ -1,0 +1,1 @@
+//! Typed rows to figures and pages: SVG, PNG, HTML. Reads no files.

@@ -1,0 +1,1 @@
+//! Start states, rollouts and replay: streams of states for an agent.

@@ -1,0 +1,1 @@
+//! Ranks, intervals, correlations, regret and errors as pure functions.
