@@ -1,1 +1,34 @@
-//! The words of the domain: timestamps, segments, transitions, states, normalisers, seeds, streams.
+//! The words of the domain, shared by every other package: no I/O, no clock, no ambient randomness.
+//!
+//! Data flows through these types in this order:
+//!
+//! - [`Timestamp`], [`Period`]: instants and spans in microseconds.
+//! - [`Segment`], [`Segments`]: maximal runs of rows without a gap. Nothing crosses their ends.
+//! - [`Column`], [`Normaliser`]: what a number in a state means, in normalised and physical units.
+//! - [`States`], [`Frames`]: normalised states `[n, d]`, and their timestamps and segments.
+//! - [`Transitions`], [`TransitionIndex`], [`RowIndex`]: pairs of successive rows of one segment.
+//! - [`Seed`], [`Rng`]: named, derived randomness that is stable across platforms and releases.
+//! - [`Monitor`]: progress and cancellation, seen from inside long work.
+//! - [`Stream`], [`RowStream`]: what an agent sees; replay and rollout look the same to it.
+
+mod column;
+mod frames;
+mod index;
+mod monitor;
+mod seed;
+mod segment;
+mod states;
+mod stream;
+mod time;
+mod transition;
+
+pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
+pub use frames::{Frames, FramesError};
+pub use index::{RowIndex, TransitionIndex};
+pub use monitor::{Monitor, Silent};
+pub use seed::{Rng, Seed};
+pub use segment::{Segment, SegmentError, Segments};
+pub use states::{States, StatesError};
+pub use stream::{RowStream, Stream};
+pub use time::{Period, Timestamp};
+pub use transition::Transitions;

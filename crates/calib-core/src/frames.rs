@@ -1,0 +1,99 @@
+use crate::{Segments, States, Timestamp};
+
+/// Normalised rows in time order, with the segments they form.
+#[derive(Clone, Debug)]
+pub struct Frames {
+    timestamps: Vec<Timestamp>,
+    segments: Segments,
+    states: States,
+}
+
+/// Why the parts do not make frames.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FramesError {
+    /// Timestamps, segments and states disagree about the number of rows.
+    #[error(
+        "{timestamps} timestamps, {segments} rows in segments and {states} states must be equal"
+    )]
+    Rows {
+        /// Number of timestamps.
+        timestamps: usize,
+        /// Number of rows in the segments.
+        segments: usize,
+        /// Number of states.
+        states: usize,
+    },
+    /// Timestamps do not increase.
+    #[error("row {row} is not later than the row before it")]
+    Order {
+        /// First row out of order.
+        row: usize,
+    },
+}
+
+impl Frames {
+    /// Frames from rows in strictly increasing time order.
+    ///
+    /// # Errors
+    /// If the parts disagree about the number of rows, or time does not increase.
+    pub fn new(
+        timestamps: Vec<Timestamp>,
+        segments: Segments,
+        states: States,
+    ) -> Result<Self, FramesError> {
+        if timestamps.len() != segments.rows() || timestamps.len() != states.rows() {
+            return Err(FramesError::Rows {
+                timestamps: timestamps.len(),
+                segments: segments.rows(),
+                states: states.rows(),
+            });
+        }
+        if let Some(before) = timestamps.windows(2).position(|pair| pair[1] <= pair[0]) {
+            return Err(FramesError::Order { row: before + 1 });
+        }
+        Ok(Self {
+            timestamps,
+            segments,
+            states,
+        })
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.timestamps.len()
+    }
+
+    /// Time of each row.
+    pub fn timestamps(&self) -> &[Timestamp] {
+        &self.timestamps
+    }
+
+    /// The runs of rows without a gap.
+    pub fn segments(&self) -> &Segments {
+        &self.segments
+    }
+
+    /// The normalised states.
+    pub fn states(&self) -> &States {
+        &self.states
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_must_agree() {
+        let states = || States::new(vec![0.0; 2], 2, 1).expect("valid");
+        let segments = || Segments::from_lengths([2]).expect("valid");
+        let at = Timestamp::from_micros;
+        assert!(Frames::new(vec![at(0), at(1)], segments(), states()).is_ok());
+        let order = Frames::new(vec![at(1), at(1)], segments(), states()).expect_err("a repeat");
+        assert_eq!(order, FramesError::Order { row: 1 });
+        assert!(matches!(
+            Frames::new(vec![at(0)], segments(), states()),
+            Err(FramesError::Rows { .. })
+        ));
+    }
+}

@@ -1,0 +1,141 @@
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+/// A maximal run of rows at the expected sample period, as a half-open range of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Segment {
+    /// First row.
+    pub start: u32,
+    /// One past the last row.
+    pub end: u32,
+}
+
+impl Segment {
+    /// Number of rows.
+    pub const fn len(self) -> usize {
+        (self.end - self.start) as usize
+    }
+
+    /// Whether the segment has no row; never true inside [`Segments`].
+    pub const fn is_empty(self) -> bool {
+        self.end == self.start
+    }
+
+    /// The rows as a range.
+    pub const fn rows(self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
+/// A partition of rows `0..n` into segments, in order.
+///
+/// No transition, trace, return or rollout crosses from one segment into the next.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Segments(Vec<Segment>);
+
+/// Why a list of lengths is not a partition.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SegmentError {
+    /// A segment without rows.
+    #[error("segment {segment} has no rows")]
+    Empty {
+        /// Position of the segment.
+        segment: usize,
+    },
+    /// More rows than 32 bits can count.
+    #[error("{rows} rows exceed the {} that calib can index; sub-sample, or split the data", u32::MAX - 1)]
+    TooManyRows {
+        /// Total number of rows.
+        rows: usize,
+    },
+}
+
+impl Segments {
+    /// The partition whose segments have these lengths, in rows.
+    ///
+    /// # Errors
+    /// A length of zero, or a total above `u32::MAX - 1` rows.
+    pub fn from_lengths(lengths: impl IntoIterator<Item = usize>) -> Result<Self, SegmentError> {
+        let mut segments = Vec::new();
+        let mut start = 0_usize;
+        for (segment, length) in lengths.into_iter().enumerate() {
+            if length == 0 {
+                return Err(SegmentError::Empty { segment });
+            }
+            let end = start + length;
+            if end >= u32::MAX as usize {
+                return Err(SegmentError::TooManyRows { rows: end });
+            }
+            segments.push(Segment {
+                start: start as u32,
+                end: end as u32,
+            });
+            start = end;
+        }
+        Ok(Self(segments))
+    }
+
+    /// Number of segments.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there are no segments, and so no rows.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Number of rows over all segments.
+    pub fn rows(&self) -> usize {
+        self.0.last().map_or(0, |last| last.end as usize)
+    }
+
+    /// The segments in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Segment> + '_ {
+        self.0.iter().copied()
+    }
+
+    /// The segments as a slice.
+    pub fn as_slice(&self) -> &[Segment] {
+        &self.0
+    }
+
+    /// The position of the segment that holds `row`, or `None` past the last row.
+    pub fn position_of(&self, row: usize) -> Option<usize> {
+        let position = self
+            .0
+            .partition_point(|segment| (segment.end as usize) <= row);
+        (position < self.0.len()).then_some(position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_become_a_partition() {
+        let segments = Segments::from_lengths([3, 1, 2]).expect("valid");
+        assert_eq!(segments.rows(), 6);
+        assert_eq!(segments.as_slice()[1], Segment { start: 3, end: 4 });
+        let of = |row| segments.position_of(row);
+        assert_eq!(
+            [of(0), of(2), of(3), of(4), of(5), of(6)],
+            [Some(0), Some(0), Some(1), Some(2), Some(2), None]
+        );
+    }
+
+    #[test]
+    fn empty_segments_are_refused() {
+        assert_eq!(
+            Segments::from_lengths([2, 0]),
+            Err(SegmentError::Empty { segment: 1 })
+        );
+        assert!(matches!(
+            Segments::from_lengths([u32::MAX as usize]),
+            Err(SegmentError::TooManyRows { .. })
+        ));
+    }
+}
