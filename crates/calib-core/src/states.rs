@@ -96,7 +96,7 @@ impl fmt::Debug for States {
         f.debug_struct("States")
             .field("rows", &self.rows)
             .field("columns", &self.columns)
-            .finish()
+            .finish_non_exhaustive()
     }
 }
 

@@ -43,11 +43,10 @@ impl RowStream {
             rows.iter().all(|row| row.get() < states.rows()),
             "a stream visits recorded rows only"
         );
-        let pieces = if rows.is_empty() {
-            vec![]
-        } else {
-            vec![0..rows.len()]
-        };
+        let pieces = (!rows.is_empty())
+            .then_some(0..rows.len())
+            .into_iter()
+            .collect();
         Self {
             states,
             rows,

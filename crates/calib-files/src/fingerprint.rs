@@ -1,0 +1,104 @@
+use std::{
+    fmt,
+    fs::File,
+    io::{self, Read as _},
+    path::Path,
+};
+
+use serde::{Deserialize, Serialize};
+
+use crate::FileError;
+
+/// The BLAKE3 hash of some content, as 64 hexadecimal digits.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Fingerprint(String);
+
+impl Fingerprint {
+    /// The fingerprint of these bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(blake3::hash(bytes).to_hex().to_string())
+    }
+
+    /// The first twelve digits, for people.
+    pub fn short(&self) -> &str {
+        &self.0[..self.0.len().min(12)]
+    }
+
+    /// All digits.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for Fingerprint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Builds one fingerprint from parts; parts are length-prefixed, so they cannot run together.
+#[derive(Debug, Default)]
+pub struct Fingerprinter(blake3::Hasher);
+
+impl Fingerprinter {
+    /// Add a part.
+    pub fn add(&mut self, bytes: &[u8]) -> &mut Self {
+        self.0
+            .update(&(bytes.len() as u64).to_le_bytes())
+            .update(bytes);
+        self
+    }
+
+    /// The fingerprint of all parts so far.
+    pub fn finish(&self) -> Fingerprint {
+        Fingerprint(self.0.finalize().to_hex().to_string())
+    }
+}
+
+/// The fingerprint of a file's content.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn fingerprint_file(path: &Path) -> Result<Fingerprint, FileError> {
+    let hash = || -> io::Result<Fingerprint> {
+        let mut file = File::open(path)?;
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = vec![0; 1 << 18];
+        loop {
+            match file.read(&mut buffer)? {
+                0 => return Ok(Fingerprint(hasher.finalize().to_hex().to_string())),
+                read => hasher.update(&buffer[..read]),
+            };
+        }
+    };
+    hash().map_err(|source| FileError::io("read", path, source))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_do_not_run_together() {
+        let of = |parts: &[&str]| {
+            let mut fingerprinter = Fingerprinter::default();
+            for part in parts {
+                fingerprinter.add(part.as_bytes());
+            }
+            fingerprinter.finish()
+        };
+        assert_ne!(of(&["ab", "c"]), of(&["a", "bc"]));
+        assert_eq!(of(&["ab", "c"]), of(&["ab", "c"]));
+    }
+
+    #[test]
+    fn a_file_has_the_fingerprint_of_its_bytes() {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), b"content").expect("written");
+        assert_eq!(
+            fingerprint_file(file.path()).expect("readable"),
+            Fingerprint::of(b"content")
+        );
+    }
+}

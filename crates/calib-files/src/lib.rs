@@ -1,0 +1,17 @@
+//! Files that are whole or absent.
+//!
+//! Every file of calib is written to a temporary name beside its place, synced and renamed
+//! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
+//! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
+
+mod atomic;
+mod error;
+mod fingerprint;
+mod json;
+mod npy;
+
+pub use atomic::{create_directory, write_atomically};
+pub use error::FileError;
+pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
+pub use json::{read_json, write_json};
+pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};

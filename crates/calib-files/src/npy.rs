@@ -1,0 +1,224 @@
+use std::{fs::File, io::Write as _, marker::PhantomData, path::Path};
+
+use bytemuck::Pod;
+use memmap2::Mmap;
+
+use crate::{FileError, write_atomically};
+
+/// A number type that calib stores in NumPy files.
+pub trait NpyElement: Pod {
+    /// NumPy's name of the type, little-endian.
+    const DESCRIPTION: &'static str;
+}
+
+impl NpyElement for f32 {
+    const DESCRIPTION: &'static str = "<f4";
+}
+
+impl NpyElement for f64 {
+    const DESCRIPTION: &'static str = "<f8";
+}
+
+impl NpyElement for u32 {
+    const DESCRIPTION: &'static str = "<u4";
+}
+
+const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
+
+fn header<T: NpyElement>(rows: usize, columns: usize) -> Vec<u8> {
+    let dictionary = format!(
+        "{{'descr': '{}', 'fortran_order': False, 'shape': ({rows}, {columns}), }}",
+        T::DESCRIPTION
+    );
+    // Magic, length, dictionary and newline together are padded so that the data is aligned to 64.
+    let unpadded = MAGIC.len() + 2 + dictionary.len() + 1;
+    let padding = unpadded.next_multiple_of(64) - unpadded;
+    let length = (dictionary.len() + padding + 1) as u16;
+    let mut header = Vec::with_capacity(unpadded + padding);
+    header.extend_from_slice(MAGIC);
+    header.extend_from_slice(&length.to_le_bytes());
+    header.extend_from_slice(dictionary.as_bytes());
+    header.resize(unpadded + padding - 1, b' ');
+    header.push(b'\n');
+    header
+}
+
+/// Write a `[rows, columns]` array, row-major, in NumPy's format 1.0, atomically.
+///
+/// # Errors
+/// If the file cannot be written.
+///
+/// # Panics
+/// If there are not `rows * columns` values.
+pub fn write_npy<T: NpyElement>(
+    path: &Path,
+    values: &[T],
+    rows: usize,
+    columns: usize,
+) -> Result<(), FileError> {
+    assert_eq!(
+        values.len(),
+        rows * columns,
+        "an array has rows x columns values"
+    );
+    write_atomically(path, |file| {
+        file.write_all(&header::<T>(rows, columns))?;
+        file.write_all(bytemuck::cast_slice(values))
+    })
+}
+
+/// A two-dimensional array in a mapped file.
+#[derive(Debug)]
+pub struct MappedNpy<T> {
+    map: Mmap,
+    offset: usize,
+    rows: usize,
+    columns: usize,
+    element: PhantomData<T>,
+}
+
+impl<T: NpyElement> MappedNpy<T> {
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// All values, row-major.
+    pub fn as_slice(&self) -> &[T] {
+        bytemuck::cast_slice(&self.map[self.offset..])
+    }
+}
+
+impl<T: NpyElement> AsRef<[T]> for MappedNpy<T> {
+    fn as_ref(&self) -> &[T] {
+        self.as_slice()
+    }
+}
+
+/// Map the array that [`write_npy`] (or NumPy, row-major) wrote.
+///
+/// # Errors
+/// If the file cannot be read, has another element type or shape, or is truncated.
+pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
+    let file = File::open(path).map_err(|source| FileError::io("read", path, source))?;
+    // SAFETY: files of a model directory are replaced by renaming, never changed in place,
+    // so a map keeps the content that it was opened with.
+    #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
+    let map = unsafe { Mmap::map(&file) }.map_err(|source| FileError::io("map", path, source))?;
+    let bad = |reason: String| FileError::Npy {
+        path: path.to_owned(),
+        reason,
+    };
+    if map.len() < MAGIC.len() + 2 || &map[..6] != b"\x93NUMPY" || map[6] != 1 {
+        return Err(bad("expected NumPy format version 1".to_owned()));
+    }
+    let length = usize::from(u16::from_le_bytes([map[8], map[9]]));
+    let offset = MAGIC.len() + 2 + length;
+    let text = map
+        .get(MAGIC.len() + 2..offset)
+        .and_then(|bytes| std::str::from_utf8(bytes).ok())
+        .ok_or_else(|| bad("the header is cut off".to_owned()))?;
+    let (rows, columns) = parse_header::<T>(text).map_err(bad)?;
+    let expected = rows.saturating_mul(columns).saturating_mul(size_of::<T>());
+    if map.len() - offset != expected {
+        let got = map.len() - offset;
+        return Err(bad(format!(
+            "expected {expected} bytes of data for shape ({rows}, {columns}), got {got}: the file is truncated or damaged"
+        )));
+    }
+    if !offset.is_multiple_of(align_of::<T>()) {
+        return Err(bad(
+            "the data is not aligned; save it again with NumPy".to_owned()
+        ));
+    }
+    Ok(MappedNpy {
+        map,
+        offset,
+        rows,
+        columns,
+        element: PhantomData,
+    })
+}
+
+fn parse_header<T: NpyElement>(text: &str) -> Result<(usize, usize), String> {
+    let value = |key: &str| -> Result<&str, String> {
+        let start = text
+            .find(key)
+            .ok_or_else(|| format!("the header has no {key}"))?
+            + key.len();
+        Ok(text[start..].trim_start_matches([':', ' ']))
+    };
+    let description = value("'descr'")?;
+    if !description.starts_with(&format!("'{}'", T::DESCRIPTION)) {
+        let got = description.split(',').next().unwrap_or_default();
+        return Err(format!(
+            "expected elements of type '{}', got {got}",
+            T::DESCRIPTION
+        ));
+    }
+    if !value("'fortran_order'")?.starts_with("False") {
+        return Err("expected row-major (C) order, got Fortran order".to_owned());
+    }
+    let shape = value("'shape'")?;
+    let numbers: Option<Vec<usize>> = shape
+        .strip_prefix('(')
+        .and_then(|rest| rest.split(')').next())
+        .map(|inner| {
+            inner
+                .split(',')
+                .map(str::trim)
+                .filter(|part| !part.is_empty())
+        })
+        .and_then(|parts| parts.map(|part| part.parse().ok()).collect());
+    match numbers.as_deref() {
+        Some(&[rows, columns]) => Ok((rows, columns)),
+        _ => Err(format!(
+            "expected a shape of two dimensions, got {}",
+            shape.split(')').next().unwrap_or_default()
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arrays_come_back() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.npy");
+        write_npy(&path, &[1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0], 2, 3).expect("written");
+        let mapped = map_npy::<f32>(&path).expect("readable");
+        assert_eq!((mapped.rows(), mapped.columns()), (2, 3));
+        assert_eq!(mapped.as_slice(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(std::fs::read(&path).expect("readable").len(), 128 + 24);
+    }
+
+    #[test]
+    fn other_arrays_are_refused_with_the_reason() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.npy");
+        write_npy(&path, &[1_u32, 2], 1, 2).expect("written");
+        let kind = map_npy::<f32>(&path).expect_err("another type").to_string();
+        assert!(kind.contains("'<f4'") && kind.contains("'<u4'"), "{kind}");
+        let whole = std::fs::read(&path).expect("readable");
+        std::fs::write(&path, &whole[..whole.len() - 3]).expect("written");
+        let cut = map_npy::<u32>(&path).expect_err("truncated").to_string();
+        assert!(cut.contains("truncated"), "{cut}");
+        std::fs::write(&path, b"PAR1").expect("written");
+        assert!(map_npy::<u32>(&path).is_err());
+    }
+
+    #[test]
+    fn an_empty_array_is_an_array() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.npy");
+        write_npy::<u32>(&path, &[], 0, 3).expect("written");
+        assert_eq!(map_npy::<u32>(&path).expect("readable").rows(), 0);
+    }
+}
