@@ -1,1 +1,51 @@
 //! Ranks, intervals, correlations, regret and errors as pure functions.
+//!
+//! Every function takes slices and returns numbers; nothing is read, printed or drawn at random.
+//! The shape of each input is given in brackets: `[values]` is one number for each hyperparameter
+//! value of a grid, in grid order; `[members, values]` is one such row for each member of the ensemble.
+//!
+//! - [`Direction`]: whether a lower or a higher score is better.
+//! - [`summarise`]: mean, sample standard deviation and 95 % t-interval over runs.
+//! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
+//! - [`select`]: the worst-rank rule, with its tie set.
+//! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
+//! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
+//! - [`quantile`], [`median`]: order statistics.
+//!
+//! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last.
+//! NaN is a mistake, and always an error; see [`Direction::or_worst`].
+//!
+//! ```
+//! use calib_stats::{Direction, regret, select};
+//!
+//! // Mean NRMSE of three learning rates in two members.
+//! let members = [[0.30, 0.20, 0.50], [0.25, 0.30, f64::INFINITY]];
+//! let selection = select(&members, Direction::LowerIsBetter)?;
+//! assert_eq!(selection.worst_ranks, [2, 2, 3]);
+//! assert_eq!(selection.tie_set, [0, 1]);
+//! assert_eq!(selection.chosen, 1); // same mean rank, lower mean error
+//!
+//! let online = [0.22, 0.20, 0.90];
+//! assert_eq!(regret(&online, selection.chosen, Direction::LowerIsBetter)?, Some(0.0));
+//! # Ok::<(), calib_stats::StatsError>(())
+//! ```
+
+mod agreement;
+mod correlation;
+mod direction;
+mod error;
+mod prediction;
+mod quantile;
+mod ranks;
+mod selection;
+mod summary;
+
+pub use agreement::{regret, top_k_hit};
+pub use correlation::{kendall_tau_b, spearman};
+pub use direction::Direction;
+pub use error::StatsError;
+pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
+pub use quantile::{median, quantile};
+pub use ranks::{average_ranks, competition_ranks};
+pub use selection::{Selection, select};
+pub use summary::{Interval, Summary, mean, sample_std, summarise};

@@ -1,0 +1,91 @@
+//! What can be wrong with the numbers.
+
+/// Input that no statistic can be computed from.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StatsError {
+    /// There are no numbers.
+    #[error("{what} is empty; expected at least one number")]
+    Empty {
+        /// Which input.
+        what: &'static str,
+    },
+    /// One row of a table has another length than the first.
+    #[error("row {row} of {what} has {got} numbers; expected {expected}, as in row 0")]
+    Ragged {
+        /// Which input.
+        what: &'static str,
+        /// Index of the offending row.
+        row: usize,
+        /// Length of row 0.
+        expected: usize,
+        /// Length found.
+        got: usize,
+    },
+    /// Two inputs that belong together have different lengths.
+    #[error("{what} has {got} numbers; expected {expected}, one for each of the other input")]
+    LengthMismatch {
+        /// Which input.
+        what: &'static str,
+        /// Length of the other input.
+        expected: usize,
+        /// Length found.
+        got: usize,
+    },
+    /// A number is NaN.
+    #[error("{what}[{index}] is NaN; expected a number, or an infinity for a diverged run")]
+    NotANumber {
+        /// Which input.
+        what: &'static str,
+        /// Index of the first NaN.
+        index: usize,
+    },
+    /// +∞ and −∞ in one sample have no mean.
+    #[error("{what} holds both infinities; expected infinities of one sign only")]
+    OpposedInfinities {
+        /// Which input.
+        what: &'static str,
+    },
+    /// An index points past the end.
+    #[error("index {index} of {what} is out of range; expected less than {len}")]
+    OutOfRange {
+        /// Which input.
+        what: &'static str,
+        /// The index.
+        index: usize,
+        /// Length of the input.
+        len: usize,
+    },
+    /// A probability outside [0, 1].
+    #[error("probability {got} is out of range; expected 0 to 1")]
+    Probability {
+        /// The probability.
+        got: f64,
+    },
+}
+
+/// Checks that `values` is not empty and holds no NaN.
+pub(crate) fn check(what: &'static str, values: &[f64]) -> Result<(), StatsError> {
+    if values.is_empty() {
+        return Err(StatsError::Empty { what });
+    }
+    match values.iter().position(|value| value.is_nan()) {
+        Some(index) => Err(StatsError::NotANumber { what, index }),
+        None => Ok(()),
+    }
+}
+
+/// Checks both of a pair of inputs, and that they are equally long.
+pub(crate) fn check_pair(
+    (what_x, x): (&'static str, &[f64]),
+    (what_y, y): (&'static str, &[f64]),
+) -> Result<(), StatsError> {
+    check(what_x, x)?;
+    if y.len() != x.len() {
+        return Err(StatsError::LengthMismatch {
+            what: what_y,
+            expected: x.len(),
+            got: y.len(),
+        });
+    }
+    check(what_y, y)
+}

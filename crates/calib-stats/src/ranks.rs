@@ -1,0 +1,132 @@
+//! Ranks, with the two usual rules for ties.
+
+use std::cmp::Ordering;
+
+use crate::error::check;
+use crate::{Direction, StatsError};
+
+/// Competition ranks of `scores` `[values]`: 1 is best, ties share the best rank ("1, 2, 2, 4").
+///
+/// rank(i) = 1 + number of values that are strictly better than value i.
+/// Diverged values (see [`Direction::worst`]) rank behind every finite one and share that rank.
+/// Source: the paper ranks values in each member; the rule for ties is our choice.
+///
+/// # Errors
+///
+/// `scores` is empty or holds NaN.
+pub fn competition_ranks(scores: &[f64], direction: Direction) -> Result<Vec<usize>, StatsError> {
+    check("scores", scores)?;
+    let mut ranks = vec![0; scores.len()];
+    for ties in tied_groups(scores, |a, b| direction.compare(a, b)) {
+        for &value in &ties.members {
+            ranks[value] = ties.before + 1;
+        }
+    }
+    Ok(ranks)
+}
+
+/// Average ranks of `values` `[n]` in ascending order: ties share the mean of the places they take ("1, 2.5, 2.5, 4").
+///
+/// Infinities are ordered like numbers and tie with each other.
+///
+/// # Errors
+///
+/// `values` is empty or holds NaN.
+pub fn average_ranks(values: &[f64]) -> Result<Vec<f64>, StatsError> {
+    check("values", values)?;
+    let mut ranks = vec![0.0; values.len()];
+    for ties in tied_groups(values, |a, b| a.partial_cmp(&b).unwrap_or(Ordering::Equal)) {
+        let rank = (2 * ties.before + ties.members.len() + 1) as f64 / 2.0;
+        for &value in &ties.members {
+            ranks[value] = rank;
+        }
+    }
+    Ok(ranks)
+}
+
+/// Equal values, and how many values come before them.
+struct TiedGroup {
+    before: usize,
+    members: Vec<usize>,
+}
+
+fn tied_groups(values: &[f64], compare: impl Fn(f64, f64) -> Ordering) -> Vec<TiedGroup> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&a, &b| compare(values[a], values[b]));
+    let mut before = 0;
+    order
+        .chunk_by(|&a, &b| compare(values[a], values[b]) == Ordering::Equal)
+        .map(|members| {
+            let group = TiedGroup {
+                before,
+                members: members.to_vec(),
+            };
+            before += members.len();
+            group
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const INF: f64 = f64::INFINITY;
+
+    #[test]
+    fn ties_share_the_best_rank_and_diverged_values_the_last() {
+        let ranks = competition_ranks(&[0.2, 0.1, 0.2, INF, 0.3, INF], Direction::LowerIsBetter);
+        assert_eq!(ranks.unwrap(), [2, 1, 2, 5, 4, 5]);
+        let ranks = competition_ranks(&[5.0, -INF, 7.0, 5.0], Direction::HigherIsBetter);
+        assert_eq!(ranks.unwrap(), [2, 4, 1, 2]);
+    }
+
+    #[test]
+    fn average_ranks_share_the_middle() {
+        assert_eq!(
+            average_ranks(&[3.0, 1.0, 3.0, INF, INF]).unwrap(),
+            [2.5, 1.0, 2.5, 4.5, 4.5]
+        );
+    }
+
+    #[test]
+    fn ranks_of_nothing_are_an_error() {
+        assert_eq!(
+            competition_ranks(&[], Direction::LowerIsBetter),
+            Err(StatsError::Empty { what: "scores" })
+        );
+        assert!(average_ranks(&[f64::NAN]).is_err());
+    }
+
+    /// Few distinct numbers, so that ties are common, and both infinities.
+    fn scores() -> impl Strategy<Value = Vec<f64>> {
+        prop::collection::vec(
+            prop_oneof![
+                (-4i32..4).prop_map(f64::from),
+                Just(INF),
+                Just(-INF),
+                Just(-0.0)
+            ],
+            1..20,
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn ranks_agree_with_counting(scores in scores()) {
+            let low = competition_ranks(&scores, Direction::LowerIsBetter).unwrap();
+            let high = competition_ranks(&scores, Direction::HigherIsBetter).unwrap();
+            let average = average_ranks(&scores).unwrap();
+            for (i, a) in scores.iter().enumerate() {
+                let below = scores.iter().filter(|b| *b < a).count();
+                let above = scores.iter().filter(|b| *b > a).count();
+                let equal = scores.len() - below - above;
+                prop_assert_eq!(low[i], below + 1);
+                prop_assert_eq!(high[i], above + 1);
+                prop_assert_eq!(average[i], (2 * below + equal + 1) as f64 / 2.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! The worst-rank rule.
+
+use std::cmp::Ordering;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::check;
+use crate::{Direction, StatsError, competition_ranks, mean};
+
+/// What the worst-rank rule chose, and why. All vectors but `tie_set` have one entry for each value, in grid order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Selection {
+    /// Index of the chosen value in the grid.
+    pub chosen: usize,
+    /// All values with the smallest worst rank, in grid order; `chosen` is one of them.
+    pub tie_set: Vec<usize>,
+    /// W(λ): largest competition rank over members.
+    pub worst_ranks: Vec<usize>,
+    /// Mean competition rank over members.
+    pub mean_ranks: Vec<f64>,
+    /// Mean score over members; infinite if the value diverged in any of them.
+    pub mean_errors: Vec<f64>,
+    /// Competition ranks, `[members, values]`.
+    pub ranks: Vec<Vec<usize>>,
+}
+
+/// Chooses the value with the smallest worst rank from `mean_errors` `[members, values]`:
+/// the mean score over runs of each value in each member.
+///
+/// W(λ) = max over members m of rank_m(λ), 1 = best; the choice is argmin W (the paper's rule).
+/// Ties in W go to the lower mean rank, then to the better mean score, then to the earlier value (our choice).
+///
+/// # Errors
+///
+/// There are no members or no values, rows differ in length, or a score is NaN.
+pub fn select<Row: AsRef<[f64]>>(
+    mean_errors: &[Row],
+    direction: Direction,
+) -> Result<Selection, StatsError> {
+    const WHAT: &str = "mean errors of a member";
+    let Some(first) = mean_errors.first() else {
+        return Err(StatsError::Empty {
+            what: "the ensemble",
+        });
+    };
+    let values = first.as_ref().len();
+    let mut ranks = Vec::with_capacity(mean_errors.len());
+    for (row, scores) in mean_errors.iter().map(AsRef::as_ref).enumerate() {
+        check(WHAT, scores)?;
+        if scores.len() != values {
+            let got = scores.len();
+            return Err(StatsError::Ragged {
+                what: WHAT,
+                row,
+                expected: values,
+                got,
+            });
+        }
+        ranks.push(competition_ranks(scores, direction)?);
+    }
+
+    let column = |value: usize| ranks.iter().map(move |row| row[value]);
+    let worst_ranks: Vec<usize> = (0..values)
+        .map(|v| column(v).max().unwrap_or(values))
+        .collect();
+    let mean_ranks: Vec<f64> = (0..values)
+        .map(|v| column(v).sum::<usize>() as f64 / ranks.len() as f64)
+        .collect();
+    let mean_errors = (0..values)
+        .map(|v| {
+            mean(
+                &mean_errors
+                    .iter()
+                    .map(|row| row.as_ref()[v])
+                    .collect::<Vec<_>>(),
+            )
+        })
+        .collect::<Result<Vec<f64>, _>>()?;
+
+    let smallest = worst_ranks.iter().copied().min().unwrap_or(values);
+    let tie_set: Vec<usize> = (0..values)
+        .filter(|&v| worst_ranks[v] == smallest)
+        .collect();
+    let prefer = |a: usize, b: usize| -> Ordering {
+        mean_ranks[a]
+            .total_cmp(&mean_ranks[b])
+            .then_with(|| direction.compare(mean_errors[a], mean_errors[b]))
+            .then_with(|| a.cmp(&b))
+    };
+    let chosen = tie_set
+        .iter()
+        .copied()
+        .min_by(|&a, &b| prefer(a, b))
+        .unwrap_or(0);
+    Ok(Selection {
+        chosen,
+        tie_set,
+        worst_ranks,
+        mean_ranks,
+        mean_errors,
+        ranks,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const INF: f64 = f64::INFINITY;
+    const LOWER: Direction = Direction::LowerIsBetter;
+
+    #[test]
+    fn the_value_that_is_never_bad_wins() {
+        // Value 0 is best twice but worst once; value 1 is always second.
+        let members = [[0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [0.3, 0.2, 0.1]];
+        let selection = select(&members, LOWER).unwrap();
+        assert_eq!(selection.worst_ranks, [3, 2, 3]);
+        assert_eq!((selection.chosen, selection.tie_set), (1, vec![1]));
+    }
+
+    #[test]
+    fn ties_go_to_mean_rank_then_mean_error_then_grid_order() {
+        // W is 2 for both values; value 1 is first in two of three members.
+        let by_rank = select(&[[0.1, 0.9], [0.3, 0.2], [0.3, 0.2]], LOWER).unwrap();
+        assert_eq!((by_rank.chosen, by_rank.tie_set), (1, vec![0, 1]));
+        let by_error = select(&[[0.1, 0.4], [0.9, 0.3]], LOWER).unwrap();
+        assert_eq!((by_error.chosen, by_error.mean_ranks), (1, vec![1.5, 1.5]));
+        let by_order = select(&[[0.1, 0.2], [0.2, 0.1]], LOWER).unwrap();
+        assert_eq!(by_order.chosen, 0);
+    }
+
+    #[test]
+    fn a_value_that_diverges_in_one_member_ranks_last_there() {
+        let selection = select(&[[INF, 0.5, 0.6], [0.1, 0.5, 0.6]], LOWER).unwrap();
+        assert_eq!(selection.worst_ranks, [3, 2, 3]);
+        assert_eq!(selection.mean_errors[0], INF);
+        assert_eq!(selection.chosen, 1);
+    }
+
+    #[test]
+    fn higher_returns_win_where_higher_is_better() {
+        let selection = select(&[[1.0, 3.0, -INF]], Direction::HigherIsBetter).unwrap();
+        assert_eq!(
+            (selection.chosen, selection.worst_ranks),
+            (1, vec![2, 1, 3])
+        );
+    }
+
+    #[test]
+    fn bad_tables_are_errors() {
+        assert_eq!(
+            select(&[] as &[Vec<f64>], LOWER),
+            Err(StatsError::Empty {
+                what: "the ensemble"
+            })
+        );
+        assert!(matches!(
+            select(&[vec![1.0, 2.0], vec![1.0]], LOWER),
+            Err(StatsError::Ragged {
+                row: 1,
+                expected: 2,
+                got: 1,
+                ..
+            })
+        ));
+        assert!(matches!(
+            select(&[[0.1, f64::NAN]], LOWER),
+            Err(StatsError::NotANumber { index: 1, .. })
+        ));
+    }
+
+    proptest! {
+        #[test]
+        fn selection_agrees_with_its_definition(
+            table in (1usize..5, 1usize..7).prop_flat_map(|(members, values)| {
+                let score = prop_oneof![9 => (0i32..5).prop_map(f64::from), 1 => Just(INF)];
+                prop::collection::vec(prop::collection::vec(score, values), members)
+            })
+        ) {
+            let selection = select(&table, LOWER).unwrap();
+            let values = table[0].len();
+            for v in 0..values {
+                let worst = table.iter().map(|row| 1 + row.iter().filter(|x| **x < row[v]).count()).max();
+                prop_assert_eq!(Some(selection.worst_ranks[v]), worst);
+            }
+            let key = |v: usize| (selection.worst_ranks[v], selection.mean_ranks[v], selection.mean_errors[v], v);
+            for v in 0..values {
+                prop_assert!(key(selection.chosen) <= key(v));
+                let tied = selection.worst_ranks[v] == selection.worst_ranks[selection.chosen];
+                prop_assert_eq!(selection.tie_set.contains(&v), tied);
+            }
+        }
+
+        /// Only the order of scores inside a member matters for W, not their scale.
+        #[test]
+        fn worst_ranks_do_not_depend_on_the_scale_of_a_member(
+            row in prop::collection::vec(0i32..6, 1..8), scale in 1i32..9, shift in -9i32..9
+        ) {
+            let plain: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
+            let scaled: Vec<f64> = row.iter().map(|&x| f64::from(x * scale + shift)).collect();
+            let one = select(&[plain.clone(), plain.clone()], LOWER).unwrap();
+            let two = select(&[plain, scaled], LOWER).unwrap();
+            prop_assert_eq!(one.worst_ranks, two.worst_ranks);
+        }
+    }
+}
