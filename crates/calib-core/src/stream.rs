@@ -72,6 +72,31 @@ impl RowStream {
         }
     }
 
+    /// Replay of the rows `window` in time order, one piece for each segment that it touches.
+    ///
+    /// # Panics
+    /// If the window reaches past the segments, or the segments past `states`.
+    pub fn window(states: States, segments: &Segments, window: Range<usize>) -> Self {
+        assert!(
+            window.end <= segments.rows() && segments.rows() <= states.rows(),
+            "a stream visits recorded rows only"
+        );
+        let pieces = segments
+            .iter()
+            .map(|segment| {
+                let rows = segment.rows();
+                rows.start.max(window.start)..rows.end.min(window.end)
+            })
+            .filter(|rows| !rows.is_empty())
+            .map(|rows| rows.start - window.start..rows.end - window.start)
+            .collect();
+        Self {
+            states,
+            rows: window.map(RowIndex::new).collect(),
+            pieces,
+        }
+    }
+
     /// The rows in the order in which they are visited.
     pub fn rows(&self) -> &[RowIndex] {
         &self.rows
@@ -106,6 +131,9 @@ mod tests {
         let segments = Segments::from_lengths([2, 1]).expect("valid");
         let stream = RowStream::replay(states.clone(), &segments);
         assert_eq!(stream.pieces(), [0..2, 2..3]);
+        let window = RowStream::window(states.clone(), &segments, 1..3);
+        assert_eq!(window.pieces(), [0..1, 1..2]);
+        assert_eq!(window.rows(), [RowIndex(1), RowIndex(2)]);
         let stream = RowStream::unbroken(states, vec![RowIndex(2), RowIndex(0)]);
         assert_eq!(
             (stream.state(0), stream.state(1)),
