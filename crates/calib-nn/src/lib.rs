@@ -1,1 +1,43 @@
 //! Multilayer perceptrons on a GEMM library: forward, backward, Adam, SGD.
+//!
+//! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters lie in
+//!   one flat vector ([`Layer`] says where), so that optimisers, copies and checkpoints are one pass.
+//! - [`Workspace`]: every buffer of a training step, allocated once.
+//! - [`Optimiser`]: [`Adam`] (optionally with decoupled weight decay) or [`Sgd`].
+//!
+//! The loss lives outside: its gradient with respect to the output is handed to [`Mlp::backward`].
+//!
+//! ```
+//! use calib_core::Seed;
+//! use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+//!
+//! let mut network = Mlp::new(&[1, 16, 1], Seed::new(3));
+//! let mut workspace = Workspace::new(&network, 4);
+//! let mut adam = Adam::new(AdamRule { learning_rate: 1e-2, ..AdamRule::default() }, network.len());
+//! let (inputs, targets) = ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 4.0, 9.0]);
+//! for _ in 0..2_000 {
+//!     let outputs = network.forward(&inputs, &mut workspace);
+//!     let mut loss_gradient = [0.0; 4]; // of the mean of half the squared error
+//!     for (gradient, (output, target)) in loss_gradient.iter_mut().zip(outputs.iter().zip(targets)) {
+//!         *gradient = (output - target) / 4.0;
+//!     }
+//!     let gradients = network.backward(&inputs, &loss_gradient, &mut workspace);
+//!     adam.step(network.parameters_mut(), gradients);
+//! }
+//! let outputs = network.forward(&inputs, &mut workspace);
+//! assert!((outputs[2] - 4.0).abs() < 0.1);
+//! ```
+
+mod adam;
+mod kernels;
+mod mlp;
+mod optimiser;
+mod product;
+mod sgd;
+mod workspace;
+
+pub use adam::{Adam, AdamRule};
+pub use mlp::{Layer, Mlp, ParameterCountError};
+pub use optimiser::Optimiser;
+pub use sgd::{Sgd, SgdRule};
+pub use workspace::Workspace;

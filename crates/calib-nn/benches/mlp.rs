@@ -1,0 +1,112 @@
+//! One training step of 142-256-256-1 with batch 256, its parts, and the bare products it consists of.
+//!
+//! `cargo bench -p calib-nn --bench mlp`
+
+use std::hint::black_box;
+
+use calib_core::Seed;
+use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+use criterion::{Criterion, criterion_group, criterion_main};
+use gemm::{Parallelism, gemm};
+
+const SIZES: [usize; 4] = [142, 256, 256, 1];
+const BATCH: usize = 256;
+
+fn values(count: usize) -> Vec<f32> {
+    let mut rng = Seed::new(1).rng();
+    (0..count).map(|_| rng.uniform(-1.0, 1.0) as f32).collect()
+}
+
+fn training_step(criterion: &mut Criterion) {
+    let mut network = Mlp::new(&SIZES, Seed::new(1));
+    let rows = 2 * BATCH + 1;
+    let mut workspace = Workspace::new(&network, rows);
+    let mut adam = Adam::new(AdamRule::default(), network.len());
+    let input = values(rows * SIZES[0]);
+    let gradient = values(BATCH);
+    let mut group = criterion.benchmark_group("mlp 142-256-256-1");
+    group.bench_function("forward, 513 rows", |bencher| {
+        bencher.iter(|| black_box(network.forward(&input, &mut workspace)[0]));
+    });
+    group.bench_function("backward, 256 rows", |bencher| {
+        bencher.iter(|| black_box(network.backward(&input, &gradient, &mut workspace)[0]));
+    });
+    let gradients = values(network.len());
+    group.bench_function("adam", |bencher| {
+        bencher.iter(|| adam.step(network.parameters_mut(), &gradients));
+    });
+    group.bench_function("forward 513, backward 256, adam", |bencher| {
+        bencher.iter(|| {
+            network.forward(&input, &mut workspace);
+            let gradients = network.backward(&input, &gradient, &mut workspace);
+            adam.step(network.parameters_mut(), gradients);
+        });
+    });
+    group.finish();
+}
+
+/// The large products of a step without anything else: what the step is measured against.
+fn bare_products(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("gemm");
+    // (rows, columns, inner), and whether the left and right operands are transposed.
+    let shapes = [
+        ("forward 1", (513, 256, 142), (false, false)),
+        ("forward 2", (513, 256, 256), (false, false)),
+        ("weights 1", (142, 256, 256), (true, false)),
+        ("weights 2", (256, 256, 256), (true, false)),
+        ("deltas 2", (256, 256, 256), (false, true)),
+    ];
+    let operands = shapes.map(|(_, (m, n, k), _)| (values(m * k), values(k * n), values(m * n)));
+    let mut run = |index: usize| {
+        let (_, (m, n, k), transposed) = shapes[index];
+        let mut out = operands[index].2.clone();
+        let (left_strides, right_strides) = (
+            if transposed.0 { (1, m) } else { (k, 1) },
+            if transposed.1 { (1, k) } else { (n, 1) },
+        );
+        move |left: &[f32], right: &[f32]| {
+            // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors hold.
+            unsafe {
+                gemm(
+                    m,
+                    n,
+                    k,
+                    out.as_mut_ptr(),
+                    1,
+                    n as isize,
+                    false,
+                    left.as_ptr(),
+                    left_strides.1 as isize,
+                    left_strides.0 as isize,
+                    right.as_ptr(),
+                    right_strides.1 as isize,
+                    right_strides.0 as isize,
+                    0.0,
+                    1.0,
+                    false,
+                    false,
+                    false,
+                    Parallelism::None,
+                );
+            }
+            black_box(out[0]);
+        }
+    };
+    for (index, (name, ..)) in shapes.iter().enumerate() {
+        let mut product = run(index);
+        let (left, right, _) = &operands[index];
+        group.bench_function(*name, |bencher| bencher.iter(|| product(left, right)));
+    }
+    let mut all: Vec<_> = (0..shapes.len()).map(&mut run).collect();
+    group.bench_function("all five", |bencher| {
+        bencher.iter(|| {
+            for (product, (left, right, _)) in all.iter_mut().zip(&operands) {
+                product(left, right);
+            }
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, training_step, bare_products);
+criterion_main!(benches);

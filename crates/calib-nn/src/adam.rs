@@ -1,0 +1,169 @@
+use pulp::{Arch, NullaryFnOnce};
+
+/// Hyperparameters of [`Adam`]. Defaults are those of the paper (Kingma & Ba 2015) and PyTorch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdamRule {
+    /// Step size α, > 0. Default 1e-3.
+    pub learning_rate: f64,
+    /// Decay of the mean of gradients, in [0, 1). Default 0.9.
+    pub beta1: f64,
+    /// Decay of the mean of squared gradients, in [0, 1). Default 0.999.
+    pub beta2: f64,
+    /// Added to the denominator, > 0. Default 1e-8.
+    pub epsilon: f64,
+    /// Decoupled weight decay λ (`AdamW`, Loshchilov & Hutter 2019), ≥ 0. Default 0.
+    pub weight_decay: f64,
+}
+
+impl Default for AdamRule {
+    fn default() -> Self {
+        Self {
+            learning_rate: 1e-3,
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+            weight_decay: 0.0,
+        }
+    }
+}
+
+/// Adam with bias correction (Kingma & Ba 2015, algorithm 1, with PyTorch's place of ε):
+///
+/// m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g²,
+/// θ ← (1 − αλ)θ − α/(1−β₁ᵗ) · m / (√(v/(1−β₂ᵗ)) + ε).
+///
+/// One fused pass over parameters, gradients and both moments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adam {
+    rule: AdamRule,
+    mean: Vec<f32>,
+    square: Vec<f32>,
+    /// β₁ᵗ and β₂ᵗ.
+    powers: (f64, f64),
+}
+
+impl Adam {
+    /// An optimiser of `parameters` parameters with zero moments.
+    pub fn new(rule: AdamRule, parameters: usize) -> Self {
+        Self {
+            rule,
+            mean: vec![0.0; parameters],
+            square: vec![0.0; parameters],
+            powers: (1.0, 1.0),
+        }
+    }
+
+    /// The hyperparameters.
+    pub fn rule(&self) -> AdamRule {
+        self.rule
+    }
+
+    /// Go on with another rule (a new learning rate) and the moments as they are.
+    pub fn set_rule(&mut self, rule: AdamRule) {
+        self.rule = rule;
+    }
+
+    /// One step against `gradients`.
+    ///
+    /// # Panics
+    /// If the number of parameters or gradients is not that of the moments.
+    pub fn step(&mut self, parameters: &mut [f32], gradients: &[f32]) {
+        assert_eq!(parameters.len(), self.mean.len(), "one moment a parameter");
+        assert_eq!(gradients.len(), self.mean.len(), "one gradient a parameter");
+        let rule = self.rule;
+        self.powers.0 *= rule.beta1;
+        self.powers.1 *= rule.beta2;
+        Arch::new().dispatch(Step {
+            parameters,
+            gradients,
+            mean: &mut self.mean,
+            square: &mut self.square,
+            keep: (1.0 - rule.learning_rate * rule.weight_decay) as f32,
+            beta1: rule.beta1 as f32,
+            beta2: rule.beta2 as f32,
+            one_minus_beta1: (1.0 - rule.beta1) as f32,
+            one_minus_beta2: (1.0 - rule.beta2) as f32,
+            scaled_rate: (rule.learning_rate / (1.0 - self.powers.0)) as f32,
+            correction: (1.0 / (1.0 - self.powers.1).sqrt()) as f32,
+            epsilon: rule.epsilon as f32,
+        });
+    }
+}
+
+struct Step<'a> {
+    parameters: &'a mut [f32],
+    gradients: &'a [f32],
+    mean: &'a mut [f32],
+    square: &'a mut [f32],
+    keep: f32,
+    beta1: f32,
+    beta2: f32,
+    one_minus_beta1: f32,
+    one_minus_beta2: f32,
+    scaled_rate: f32,
+    correction: f32,
+    epsilon: f32,
+}
+
+impl NullaryFnOnce for Step<'_> {
+    type Output = ();
+
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn call(self) {
+        let moments = self.mean.iter_mut().zip(self.square);
+        let pairs = self.parameters.iter_mut().zip(self.gradients);
+        for ((parameter, &gradient), (mean, square)) in pairs.zip(moments) {
+            *mean = self.beta1 * *mean + self.one_minus_beta1 * gradient;
+            *square = self.beta2 * *square + self.one_minus_beta2 * (gradient * gradient);
+            let scale = square.sqrt() * self.correction + self.epsilon;
+            *parameter = self.keep * *parameter - self.scaled_rate * (*mean / scale);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Parameters after each step, by `scripts/golden/nn_adam.py` in double precision.
+    const GOLDEN: &str = include_str!("../tests/golden/adam.txt");
+
+    #[test]
+    fn follows_the_algorithm() {
+        let rule = AdamRule {
+            learning_rate: 0.05,
+            weight_decay: 0.1,
+            ..AdamRule::default()
+        };
+        let mut adam = Adam::new(rule, 3);
+        let mut parameters = [1.0_f32, -2.0, 0.5];
+        for (t, expected) in GOLDEN.lines().enumerate() {
+            let gradients: Vec<f32> = parameters
+                .iter()
+                .enumerate()
+                .map(|(i, p)| p * (i + 1) as f32 + (t as f32 - 2.0) * 0.25)
+                .collect();
+            adam.step(&mut parameters, &gradients);
+            for (got, expected) in parameters.iter().zip(expected.split(' ')) {
+                let expected: f64 = expected.parse().expect("a number");
+                assert!(
+                    (f64::from(*got) - expected).abs() < 2e-6,
+                    "step {t}: {parameters:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_step_has_the_size_of_the_learning_rate() {
+        let mut adam = Adam::new(AdamRule::default(), 2);
+        let mut parameters = [0.0, 0.0];
+        adam.step(&mut parameters, &[1e-3, -1e3]);
+        assert!((parameters[0] + 1e-3).abs() < 1e-7, "{parameters:?}");
+        assert!((parameters[1] - 1e-3).abs() < 1e-7, "{parameters:?}");
+    }
+}
