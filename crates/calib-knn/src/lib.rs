@@ -1,1 +1,50 @@
 //! Leave-one-block-out k-nearest-neighbour calibration models: blocks, exact search, tables.
+//!
+//! - [`Blocks`]: which transitions each member of the ensemble contains.
+//! - [`Exclusion`]: which sources may not be neighbours of a recorded row.
+//! - [`NeighborIndex`], [`Scan`]: exact search; every structure finds the same lists.
+//! - [`build_tables`], [`NeighborTable`]: for each member and transition `i` the `k` nearest source states to
+//!   the next state `s'_i`.
+//! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
+//! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states.
+//! - [`verify`]: tables against brute force.
+//!
+//! ```
+//! use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
+//! use calib_knn::{KnnModel, ModelConfig, Weights};
+//!
+//! // A sawtooth of period 7: every state recurs.
+//! let states = States::new((0..70_u8).map(|row| f32::from(row % 7)).collect(), 70, 1).unwrap();
+//! let transitions = Transitions::new(Segments::from_lengths([70]).unwrap());
+//! let model = KnnModel::build(states, transitions, &ModelConfig::default(), &Silent).unwrap();
+//! let member = model.member(0);
+//! let from = TransitionIndex(20);
+//! let to = member.draw(from, Weights::Linear, &mut Seed::new(1).rng());
+//! let (next, source) = (model.transitions().next(from), model.transitions().source(to));
+//! assert_eq!(model.states().row(next.get()), model.states().row(source.get()));
+//! ```
+
+mod blocks;
+mod config;
+mod distance;
+mod error;
+mod exclusion;
+mod index;
+mod lists;
+mod model;
+mod store;
+mod table;
+mod verify;
+mod weights;
+
+pub use blocks::Blocks;
+pub use config::{IndexKind, ModelConfig, WeightsKind};
+pub use error::KnnError;
+pub use exclusion::{Exclusion, SelfMatch};
+pub use index::{NeighborIndex, Queries, Scan, Sink, Sources};
+pub use lists::MemberLists;
+pub use model::{KnnModel, Member, Neighbor};
+pub use store::{open_table, write_table};
+pub use table::{NeighborTable, build_tables};
+pub use verify::{Verification, verify};
+pub use weights::Weights;

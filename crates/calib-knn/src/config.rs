@@ -1,0 +1,143 @@
+use serde::{Deserialize, Serialize};
+
+use crate::{Exclusion, KnnError, SelfMatch, Weights};
+
+/// The `[model]` section of a study.
+///
+/// | key | default | meaning |
+/// |---|---|---|
+/// | `members` | 5 | blocks `B`, and members of the ensemble; at least 2 |
+/// | `neighbors` | 3 | neighbours `k` of each transition; at least 1 |
+/// | `exclude_self` | false | forbid a row as its own neighbour |
+/// | `theiler` | 0 | Theiler window in rows; 0 for none |
+/// | `weights` | `"linear"` | how a neighbour is drawn: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"` |
+/// | `temperature` | 1.0 | only for `"softmax"`; positive, in units of distance |
+/// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"scan"`; the tables are the same |
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelConfig {
+    /// Blocks and members of the ensemble.
+    pub members: usize,
+    /// Neighbours of each transition.
+    pub neighbors: usize,
+    /// Forbid a row as its own neighbour.
+    pub exclude_self: bool,
+    /// Theiler window in rows.
+    pub theiler: u32,
+    /// How a neighbour is drawn.
+    pub weights: WeightsKind,
+    /// Temperature of softmax weights, in units of distance.
+    pub temperature: f64,
+    /// Search structure.
+    pub index: IndexKind,
+}
+
+impl Default for ModelConfig {
+    fn default() -> Self {
+        Self {
+            members: 5,
+            neighbors: 3,
+            exclude_self: false,
+            theiler: 0,
+            weights: WeightsKind::Linear,
+            temperature: 1.0,
+            index: IndexKind::Auto,
+        }
+    }
+}
+
+/// Names of the ways to draw a neighbour; see [`Weights`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WeightsKind {
+    /// [`Weights::Linear`].
+    #[default]
+    Linear,
+    /// [`Weights::Uniform`].
+    Uniform,
+    /// [`Weights::Softmax`].
+    Softmax,
+    /// [`Weights::Inverse`].
+    Inverse,
+}
+
+/// Which search structure builds the tables. All give identical tables.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum IndexKind {
+    /// By the number of columns; see [`IndexKind::resolve`].
+    #[default]
+    Auto,
+    /// A k-d tree, for few columns.
+    KdTree,
+    /// A blocked scan, for any number of columns.
+    Scan,
+}
+
+impl ModelConfig {
+    /// Which sources may not be neighbours.
+    pub fn exclusion(&self) -> Exclusion {
+        Exclusion {
+            self_match: if self.exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed },
+            theiler: self.theiler,
+        }
+    }
+
+    /// How a neighbour is drawn.
+    ///
+    /// # Errors
+    /// If softmax has a temperature that is not positive and finite.
+    pub fn weights(&self) -> Result<Weights, KnnError> {
+        match self.weights {
+            WeightsKind::Linear => Ok(Weights::Linear),
+            WeightsKind::Uniform => Ok(Weights::Uniform),
+            WeightsKind::Inverse => Ok(Weights::Inverse),
+            WeightsKind::Softmax if self.temperature > 0.0 && self.temperature.is_finite() => {
+                Ok(Weights::Softmax { temperature: self.temperature })
+            }
+            WeightsKind::Softmax => Err(KnnError::Temperature { got: self.temperature }),
+        }
+    }
+
+    /// Check what can be checked before data is read.
+    ///
+    /// # Errors
+    /// Fewer than two members, no neighbours, or a bad temperature.
+    pub fn check(&self) -> Result<(), KnnError> {
+        if self.members < 2 {
+            return Err(KnnError::TooFewMembers { members: self.members });
+        }
+        if self.neighbors == 0 {
+            return Err(KnnError::NoNeighbors);
+        }
+        self.weights().map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_section_is_the_documented_default() {
+        let config: ModelConfig = toml::from_str("").expect("all keys have defaults");
+        assert_eq!(config, ModelConfig::default());
+        assert_eq!(config.exclusion(), Exclusion::default());
+        assert_eq!(config.weights().expect("linear"), Weights::Linear);
+    }
+
+    #[test]
+    fn a_section_is_read_and_checked() {
+        let text = "members = 4\nneighbors = 2\nexclude_self = true\ntheiler = 60\nweights = \"softmax\"\ntemperature = 0.5\nindex = \"kd_tree\"";
+        let config: ModelConfig = toml::from_str(text).expect("valid");
+        assert_eq!(config.weights().expect("valid"), Weights::Softmax { temperature: 0.5 });
+        assert_eq!(config.exclusion().theiler, 60);
+        assert_eq!(config.exclusion().self_match, SelfMatch::Excluded);
+        assert_eq!(config.index, IndexKind::KdTree);
+        assert!(toml::from_str::<ModelConfig>("neighbours = 3").is_err());
+        let cold = ModelConfig { temperature: 0.0, ..config };
+        assert!(matches!(cold.check(), Err(KnnError::Temperature { .. })));
+        let none = ModelConfig { neighbors: 0, ..config };
+        assert!(matches!(none.check(), Err(KnnError::NoNeighbors)));
+    }
+}

@@ -1,0 +1,91 @@
+use calib_files::FileError;
+
+/// Why a neighbour model cannot be built, opened or asked.
+#[derive(Debug, thiserror::Error)]
+pub enum KnnError {
+    /// An ensemble needs something to leave out and something to keep.
+    #[error(
+        "{members} members: an ensemble that leaves one block out needs at least 2; set `members` to 2 or more"
+    )]
+    TooFewMembers {
+        /// Members asked for.
+        members: usize,
+    },
+    /// There are fewer transitions than blocks.
+    #[error(
+        "{transitions} transitions cannot be split into {members} blocks; \
+         use more data, lower `members`, or sub-sample less"
+    )]
+    TooFewTransitions {
+        /// Transitions in the data.
+        transitions: usize,
+        /// Blocks asked for.
+        members: usize,
+    },
+    /// `k` is zero.
+    #[error("`neighbors` is 0: a step needs at least 1 neighbour to draw from")]
+    NoNeighbors,
+    /// A query has fewer admissible candidates than `k`.
+    #[error(
+        "member {member} has only {candidates} admissible candidates for some query, fewer than `neighbors` = {k}; \
+         use more data, or lower `neighbors`, `members` or `theiler`"
+    )]
+    TooFewCandidates {
+        /// The member.
+        member: usize,
+        /// Candidates that the exclusion leaves to the worst-off query.
+        candidates: usize,
+        /// Neighbours asked for.
+        k: usize,
+    },
+    /// States and transitions disagree about the number of rows.
+    #[error(
+        "{states} states do not match transitions over {segments} rows; build both from the same frames"
+    )]
+    Rows {
+        /// Rows of the states.
+        states: usize,
+        /// Rows of the segments behind the transitions.
+        segments: usize,
+    },
+    /// Query states have another width than the model's.
+    #[error(
+        "query states have {got} columns, the model's have {expected}; prepare both in the same way"
+    )]
+    Columns {
+        /// Columns of the model's states.
+        expected: usize,
+        /// Columns of the query states.
+        got: usize,
+    },
+    /// The k-d tree was asked for more dimensions than it is compiled for.
+    #[error(
+        "the k-d tree supports at most {max} columns, got {columns}; set `index` to \"auto\" or \"scan\""
+    )]
+    Dimensions {
+        /// Columns of the states.
+        columns: usize,
+        /// The most that the tree supports.
+        max: usize,
+    },
+    /// Softmax weights need a positive temperature.
+    #[error("`temperature` must be positive and finite, got {got}")]
+    Temperature {
+        /// The temperature given.
+        got: f64,
+    },
+    /// A stored table does not fit the model.
+    #[error("the table of member {member} is damaged: {reason}; run `calib build-model --force`")]
+    Table {
+        /// The member.
+        member: usize,
+        /// Where, what was expected and what was found.
+        reason: String,
+    },
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}

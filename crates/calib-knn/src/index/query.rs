@@ -1,0 +1,170 @@
+use std::ops::Range;
+
+use calib_core::{RowIndex, States, TransitionIndex, Transitions};
+
+use crate::{Blocks, Exclusion, KnnError};
+
+/// What is searched: the source state of every transition.
+#[derive(Clone, Copy, Debug)]
+pub struct Sources<'a> {
+    states: &'a States,
+    transitions: &'a Transitions,
+    blocks: &'a Blocks,
+}
+
+impl<'a> Sources<'a> {
+    /// The sources of `transitions` in `states`.
+    ///
+    /// # Errors
+    /// If there is not a state for each row of the transitions' segments.
+    pub fn new(
+        states: &'a States,
+        transitions: &'a Transitions,
+        blocks: &'a Blocks,
+    ) -> Result<Self, KnnError> {
+        let rows = transitions.segments().rows();
+        if states.rows() != rows {
+            return Err(KnnError::Rows { states: states.rows(), segments: rows });
+        }
+        Ok(Self { states, transitions, blocks })
+    }
+
+    /// Number of sources, one a transition.
+    pub fn len(&self) -> usize {
+        self.transitions.len()
+    }
+
+    /// Whether there are no sources.
+    pub fn is_empty(&self) -> bool {
+        self.transitions.is_empty()
+    }
+
+    /// Number of columns of a state.
+    pub fn columns(&self) -> usize {
+        self.states.columns()
+    }
+
+    /// The states.
+    pub fn states(&self) -> &'a States {
+        self.states
+    }
+
+    /// The transitions.
+    pub fn transitions(&self) -> &'a Transitions {
+        self.transitions
+    }
+
+    /// Which member contains which transition.
+    pub fn blocks(&self) -> &'a Blocks {
+        self.blocks
+    }
+}
+
+/// What is searched for: states, the members whose lists are wanted, and the sources that are forbidden.
+#[derive(Clone, Copy, Debug)]
+pub struct Queries<'a> {
+    states: &'a States,
+    blocks: &'a Blocks,
+    kind: Kind<'a>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind<'a> {
+    /// Query `i` is the next state of transition `i`, wanted by every member that contains it.
+    NextStates(&'a Transitions, Exclusion),
+    /// Recorded rows, wanted by one member.
+    Rows(&'a [RowIndex], &'a Transitions, Exclusion, usize),
+    /// States from elsewhere, wanted by one member.
+    External(usize),
+}
+
+impl<'a> Queries<'a> {
+    /// The next state of every transition, for the tables of all members.
+    pub fn next_states(sources: &Sources<'a>, exclusion: Exclusion) -> Self {
+        Self {
+            states: sources.states,
+            blocks: sources.blocks,
+            kind: Kind::NextStates(sources.transitions, exclusion),
+        }
+    }
+
+    /// Recorded `rows`, for one member.
+    pub fn rows(
+        sources: &Sources<'a>,
+        rows: &'a [RowIndex],
+        member: usize,
+        exclusion: Exclusion,
+    ) -> Self {
+        Self {
+            states: sources.states,
+            blocks: sources.blocks,
+            kind: Kind::Rows(rows, sources.transitions, exclusion, member),
+        }
+    }
+
+    /// States that were not recorded with the sources, for one member. Nothing is forbidden.
+    ///
+    /// # Errors
+    /// If the states have another number of columns than the sources.
+    pub fn external(
+        sources: &Sources<'a>,
+        states: &'a States,
+        member: usize,
+    ) -> Result<Self, KnnError> {
+        if states.columns() != sources.columns() {
+            return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
+        }
+        Ok(Self { states, blocks: sources.blocks, kind: Kind::External(member) })
+    }
+
+    /// Number of queries.
+    pub fn len(&self) -> usize {
+        match self.kind {
+            Kind::NextStates(transitions, _) => transitions.len(),
+            Kind::Rows(rows, ..) => rows.len(),
+            Kind::External(_) => self.states.rows(),
+        }
+    }
+
+    /// Whether there are no queries.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The row of query `query` in [`states`](Self::states).
+    pub(crate) fn row(&self, query: usize) -> usize {
+        match self.kind {
+            Kind::NextStates(transitions, _) => transitions.next(TransitionIndex::new(query)).get(),
+            Kind::Rows(rows, ..) => rows[query].get(),
+            Kind::External(_) => query,
+        }
+    }
+
+    /// The states that the queries are rows of.
+    pub(crate) fn states(&self) -> &'a States {
+        self.states
+    }
+
+    /// The sources that query `query` must not find.
+    pub(crate) fn forbidden(&self, query: usize) -> Range<u32> {
+        match self.kind {
+            Kind::NextStates(transitions, exclusion) => {
+                exclusion.forbidden(transitions, transitions.next(TransitionIndex::new(query)))
+            }
+            Kind::Rows(rows, transitions, exclusion, _) => {
+                exclusion.forbidden(transitions, rows[query])
+            }
+            Kind::External(_) => 0..0,
+        }
+    }
+
+    /// The members whose lists query `query` wants.
+    pub(crate) fn wanted(&self, query: usize) -> impl Iterator<Item = usize> + use<'a> {
+        let blocks = self.blocks;
+        let (members, query) = match self.kind {
+            Kind::NextStates(..) => (0..blocks.members(), Some(TransitionIndex::new(query))),
+            Kind::Rows(.., member) | Kind::External(member) => (member..member + 1, None),
+        };
+        members.filter(move |&member| query.is_none_or(|query| blocks.contains(member, query)))
+    }
+}

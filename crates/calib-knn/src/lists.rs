@@ -1,0 +1,132 @@
+use calib_core::TransitionIndex;
+
+use crate::Blocks;
+
+/// A candidate source: squared distance, then row as the tie-break.
+///
+/// Transitions are numbered in the order of their source rows, so comparing transitions compares rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Candidate {
+    /// Squared distance by the definition.
+    pub(crate) squared: f64,
+    /// The transition whose source it is.
+    pub(crate) transition: u32,
+}
+
+impl Candidate {
+    const NONE: Self = Self { squared: f64::INFINITY, transition: u32::MAX };
+
+    fn before(self, other: Self) -> bool {
+        self.squared < other.squared
+            || (self.squared == other.squared && self.transition < other.transition)
+    }
+}
+
+/// The `k` nearest sources of one query in every member that the query belongs to.
+///
+/// One search serves all members: a candidate enters the list of each member that contains it.
+#[derive(Clone, Debug)]
+pub struct MemberLists {
+    k: usize,
+    /// `k` candidates for each member, in order; short lists end in [`Candidate::NONE`].
+    candidates: Vec<Candidate>,
+    /// Members whose list is wanted.
+    wanted: Vec<usize>,
+    /// The largest `k`-th squared distance over the wanted members.
+    radius: f64,
+}
+
+impl MemberLists {
+    /// Empty lists.
+    pub(crate) fn new(members: usize, k: usize) -> Self {
+        Self {
+            k,
+            candidates: vec![Candidate::NONE; members * k],
+            wanted: Vec::with_capacity(members),
+            radius: f64::INFINITY,
+        }
+    }
+
+    /// Forget all candidates and want the lists of these members.
+    pub(crate) fn reset(&mut self, wanted: impl Iterator<Item = usize>) {
+        self.wanted.clear();
+        self.wanted.extend(wanted);
+        self.candidates.fill(Candidate::NONE);
+        self.update_radius();
+    }
+
+    /// No candidate beyond this squared distance can enter any wanted list; one at it may.
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Offer a candidate to every wanted member that contains it. Each candidate is offered once.
+    pub(crate) fn offer(&mut self, candidate: Candidate, blocks: &Blocks) {
+        if candidate.squared > self.radius {
+            return;
+        }
+        let mut entered = false;
+        for &member in &self.wanted {
+            let list = &mut self.candidates[member * self.k..][..self.k];
+            let dropped = blocks.dropped_ref(member);
+            if dropped.contains(&candidate.transition) || !candidate.before(list[self.k - 1]) {
+                continue;
+            }
+            let mut position = self.k - 1;
+            while position > 0 && candidate.before(list[position - 1]) {
+                list[position] = list[position - 1];
+                position -= 1;
+            }
+            list[position] = candidate;
+            entered = true;
+        }
+        if entered {
+            self.update_radius();
+        }
+    }
+
+    fn update_radius(&mut self) {
+        self.radius = self
+            .wanted
+            .iter()
+            .map(|member| self.candidates[(member + 1) * self.k - 1].squared)
+            .fold(f64::NEG_INFINITY, f64::max);
+    }
+
+    /// The members whose lists were wanted.
+    pub fn members(&self) -> &[usize] {
+        &self.wanted
+    }
+
+    /// The neighbours found for `member`, nearest first: transition and squared distance.
+    pub fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
+        self.candidates[member * self.k..][..self.k]
+            .iter()
+            .filter(|candidate| candidate.transition != u32::MAX)
+            .map(|candidate| (TransitionIndex(candidate.transition), candidate.squared))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, Transitions};
+
+    use super::*;
+
+    #[test]
+    fn a_candidate_enters_the_members_that_contain_it() {
+        let transitions = Transitions::new(Segments::from_lengths([2; 6]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let mut lists = MemberLists::new(3, 2);
+        lists.reset([0, 2].into_iter());
+        for (transition, squared) in [(0, 1.0), (3, 2.0), (5, 0.5), (2, 2.0), (1, 9.0), (4, 0.1)] {
+            lists.offer(Candidate { squared, transition }, &blocks);
+        }
+        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!(of(0), [4, 5]);
+        assert_eq!(of(1), [] as [u32; 0]);
+        // Transitions 2 and 3 tie: the earlier row wins.
+        assert_eq!(of(2), [0, 2]);
+        assert_eq!(lists.radius(), 2.0);
+    }
+}

@@ -1,0 +1,289 @@
+use std::path::Path;
+
+use calib_core::{Monitor, Rng, RowIndex, Silent, States, TransitionIndex, Transitions};
+
+use crate::{
+    Blocks, Exclusion, IndexKind, KnnError, NeighborTable, Weights, build_tables,
+    distance::stored,
+    index::{Queries, Sources},
+    open_table, write_table,
+};
+
+/// Above this many queries a search structure pays for being built.
+const FEW_QUERIES: usize = 256;
+
+/// A neighbour of a state, and how far its source is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbor {
+    /// The transition whose source state is near.
+    pub transition: TransitionIndex,
+    /// Euclidean distance in the metric of the model.
+    pub distance: f32,
+}
+
+/// The ensemble of neighbour models: one table for each member.
+#[derive(Clone, Debug)]
+pub struct KnnModel {
+    states: States,
+    transitions: Transitions,
+    blocks: Blocks,
+    tables: Vec<NeighborTable>,
+    exclusion: Exclusion,
+}
+
+impl KnnModel {
+    /// Build the model: split into blocks, search, tabulate.
+    ///
+    /// `states` are what distances are measured in: the normalised states, or their representation.
+    ///
+    /// # Errors
+    /// As [`Blocks::new`] and [`build_tables`].
+    pub fn build(
+        states: States,
+        transitions: Transitions,
+        config: &crate::ModelConfig,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, KnnError> {
+        config.check()?;
+        let blocks = Blocks::new(&transitions, config.members)?;
+        let exclusion = config.exclusion();
+        let tables = build_tables(
+            &states,
+            &transitions,
+            &blocks,
+            config.neighbors,
+            exclusion,
+            config.index,
+            monitor,
+        )?;
+        Ok(Self { states, transitions, blocks, tables, exclusion })
+    }
+
+    /// Write `members/0/neighbors.npy`, `members/0/distances.npy` and so on in `directory`.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write_members(&self, directory: &Path) -> Result<(), KnnError> {
+        for (member, table) in self.tables.iter().enumerate() {
+            write_table(&member_directory(directory, member), table)?;
+        }
+        Ok(())
+    }
+
+    /// Open the members that [`write_members`](Self::write_members) wrote; tables are mapped and checked.
+    ///
+    /// # Errors
+    /// If the blocks cannot be made, or a table is missing, damaged or of another model.
+    pub fn open(
+        directory: &Path,
+        states: States,
+        transitions: Transitions,
+        members: usize,
+        exclusion: Exclusion,
+    ) -> Result<Self, KnnError> {
+        let blocks = Blocks::new(&transitions, members)?;
+        Sources::new(&states, &transitions, &blocks)?;
+        let tables: Vec<NeighborTable> = (0..members)
+            .map(|member| open_table(&member_directory(directory, member), &blocks, member))
+            .collect::<Result<_, _>>()?;
+        let k = tables[0].k();
+        if let Some(member) = tables.iter().position(|table| table.k() != k) {
+            let got = tables[member].k();
+            let reason = format!("it has {got} neighbours a row, member 0 has {k}");
+            return Err(KnnError::Table { member, reason });
+        }
+        Ok(Self { states, transitions, blocks, tables, exclusion })
+    }
+
+    /// The states that distances are measured in.
+    pub fn states(&self) -> &States {
+        &self.states
+    }
+
+    /// The transitions of the data.
+    pub fn transitions(&self) -> &Transitions {
+        &self.transitions
+    }
+
+    /// Which member contains which transition.
+    pub fn blocks(&self) -> &Blocks {
+        &self.blocks
+    }
+
+    /// Number of members.
+    pub fn members(&self) -> usize {
+        self.tables.len()
+    }
+
+    /// Neighbours of each transition.
+    pub fn k(&self) -> usize {
+        self.tables[0].k()
+    }
+
+    /// Which sources may not be neighbours.
+    pub fn exclusion(&self) -> Exclusion {
+        self.exclusion
+    }
+
+    /// The table of member `member`.
+    pub fn table(&self, member: usize) -> &NeighborTable {
+        &self.tables[member]
+    }
+
+    /// Member `member`.
+    ///
+    /// # Panics
+    /// If there are not more than `member` members.
+    pub fn member(&self, member: usize) -> Member<'_> {
+        Member {
+            model: self,
+            number: member,
+            k: self.k(),
+            neighbors: self.tables[member].neighbors(),
+            distances: self.tables[member].distances(),
+        }
+    }
+
+    pub(crate) fn sources(&self) -> Sources<'_> {
+        Sources::new(&self.states, &self.transitions, &self.blocks)
+            .unwrap_or_else(|_| unreachable!("checked when the model was made"))
+    }
+}
+
+fn member_directory(directory: &Path, member: usize) -> std::path::PathBuf {
+    directory.join("members").join(member.to_string())
+}
+
+/// One member of the ensemble.
+#[derive(Clone, Copy, Debug)]
+pub struct Member<'a> {
+    model: &'a KnnModel,
+    number: usize,
+    k: usize,
+    neighbors: &'a [u32],
+    distances: &'a [f32],
+}
+
+impl<'a> Member<'a> {
+    /// The model that this is a member of.
+    pub fn model(&self) -> &'a KnnModel {
+        self.model
+    }
+
+    /// The position of the member in the model.
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
+    /// Number of transitions of the member.
+    pub fn len(&self) -> usize {
+        self.model.blocks.member_len(self.number)
+    }
+
+    /// Whether the member has no transitions; never true of a model that was built.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether the member contains `transition`.
+    pub fn contains(&self, transition: TransitionIndex) -> bool {
+        self.model.blocks.contains(self.number, transition)
+    }
+
+    /// The `position`-th transition of the member in time order.
+    ///
+    /// # Panics
+    /// If the member has no more than `position` transitions.
+    pub fn nth(&self, position: usize) -> TransitionIndex {
+        self.model.blocks.nth(self.number, position)
+    }
+
+    /// The neighbours of the next state of `transition`, nearest first, and the distances to them.
+    ///
+    /// Transitions that are not in the member have `u32::MAX` and `+∞` here.
+    ///
+    /// # Panics
+    /// If the data has no more than `transition` transitions.
+    pub fn neighbors(&self, transition: TransitionIndex) -> (&'a [u32], &'a [f32]) {
+        let start = transition.get() * self.k;
+        (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
+    }
+
+    /// One step: draw a neighbour of the next state of `transition`. Reads one row of the table.
+    ///
+    /// # Panics
+    /// If `transition` is not in the member. Neighbours always are.
+    pub fn draw(
+        &self,
+        transition: TransitionIndex,
+        weights: Weights,
+        rng: &mut Rng,
+    ) -> TransitionIndex {
+        let (neighbors, distances) = self.neighbors(transition);
+        let drawn = neighbors[weights.draw(distances, rng)];
+        assert!(drawn != u32::MAX, "transition {} is not in member {}", transition.0, self.number);
+        TransitionIndex(drawn)
+    }
+
+    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search.
+    ///
+    /// The exclusion of the model applies, as it does in the tables. Lists are shorter than `k` only where
+    /// fewer sources are admissible.
+    ///
+    /// # Errors
+    /// If `k` is zero.
+    ///
+    /// # Panics
+    /// If a row is not a row of the data.
+    pub fn nearest_to_rows(
+        &self,
+        rows: &[RowIndex],
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let sources = self.model.sources();
+        let queries = Queries::rows(&sources, rows, self.number, self.model.exclusion);
+        self.search(&sources, &queries, k)
+    }
+
+    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search.
+    ///
+    /// Lists are shorter than `k` only if the member is.
+    ///
+    /// # Errors
+    /// If `k` is zero, or the states have another number of columns than the model's.
+    pub fn nearest_sources(
+        &self,
+        states: &States,
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let sources = self.model.sources();
+        let queries = Queries::external(&sources, states, self.number)?;
+        self.search(&sources, &queries, k)
+    }
+
+    fn search(
+        &self,
+        sources: &Sources<'_>,
+        queries: &Queries<'_>,
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let k = k.min(self.len());
+        if k == 0 {
+            return Err(KnnError::NoNeighbors);
+        }
+        let mut found = vec![Vec::new(); queries.len()];
+        let kind = if queries.len() <= FEW_QUERIES { IndexKind::Scan } else { IndexKind::Auto };
+        sources.index(kind)?.search(
+            queries,
+            k,
+            &mut |query, lists| {
+                found[query] = lists
+                    .of(self.number)
+                    .map(|(transition, squared)| Neighbor { transition, distance: stored(squared) })
+                    .collect();
+            },
+            &Silent,
+        )?;
+        Ok(found)
+    }
+}

@@ -1,0 +1,174 @@
+use std::{path::Path, sync::Arc};
+
+use calib_core::TransitionIndex;
+use calib_files::{FileError, map_npy, write_npy};
+
+use crate::{Blocks, KnnError, NeighborTable};
+
+/// Write `table` as `neighbors.npy` (`u32 [t, k]`) and `distances.npy` (`f32 [t, k]`) in `directory`.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_table(directory: &Path, table: &NeighborTable) -> Result<(), FileError> {
+    let (rows, k) = (table.len(), table.k());
+    write_npy(&directory.join("neighbors.npy"), table.neighbors(), rows, k)?;
+    write_npy(&directory.join("distances.npy"), table.distances(), rows, k)
+}
+
+/// Map the table of member `member` from `directory` and check every value.
+///
+/// After this no value of the table can lead outside the member: rows of the member name transitions of the
+/// member at finite distances in ascending order, all other rows hold the filler.
+///
+/// # Errors
+/// If a file cannot be read, has another shape, or holds a value that the model cannot have.
+pub fn open_table(
+    directory: &Path,
+    blocks: &Blocks,
+    member: usize,
+) -> Result<NeighborTable, KnnError> {
+    let neighbors = map_npy::<u32>(&directory.join("neighbors.npy"))?;
+    let distances = map_npy::<f32>(&directory.join("distances.npy"))?;
+    let damaged = |reason: String| KnnError::Table { member, reason };
+    let (rows, k) = (neighbors.rows(), neighbors.columns());
+    if rows != blocks.transitions() || k == 0 {
+        return Err(damaged(format!(
+            "neighbors.npy has shape ({rows}, {k}), expected ({}, k) with k of at least 1",
+            blocks.transitions()
+        )));
+    }
+    if (distances.rows(), distances.columns()) != (rows, k) {
+        return Err(damaged(format!(
+            "distances.npy has shape ({}, {}), expected ({rows}, {k}) as neighbors.npy",
+            distances.rows(),
+            distances.columns()
+        )));
+    }
+    let pairs = neighbors.as_slice().chunks_exact(k).zip(distances.as_slice().chunks_exact(k));
+    for (row, (neighbors, distances)) in pairs.enumerate() {
+        check_row(blocks, member, row, neighbors, distances).map_err(damaged)?;
+    }
+    Ok(NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k))
+}
+
+fn check_row(
+    blocks: &Blocks,
+    member: usize,
+    row: usize,
+    neighbors: &[u32],
+    distances: &[f32],
+) -> Result<(), String> {
+    if !blocks.contains(member, TransitionIndex::new(row)) {
+        let filler = neighbors.iter().all(|&j| j == u32::MAX)
+            && distances.iter().all(|&distance| distance == f32::INFINITY);
+        return if filler {
+            Ok(())
+        } else {
+            Err(format!("row {row} is not in the member, expected {} and inf", u32::MAX))
+        };
+    }
+    if let Some(&bad) = neighbors.iter().find(|&&j| !blocks.contains(member, TransitionIndex(j))) {
+        return Err(format!("row {row} names transition {bad}, which is not in the member"));
+    }
+    let ascending = distances.windows(2).all(|pair| pair[0] <= pair[1]);
+    let valid = |distance: &f32| distance.is_finite() && *distance >= 0.0;
+    if !ascending || !distances.iter().all(valid) {
+        return Err(format!(
+            "row {row} has distances {distances:?}, expected finite numbers from 0 in ascending order"
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, Silent, States, Transitions};
+
+    use super::*;
+    use crate::{Exclusion, IndexKind, build_tables};
+
+    fn table() -> (Blocks, NeighborTable) {
+        let states =
+            States::new((0..24_u8).map(|v| f32::from(v * v % 7)).collect(), 12, 2).expect("valid");
+        let transitions = Transitions::new(Segments::from_lengths([7, 5]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let tables = build_tables(
+            &states,
+            &transitions,
+            &blocks,
+            2,
+            Exclusion::default(),
+            IndexKind::Auto,
+            &Silent,
+        )
+        .expect("built");
+        (blocks, tables[1].clone())
+    }
+
+    #[test]
+    fn a_table_comes_back() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (blocks, table) = table();
+        write_table(directory.path(), &table).expect("written");
+        let opened = open_table(directory.path(), &blocks, 1).expect("valid");
+        assert_eq!(opened.neighbors(), table.neighbors());
+        assert_eq!(opened.distances(), table.distances());
+        assert_eq!((opened.len(), opened.k()), (10, 2));
+        let other = open_table(directory.path(), &blocks, 0).expect_err("another member");
+        assert!(other.to_string().contains("member 0 is damaged"), "{other}");
+    }
+
+    #[test]
+    fn damage_is_found_on_opening() {
+        let (blocks, table) = table();
+        let neighbors = |cell: usize, value: u32| {
+            let mut neighbors = table.neighbors().to_vec();
+            neighbors[cell] = value;
+            (neighbors, table.distances().to_vec())
+        };
+        let distances = |cell: usize, value: f32| {
+            let mut distances = table.distances().to_vec();
+            distances[cell] = value;
+            (table.neighbors().to_vec(), distances)
+        };
+        let inside = 2
+            * (0..10).find(|&row| blocks.contains(1, TransitionIndex(row))).expect("some") as usize;
+        let outside = 2 * blocks.own(1).start as usize;
+        let damaged = [
+            neighbors(inside, 10),
+            neighbors(inside, u32::MAX),
+            neighbors(inside, blocks.own(1).start),
+            neighbors(outside, 0),
+            distances(outside, 0.5),
+            distances(inside, f32::NAN),
+            distances(inside, -1.0),
+            distances(inside + 1, f32::INFINITY),
+            distances(inside, 1e9),
+        ];
+        for (neighbors, distances) in damaged {
+            let directory = tempfile::tempdir().expect("a directory");
+            let table = NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), 2);
+            write_table(directory.path(), &table).expect("written");
+            let error = open_table(directory.path(), &blocks, 1).expect_err("damaged");
+            assert!(matches!(error, KnnError::Table { member: 1, .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn other_shapes_are_refused() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (blocks, table) = table();
+        write_npy(&directory.path().join("neighbors.npy"), table.neighbors(), 5, 4)
+            .expect("written");
+        write_npy(&directory.path().join("distances.npy"), table.distances(), 10, 2)
+            .expect("written");
+        let error = open_table(directory.path(), &blocks, 1).expect_err("five rows");
+        assert!(error.to_string().contains("shape (5, 4)"), "{error}");
+        write_npy(&directory.path().join("neighbors.npy"), table.neighbors(), 10, 2)
+            .expect("written");
+        write_npy(&directory.path().join("distances.npy"), table.distances(), 20, 1)
+            .expect("written");
+        let error = open_table(directory.path(), &blocks, 1).expect_err("other shapes");
+        assert!(error.to_string().contains("(20, 1)"), "{error}");
+    }
+}

@@ -1,0 +1,79 @@
+use calib_core::{Seed, TransitionIndex};
+use rayon::prelude::*;
+
+use crate::{
+    KnnModel,
+    distance::{squared, stored},
+};
+
+/// How a model's tables compare with a search by brute force.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Verification {
+    /// Table rows that were searched again.
+    pub rows: usize,
+    /// Rows whose neighbours and distances are identical.
+    pub identical: usize,
+    /// The rows that differ, as (member, transition), in order.
+    pub different: Vec<(usize, TransitionIndex)>,
+}
+
+impl Verification {
+    /// Whether every row that was searched again is identical.
+    pub fn agrees(&self) -> bool {
+        self.different.is_empty()
+    }
+}
+
+/// Search `sample` random rows of every member again by brute force in f64, and compare.
+///
+/// Each row costs a pass over all states. If a member has no more than `sample` rows, all are searched.
+pub fn verify(model: &KnnModel, sample: usize, seed: Seed) -> Verification {
+    let mut cells = Vec::new();
+    for number in 0..model.members() {
+        let member = model.member(number);
+        if sample >= member.len() {
+            cells.extend((0..member.len()).map(|position| (number, member.nth(position))));
+            continue;
+        }
+        let mut rng = seed.child("verify").number(number as u64).rng();
+        cells.extend((0..sample).map(|_| (number, member.nth(rng.below(member.len())))));
+    }
+    let different: Vec<_> = cells
+        .par_iter()
+        .copied()
+        .filter(|&(number, transition)| {
+            let (neighbors, distances) = model.member(number).neighbors(transition);
+            let expected = brute_force(model, number, transition);
+            !expected
+                .iter()
+                .map(|&(squared, j)| (j, stored(squared)))
+                .eq(neighbors.iter().copied().zip(distances.iter().copied()))
+        })
+        .collect();
+    Verification { rows: cells.len(), identical: cells.len() - different.len(), different }
+}
+
+/// The list of one table row, straight from the definition.
+fn brute_force(model: &KnnModel, member: usize, transition: TransitionIndex) -> Vec<(f64, u32)> {
+    let transitions = model.transitions();
+    let query = transitions.next(transition);
+    let forbidden = model.exclusion().forbidden(transitions, query);
+    let state = model.states().row(query.get());
+    let mut all: Vec<(f64, u32)> = model
+        .blocks()
+        .transitions_of(member)
+        .filter(|j| !forbidden.contains(&j.0))
+        .map(|j| {
+            let source = model.states().row(transitions.source(j).get());
+            (squared(state, source), j.0)
+        })
+        .collect();
+    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let k = model.k().min(all.len());
+    if k < all.len() {
+        all.select_nth_unstable_by(k, order);
+        all.truncate(k);
+    }
+    all.sort_unstable_by(order);
+    all
+}

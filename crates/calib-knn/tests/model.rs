@@ -1,0 +1,136 @@
+//! The model as its users see it: members, external queries, files, verification.
+
+use std::collections::BTreeSet;
+
+use calib_core::{RowIndex, Seed, Segments, Silent, States, TransitionIndex, Transitions};
+use calib_knn::{KnnError, KnnModel, ModelConfig, verify};
+
+fn walk(lengths: &[usize], columns: usize, seed: u64) -> (States, Transitions) {
+    let rows = lengths.iter().sum();
+    let mut rng = Seed::new(seed).rng();
+    let mut state = vec![0.5_f64; columns];
+    let mut values = Vec::new();
+    for _ in 0..rows {
+        for value in &mut state {
+            *value = 0.95 * *value + 0.05 * rng.unit();
+            values.push(*value as f32);
+        }
+    }
+    let states = States::new(values, rows, columns).expect("valid");
+    (states, Transitions::new(Segments::from_lengths(lengths.iter().copied()).expect("valid")))
+}
+
+fn model(config: &ModelConfig) -> KnnModel {
+    let (states, transitions) = walk(&[150, 1, 90, 200], 5, 7);
+    KnnModel::build(states, transitions, config, &Silent).expect("built")
+}
+
+#[test]
+fn no_row_of_the_block_is_reachable_in_its_member() {
+    let model = model(&ModelConfig::default());
+    let ends = |i: TransitionIndex| [model.transitions().source(i), model.transitions().next(i)];
+    for number in 0..5 {
+        let block: BTreeSet<RowIndex> =
+            model.blocks().own(number).flat_map(|i| ends(TransitionIndex(i))).collect();
+        let member = model.member(number);
+        for position in 0..member.len() {
+            let (neighbors, _) = member.neighbors(member.nth(position));
+            for &j in neighbors {
+                assert!(ends(TransitionIndex(j)).iter().all(|row| !block.contains(row)));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_tables_verify_and_damage_does_not() {
+    let config = ModelConfig { theiler: 3, ..ModelConfig::default() };
+    let model = model(&config);
+    let sampled = verify(&model, 40, Seed::new(1));
+    assert!(sampled.agrees());
+    assert_eq!((sampled.rows, sampled.identical), (200, 200));
+    let all = verify(&model, 10_000, Seed::new(1));
+    let rows: usize = (0..5).map(|m| model.member(m).len()).sum();
+    assert_eq!((all.rows, all.identical), (rows, rows));
+
+    // The same tables do not verify against other states.
+    let directory = tempfile::tempdir().expect("a directory");
+    model.write_members(directory.path()).expect("written");
+    let (states, transitions) = walk(&[150, 1, 90, 200], 5, 8);
+    let other = KnnModel::open(directory.path(), states, transitions, 5, config.exclusion())
+        .expect("same shape");
+    let different = verify(&other, 40, Seed::new(1));
+    assert!(!different.agrees() && different.identical < different.rows);
+}
+
+#[test]
+fn a_model_comes_back_from_its_files() {
+    let config =
+        ModelConfig { members: 3, neighbors: 4, exclude_self: true, ..ModelConfig::default() };
+    let model = model(&config);
+    let directory = tempfile::tempdir().expect("a directory");
+    model.write_members(directory.path()).expect("written");
+    let open = |members| {
+        KnnModel::open(
+            directory.path(),
+            model.states().clone(),
+            model.transitions().clone(),
+            members,
+            config.exclusion(),
+        )
+    };
+    let opened = open(3).expect("valid");
+    assert_eq!((opened.members(), opened.k()), (3, 4));
+    for member in 0..3 {
+        assert_eq!(opened.table(member).neighbors(), model.table(member).neighbors());
+        assert_eq!(opened.table(member).distances(), model.table(member).distances());
+    }
+    assert!(open(4).is_err());
+}
+
+#[test]
+fn external_states_find_their_nearest_sources() {
+    let model = model(&ModelConfig::default());
+    let (queries, _) = walk(&[700], 5, 99);
+    let member = model.member(2);
+    // 700 queries take the built index, 5 the scan: the answers are the definition's either way.
+    let many = member.nearest_sources(&queries, 3).expect("same columns");
+    let few = States::new(queries.as_slice()[..25].to_vec(), 5, 5).expect("valid");
+    assert_eq!(member.nearest_sources(&few, 3).expect("same columns"), many[..5]);
+    for (query, found) in many.iter().enumerate().step_by(50) {
+        let mut expected: Vec<(f64, u32)> = (0..member.len())
+            .map(|position| {
+                let j = member.nth(position);
+                let source = model.states().row(model.transitions().source(j).get());
+                let squared = queries.row(query).iter().zip(source);
+                (squared.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum(), j.0)
+            })
+            .collect();
+        expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+        let got: Vec<(f32, u32)> = found.iter().map(|n| (n.distance, n.transition.0)).collect();
+        let expected: Vec<(f32, u32)> =
+            expected[..3].iter().map(|&(squared, j)| (squared.sqrt() as f32, j)).collect();
+        assert_eq!(got, expected);
+    }
+    let narrow = States::new(vec![0.0; 4], 1, 4).expect("valid");
+    let error = member.nearest_sources(&narrow, 3).expect_err("four columns");
+    assert!(matches!(error, KnnError::Columns { expected: 5, got: 4 }));
+}
+
+#[test]
+fn recorded_rows_are_searched_as_the_tables_were() {
+    let config = ModelConfig { theiler: 2, ..ModelConfig::default() };
+    let model = model(&config);
+    let member = model.member(1);
+    let transitions: Vec<TransitionIndex> =
+        (0..member.len()).step_by(9).map(|p| member.nth(p)).collect();
+    let rows: Vec<RowIndex> = transitions.iter().map(|&i| model.transitions().next(i)).collect();
+    let found = member.nearest_to_rows(&rows, 3).expect("found");
+    for (transition, found) in transitions.iter().zip(found) {
+        let (neighbors, distances) = member.neighbors(*transition);
+        let got: Vec<(u32, f32)> = found.iter().map(|n| (n.transition.0, n.distance)).collect();
+        let table: Vec<(u32, f32)> =
+            neighbors.iter().copied().zip(distances.iter().copied()).collect();
+        assert_eq!(got, table);
+    }
+}

@@ -1,0 +1,289 @@
+//! One suite over every search structure: tables against brute force in f64.
+
+use calib_core::{Monitor, RowIndex, Segments, Silent, States, TransitionIndex, Transitions};
+use calib_knn::{Blocks, Exclusion, IndexKind, KnnError, NeighborTable, SelfMatch, build_tables};
+use proptest::prelude::*;
+
+const KINDS: [IndexKind; 3] = [IndexKind::Auto, IndexKind::KdTree, IndexKind::Scan];
+
+/// The list of each transition: squared distances and transitions; none outside the member.
+type Lists = Vec<Option<Vec<(f64, u32)>>>;
+
+#[derive(Clone, Debug)]
+struct Case {
+    lengths: Vec<usize>,
+    columns: usize,
+    values: Vec<f32>,
+    members: usize,
+    k: usize,
+    exclusion: Exclusion,
+}
+
+impl Case {
+    fn states(&self) -> States {
+        let rows = self.lengths.iter().sum();
+        States::new(self.values[..rows * self.columns].to_vec(), rows, self.columns).expect("valid")
+    }
+
+    fn transitions(&self) -> Transitions {
+        Transitions::new(Segments::from_lengths(self.lengths.iter().copied()).expect("valid"))
+    }
+
+    /// The lists of `member` by the definition, written without the crate's own search code.
+    fn expected(&self, member: usize) -> Result<Lists, usize> {
+        let (states, all) = (self.states(), self.transitions());
+        let ends = |i: usize| {
+            let i = TransitionIndex::new(i);
+            [all.source(i), all.next(i)]
+        };
+        let count = all.len();
+        let block = member * count / self.members..(member + 1) * count / self.members;
+        let rows: Vec<RowIndex> = block.flat_map(ends).collect();
+        let inside = |i: usize| !ends(i).iter().any(|row| rows.contains(row));
+        let segment = |row: RowIndex| all.segments().position_of(row.get());
+        let forbidden = |query: RowIndex, source: RowIndex| {
+            let near = self.exclusion.theiler > 0
+                && segment(query) == segment(source)
+                && query.0.abs_diff(source.0) <= self.exclusion.theiler;
+            near || (self.exclusion.self_match == SelfMatch::Excluded && query == source)
+        };
+        let mut fewest = usize::MAX;
+        let lists = (0..count)
+            .map(|i| {
+                inside(i).then(|| {
+                    let query = ends(i)[1];
+                    let mut list: Vec<(f64, u32)> = (0..count)
+                        .filter(|&j| inside(j) && !forbidden(query, ends(j)[0]))
+                        .map(|j| {
+                            let pairs =
+                                states.row(query.get()).iter().zip(states.row(ends(j)[0].get()));
+                            let mut squared = 0.0;
+                            for (&a, &b) in pairs {
+                                squared += (f64::from(a) - f64::from(b)).powi(2);
+                            }
+                            (squared, j as u32)
+                        })
+                        .collect();
+                    fewest = fewest.min(list.len());
+                    list.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+                    list.truncate(self.k);
+                    list
+                })
+            })
+            .collect();
+        let fewest = if fewest == usize::MAX { 0 } else { fewest };
+        if fewest < self.k { Err(fewest) } else { Ok(lists) }
+    }
+
+    fn build(&self, kind: IndexKind) -> Result<Vec<NeighborTable>, KnnError> {
+        let (states, transitions) = (self.states(), self.transitions());
+        let blocks = Blocks::new(&transitions, self.members)?;
+        build_tables(&states, &transitions, &blocks, self.k, self.exclusion, kind, &Silent)
+    }
+
+    fn check(&self) -> Result<(), TestCaseError> {
+        let expected: Result<Vec<_>, usize> = (0..self.members).map(|m| self.expected(m)).collect();
+        for kind in KINDS {
+            match (&expected, self.build(kind)) {
+                (Ok(members), Ok(tables)) => {
+                    for (expected, table) in members.iter().zip(&tables) {
+                        compare(expected, table, self.k)?;
+                    }
+                }
+                (Err(fewest), Err(KnnError::TooFewCandidates { candidates, k, .. })) => {
+                    prop_assert_eq!((*fewest, self.k), (candidates, k));
+                }
+                (expected, got) => {
+                    prop_assert!(false, "{kind:?}: expected {expected:?}, got {got:?}");
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn compare(
+    expected: &[Option<Vec<(f64, u32)>>],
+    table: &NeighborTable,
+    k: usize,
+) -> Result<(), TestCaseError> {
+    prop_assert_eq!((table.len(), table.k()), (expected.len(), k));
+    let rows = table.neighbors().chunks(k).zip(table.distances().chunks(k));
+    for (row, (expected, (neighbors, distances))) in expected.iter().zip(rows).enumerate() {
+        let filler = vec![(f64::INFINITY, u32::MAX); k];
+        let expected = expected.as_ref().unwrap_or(&filler);
+        let got: Vec<(f32, u32)> =
+            distances.iter().copied().zip(neighbors.iter().copied()).collect();
+        let expected: Vec<(f32, u32)> =
+            expected.iter().map(|&(s, j)| (s.sqrt() as f32, j)).collect();
+        prop_assert_eq!(got, expected, "row {}", row);
+    }
+    Ok(())
+}
+
+/// Values that make trouble: continuous, coarsely quantised, copies of few rows, tiny steps on an offset.
+fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
+    let count = rows * columns;
+    let quantised = proptest::collection::vec((0_u8..3).prop_map(f32::from), count);
+    let copies =
+        proptest::collection::vec(-1.0_f32..1.0, 3 * columns).prop_flat_map(move |patterns| {
+            proptest::collection::vec(0_usize..3, rows).prop_map(move |choice| {
+                choice
+                    .iter()
+                    .flat_map(|&c| patterns[c * columns..(c + 1) * columns].to_vec())
+                    .collect()
+            })
+        });
+    let offset =
+        proptest::collection::vec((0_u8..4).prop_map(|v| 1000.0 + f32::from(v) * 6.1e-5), count);
+    let constant = proptest::collection::vec(-1.0_f32..1.0, count).prop_map(move |mut values| {
+        for (position, value) in values.iter_mut().enumerate() {
+            if position % columns != 0 {
+                *value = 0.25;
+            }
+        }
+        values
+    });
+    let walk = proptest::collection::vec(-0.01_f32..0.01, count).prop_map(move |mut values| {
+        for position in columns..count {
+            values[position] += values[position - columns];
+        }
+        values
+    });
+    prop_oneof![
+        proptest::collection::vec(-1.0_f32..1.0, count),
+        quantised,
+        copies,
+        offset,
+        constant,
+        walk
+    ]
+}
+
+fn case(columns: impl Strategy<Value = usize>, longest: usize) -> impl Strategy<Value = Case> {
+    let shape = (proptest::collection::vec(1..longest, 1..7), columns);
+    let shape = shape.prop_filter("enough transitions", |(lengths, _)| {
+        lengths.iter().sum::<usize>() - lengths.len() >= 6
+    });
+    shape.prop_flat_map(|(lengths, columns)| {
+        let rows = lengths.iter().sum();
+        let theiler = prop_oneof![3 => Just(0_u32), 2 => 1_u32..5, 1 => 5_u32..40];
+        (values(rows, columns), 2_usize..7, 1_usize..8, any::<bool>(), theiler).prop_map(
+            move |(values, members, k, exclude, theiler)| Case {
+                lengths: lengths.clone(),
+                columns,
+                values,
+                members,
+                k,
+                exclusion: Exclusion {
+                    self_match: if exclude { SelfMatch::Excluded } else { SelfMatch::Allowed },
+                    theiler,
+                },
+            },
+        )
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn few_columns(case in case(1_usize..9, 30)) {
+        case.check()?;
+    }
+
+    #[test]
+    fn many_columns(case in case(9_usize..41, 20)) {
+        case.check()?;
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn many_rows(case in case(1_usize..24, 260)) {
+        case.check()?;
+    }
+}
+
+fn sawtooth(rows: usize, columns: usize) -> Case {
+    Case {
+        lengths: vec![rows / 3, rows - rows / 3],
+        columns,
+        values: (0..rows * columns)
+            .map(|i| ((i * 7919 + i / columns) % 1013) as f32 / 1013.0)
+            .collect(),
+        members: 4,
+        k: 3,
+        exclusion: Exclusion { self_match: SelfMatch::Allowed, theiler: 2 },
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    for columns in [3, 33] {
+        let case = sawtooth(2500, columns);
+        let kinds = if columns > 16 { &KINDS[2..] } else { &KINDS[1..] };
+        let mut seen: Vec<(Vec<u32>, Vec<u32>)> = Vec::new();
+        for &kind in kinds {
+            for threads in [1, 4] {
+                let pool =
+                    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+                let tables = pool.install(|| case.build(kind)).expect("built");
+                let neighbors = tables.iter().flat_map(|t| t.neighbors().to_vec()).collect();
+                let distances =
+                    tables.iter().flat_map(|t| t.distances().to_vec()).map(f32::to_bits).collect();
+                seen.push((neighbors, distances));
+            }
+        }
+        assert!(seen.windows(2).all(|pair| pair[0] == pair[1]));
+    }
+}
+
+/// Interrupts once it has seen some queries.
+struct Impatient(std::sync::atomic::AtomicU64);
+
+impl Monitor for Impatient {
+    fn begin(&self, task: &str, total: u64) {
+        assert_eq!((task, total), ("neighbour tables", 7998));
+    }
+
+    fn advance(&self, units: u64) {
+        self.0.fetch_add(units, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.load(std::sync::atomic::Ordering::Relaxed) > 0
+    }
+}
+
+#[test]
+fn work_ends_when_the_user_asks() {
+    let case = sawtooth(8000, 4);
+    let (states, transitions) = (case.states(), case.transitions());
+    let blocks = Blocks::new(&transitions, 4).expect("valid");
+    for kind in KINDS {
+        let monitor = Impatient(0.into());
+        let stopped =
+            build_tables(&states, &transitions, &blocks, 3, case.exclusion, kind, &monitor);
+        assert!(matches!(stopped, Err(KnnError::Interrupted)));
+        assert!(monitor.0.into_inner() < 7998);
+    }
+}
+
+#[test]
+fn impossible_requests_are_refused_with_numbers() {
+    let case = sawtooth(30, 2);
+    let few = Case { k: 30, ..case.clone() }.build(IndexKind::Auto).expect_err("30 neighbours");
+    let text = few.to_string();
+    assert!(text.contains("fewer than `neighbors` = 30"), "{text}");
+    let none = Case { k: 0, ..case.clone() }.build(IndexKind::Auto);
+    assert!(matches!(none, Err(KnnError::NoNeighbors)));
+    let transitions = case.transitions();
+    let blocks = Blocks::new(&transitions, 4).expect("valid");
+    let states = States::new(vec![0.0; 58], 29, 2).expect("valid");
+    let rows =
+        build_tables(&states, &transitions, &blocks, 1, case.exclusion, IndexKind::Auto, &Silent);
+    assert!(matches!(rows, Err(KnnError::Rows { states: 29, segments: 30 })));
+}
