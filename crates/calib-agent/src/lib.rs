@@ -1,1 +1,38 @@
 //! TD(0) nexting agents: linear and MLP value functions, replay buffer, returns, scores.
+//!
+//! An agent predicts the discounted sum of one sensor's future,
+//! `G_t = Σ_k γᵏ o_{t+k+1}`, from the state `s_t`, and learns v by semi-gradient TD(0)
+//! (Sutton & Barto 2018):
+//!
+//! `δ = o_{t+1} + γ v(s_{t+1}) − v(s_t)`; θ moves along the mean over a mini-batch of `δ ∇v(s_t)`.
+//!
+//! In the order of a run:
+//!
+//! - [`AgentConfig`]: every hyperparameter, checked.
+//! - [`train`]: a population of agents over one [`Stream`](calib_core::Stream); each agent's result is
+//!   to the byte what it would be alone.
+//! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
+//! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
+//! - [`discounted_returns`], [`truncation_horizon`]: the Monte-Carlo returns that predictions are held to.
+
+mod config;
+mod curve;
+mod error;
+mod kernels;
+mod linear;
+mod mlp;
+mod outcome;
+mod population;
+mod replay;
+mod returns;
+mod scoring;
+mod train;
+mod values;
+
+pub use config::{AgentConfig, ConfigError, OptimiserKind, ReplayKind, ValueFunction};
+pub use curve::{CurvePoint, CurveRule};
+pub use error::AgentError;
+pub use outcome::RunOutcome;
+pub use returns::{discounted_returns, truncation_horizon};
+pub use scoring::Scoring;
+pub use train::train;

@@ -1,0 +1,234 @@
+use std::fmt::Display;
+
+use serde::{Deserialize, Serialize};
+
+/// How the value of a state is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ValueFunction {
+    /// Multilayer perceptron with `ReLU` between layers.
+    #[default]
+    Mlp,
+    /// Weights and a bias.
+    Linear,
+}
+
+/// How parameters follow the semi-gradient.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OptimiserKind {
+    /// Adam with bias correction.
+    #[default]
+    Adam,
+    /// Gradient descent.
+    Sgd,
+}
+
+/// Which transitions an update learns from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReplayKind {
+    /// A mini-batch drawn uniformly, with replacement, from the latest `replay_capacity` transitions.
+    #[default]
+    Uniform,
+    /// The present transition only.
+    None,
+}
+
+/// Hyperparameters of a TD(0) agent. Every field is a scalar and has a default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AgentConfig {
+    /// `"mlp"` (default) or `"linear"`.
+    pub value_function: ValueFunction,
+    /// Hidden layers of the MLP, 1 to 16. Default 2 (the paper's size is 2 × 256).
+    pub hidden_layers: usize,
+    /// Units of each hidden layer, 1 to 16384. Default 256.
+    pub hidden_units: usize,
+    /// `"adam"` (default) or `"sgd"`.
+    pub optimiser: OptimiserKind,
+    /// Step size, > 0. Default 1e-3. What the paper sweeps.
+    pub learning_rate: f64,
+    /// Adam's decay of the mean of gradients, in [0, 1). Default 0.9.
+    pub beta1: f64,
+    /// Adam's decay of the mean of squared gradients, in [0, 1). Default 0.999.
+    pub beta2: f64,
+    /// Added to Adam's denominator, at least 1e-30. Default 1e-8.
+    pub epsilon: f64,
+    /// Decoupled weight decay of either optimiser, ≥ 0. Default 0.
+    pub weight_decay: f64,
+    /// Discount factor, in [0, 1). Default 0.99.
+    pub gamma: f64,
+    /// `"uniform"` (default) or `"none"`.
+    pub replay: ReplayKind,
+    /// Transitions the buffer keeps, `batch_size` to 2³². Default 1,000,000.
+    pub replay_capacity: usize,
+    /// Transitions of a mini-batch, ≥ 1. Default 256. Updates begin when the buffer holds as many.
+    /// Without replay it has no meaning.
+    pub batch_size: usize,
+    /// Updates after each step, ≥ 1. Default 1.
+    pub updates_per_step: usize,
+    /// Updates between copies to the target network; 0 (default) bootstraps from the network itself.
+    pub target_network_period: usize,
+}
+
+impl Default for AgentConfig {
+    fn default() -> Self {
+        Self {
+            value_function: ValueFunction::Mlp,
+            hidden_layers: 2,
+            hidden_units: 256,
+            optimiser: OptimiserKind::Adam,
+            learning_rate: 1e-3,
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+            weight_decay: 0.0,
+            gamma: 0.99,
+            replay: ReplayKind::Uniform,
+            replay_capacity: 1_000_000,
+            batch_size: 256,
+            updates_per_step: 1,
+            target_network_period: 0,
+        }
+    }
+}
+
+/// A hyperparameter outside its range.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("agent hyperparameter `{field}`: expected {expected}, got {got}")]
+pub struct ConfigError {
+    /// The field's name, as in a study.
+    pub field: &'static str,
+    /// Its value.
+    pub got: String,
+    /// The values it may have.
+    pub expected: String,
+}
+
+impl AgentConfig {
+    /// Check every field against its range.
+    ///
+    /// # Errors
+    /// The first field that is outside.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let mlp = self.value_function == ValueFunction::Mlp;
+        let uniform = self.replay == ReplayKind::Uniform;
+        let positive = |value: f64| value > 0.0 && value.is_finite();
+        let fraction = |value: f64| (0.0..1.0).contains(&value);
+        require(
+            !mlp || (1..=16).contains(&self.hidden_layers),
+            "hidden_layers",
+            &self.hidden_layers,
+            "1 to 16 (or value_function = \"linear\" for none)",
+        )?;
+        require(
+            !mlp || (1..=16_384).contains(&self.hidden_units),
+            "hidden_units",
+            &self.hidden_units,
+            "1 to 16384",
+        )?;
+        require(
+            positive(self.learning_rate),
+            "learning_rate",
+            &self.learning_rate,
+            "a positive number",
+        )?;
+        require(fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
+        require(fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
+        require(
+            self.epsilon >= 1e-30 && self.epsilon.is_finite(),
+            "epsilon",
+            &self.epsilon,
+            "a number of at least 1e-30 (smaller ones vanish in single precision)",
+        )?;
+        require(
+            self.weight_decay == 0.0 || positive(self.weight_decay),
+            "weight_decay",
+            &self.weight_decay,
+            "0 or a positive number",
+        )?;
+        require(
+            fraction(self.gamma),
+            "gamma",
+            &self.gamma,
+            "a number in [0, 1): returns with a discount factor of 1 or more do not converge",
+        )?;
+        require(self.batch_size >= 1, "batch_size", &self.batch_size, "1 or more")?;
+        require(
+            !uniform || (self.batch_size..=1 << 32).contains(&self.replay_capacity),
+            "replay_capacity",
+            &self.replay_capacity,
+            &format!("batch_size ({}) to 4294967296", self.batch_size),
+        )?;
+        require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
+    }
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    got: &dyn Display,
+    expected: &str,
+) -> Result<(), ConfigError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ConfigError { field, got: got.to_string(), expected: expected.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_valid_and_every_field_is_a_flat_scalar() {
+        let config = AgentConfig::default();
+        assert_eq!(config.check(), Ok(()));
+        let value = serde_json::to_value(&config).expect("serialises");
+        for (field, value) in value.as_object().expect("a table") {
+            assert!(value.is_number() || value.is_string(), "{field} is {value}");
+        }
+        assert_eq!(value["value_function"], "mlp");
+        assert_eq!(serde_json::from_value::<AgentConfig>(value).expect("reads"), config);
+        let partial: AgentConfig =
+            serde_json::from_str(r#"{"replay": "none", "optimiser": "sgd"}"#).expect("reads");
+        assert_eq!(partial.replay, ReplayKind::None);
+        assert_eq!(partial.batch_size, 256);
+        let error = serde_json::from_str::<AgentConfig>(r#"{"learning_rat": 1}"#);
+        assert!(error.expect_err("unknown").to_string().contains("learning_rat"));
+    }
+
+    #[test]
+    fn fields_outside_their_range_are_named() {
+        let bad = |change: fn(&mut AgentConfig)| {
+            let mut config = AgentConfig::default();
+            change(&mut config);
+            config.check().expect_err("outside the range")
+        };
+        assert_eq!(
+            bad(|config| config.learning_rate = f64::NAN).to_string(),
+            "agent hyperparameter `learning_rate`: expected a positive number, got NaN"
+        );
+        assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
+        assert_eq!(bad(|config| config.hidden_layers = 0).field, "hidden_layers");
+        assert_eq!(bad(|config| config.hidden_units = 0).field, "hidden_units");
+        assert_eq!(bad(|config| config.beta1 = 1.0).field, "beta1");
+        assert_eq!(bad(|config| config.beta2 = -0.1).field, "beta2");
+        assert_eq!(bad(|config| config.epsilon = 0.0).field, "epsilon");
+        assert_eq!(bad(|config| config.weight_decay = -1.0).field, "weight_decay");
+        assert_eq!(bad(|config| config.batch_size = 0).field, "batch_size");
+        assert_eq!(bad(|config| config.updates_per_step = 0).field, "updates_per_step");
+        assert_eq!(
+            bad(|config| config.replay_capacity = 100).to_string(),
+            "agent hyperparameter `replay_capacity`: expected batch_size (256) to 4294967296, got 100"
+        );
+        let linear = AgentConfig {
+            value_function: ValueFunction::Linear,
+            hidden_layers: 0,
+            ..AgentConfig::default()
+        };
+        assert_eq!(linear.check(), Ok(()));
+    }
+}

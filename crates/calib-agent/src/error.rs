@@ -1,0 +1,58 @@
+use crate::ConfigError;
+
+/// Why agents could not be trained.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum AgentError {
+    /// A hyperparameter is outside its range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The sensor to predict is not in the state.
+    #[error(
+        "cumulant column {got} does not exist: expected a column below {width}, the width of a state"
+    )]
+    Cumulant {
+        /// Column asked for.
+        got: usize,
+        /// Number of values in a state.
+        width: usize,
+    },
+    /// The sensor to predict is not a number somewhere.
+    #[error("cumulant column {column} is {value} at step {step}: expected finite states")]
+    NonFiniteCumulant {
+        /// The column.
+        column: usize,
+        /// Where.
+        step: usize,
+        /// Its value there.
+        value: f32,
+    },
+    /// The scored part of a run is not a fraction.
+    #[error("scored fraction of a run: expected a number in (0, 1], got {got}")]
+    ScoredFraction {
+        /// Fraction asked for.
+        got: f64,
+    },
+    /// Nothing is left to score.
+    #[error(
+        "no step can be scored: with gamma = {gamma} the last {horizon} steps of each unbroken piece have \
+         truncated returns, the longest of {pieces} pieces has {longest} steps, and scoring begins at \
+         step {first} of {steps}; use longer streams, a smaller gamma, or score the whole run"
+    )]
+    NothingToScore {
+        /// Discount factor.
+        gamma: f64,
+        /// Unscored steps at the end of a piece.
+        horizon: usize,
+        /// Number of unbroken pieces.
+        pieces: usize,
+        /// Steps of the longest of them.
+        longest: usize,
+        /// First step that scoring may include.
+        first: usize,
+        /// Steps of the stream.
+        steps: usize,
+    },
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}

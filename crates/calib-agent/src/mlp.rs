@@ -1,0 +1,192 @@
+use calib_core::Seed;
+use calib_nn::{Mlp, Optimiser, Workspace};
+
+use crate::{
+    AgentConfig,
+    values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},
+};
+
+/// A population of multilayer perceptrons of one shape.
+///
+/// A batch is gathered once for all of them. Each agent then runs its own products: the first layer of
+/// the whole population as one wide product would change the blocking of sums with the population, and
+/// gains little over products that are already large.
+pub(crate) struct MlpValues {
+    gamma: f32,
+    agents: Vec<Agent>,
+    workspace: Workspace,
+    /// s of the batch, then that of the present step if asked for, then s' of the batch.
+    inputs: Vec<f32>,
+    /// o' of the batch.
+    cumulants: Vec<f32>,
+    /// v(s') of the batch under the target network.
+    next_values: Vec<f32>,
+    /// Gradient of the loss with respect to v(s).
+    output_gradient: Vec<f32>,
+}
+
+struct Agent {
+    network: Mlp,
+    /// Bootstraps come from here, where there is one.
+    target: Option<Mlp>,
+    clock: TargetClock,
+    optimiser: Optimiser,
+}
+
+impl MlpValues {
+    /// Agents of one shape, discount factor and batch size, for states of `width` values.
+    pub(crate) fn new(configs: &[&AgentConfig], width: usize, batch: usize, seed: Seed) -> Self {
+        let shape = configs[0];
+        let mut sizes = vec![shape.hidden_units; shape.hidden_layers + 2];
+        sizes[0] = width;
+        sizes[shape.hidden_layers + 1] = 1;
+        let network = Mlp::new(&sizes, parameter_seed(seed));
+        let rows = 2 * batch + 1;
+        let agent = |config: &&AgentConfig| {
+            let clock = TargetClock::new(config.target_network_period);
+            Agent {
+                target: clock.is_on().then(|| network.clone()),
+                clock,
+                optimiser: optimiser(config, network.len()),
+                network: network.clone(),
+            }
+        };
+        Self {
+            gamma: shape.gamma as f32,
+            agents: configs.iter().map(agent).collect(),
+            workspace: Workspace::new(&network, rows),
+            inputs: Vec::with_capacity(rows * width),
+            cumulants: Vec::with_capacity(batch),
+            next_values: vec![0.0; batch],
+            output_gradient: vec![0.0; batch],
+        }
+    }
+
+    fn gather(&mut self, batch: Batch<'_>) {
+        let Batch { stream, starts, .. } = batch;
+        self.inputs.clear();
+        self.cumulants.clear();
+        for &t in starts {
+            self.inputs.extend_from_slice(stream.state(t));
+        }
+        if let Some(t) = batch.present {
+            self.inputs.extend_from_slice(stream.state(t));
+        }
+        for &t in starts {
+            let next = stream.state(t + 1);
+            self.inputs.extend_from_slice(next);
+            self.cumulants.push(next[batch.cumulant]);
+        }
+    }
+
+    fn learn_one(&mut self, agent: usize, width: usize, present: bool) -> Learned {
+        let Self { gamma, agents, workspace, inputs, cumulants, next_values, output_gradient } =
+            self;
+        let agent = &mut agents[agent];
+        let batch = cumulants.len();
+        let ahead = batch + usize::from(present);
+        let values = if let Some(target) = &agent.target {
+            let next = target.forward(&inputs[ahead * width..], workspace);
+            next_values[..batch].copy_from_slice(next);
+            agent.network.forward(&inputs[..ahead * width], workspace)
+        } else {
+            let values = agent.network.forward(inputs, workspace);
+            next_values[..batch].copy_from_slice(&values[ahead..]);
+            values
+        };
+        let mut learned = Learned { prediction: present.then(|| values[batch]), finite: true };
+        let scale = -1.0 / batch as f32;
+        let gradients = &mut output_gradient[..batch];
+        let targets = cumulants.iter().zip(&next_values[..batch]);
+        for ((gradient, value), (cumulant, next)) in gradients.iter_mut().zip(values).zip(targets) {
+            let td_error = cumulant + *gamma * next - value;
+            learned.finite &= td_error.is_finite();
+            *gradient = scale * td_error;
+        }
+        let gradients = agent.network.backward(inputs, gradients, workspace);
+        agent.optimiser.step(agent.network.parameters_mut(), gradients);
+        if agent.clock.tick()
+            && let Some(target) = &mut agent.target
+        {
+            let parameters = agent.network.parameters();
+            target.parameters_mut().copy_from_slice(parameters);
+        }
+        learned
+    }
+}
+
+impl Values for MlpValues {
+    fn predict(&mut self, agent: usize, state: &[f32]) -> f32 {
+        self.agents[agent].network.forward(state, &mut self.workspace)[0]
+    }
+
+    fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]) {
+        self.gather(batch);
+        let width = batch.stream.width();
+        for (learned, &agent) in learned.iter_mut().zip(live) {
+            *learned = self.learn_one(agent, width, batch.present.is_some());
+        }
+    }
+
+    fn is_finite(&self, agent: usize) -> bool {
+        let parameters = self.agents[agent].network.parameters();
+        parameters.iter().all(|value| value.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{RowIndex, RowStream, States, Stream as _};
+
+    use super::*;
+    use crate::OptimiserKind;
+
+    #[test]
+    fn a_step_of_descent_follows_the_semi_gradient() {
+        let config = AgentConfig {
+            optimiser: OptimiserKind::Sgd,
+            learning_rate: 1.0,
+            hidden_units: 6,
+            gamma: 0.9,
+            batch_size: 4,
+            ..AgentConfig::default()
+        };
+        let mut rng = Seed::new(4).rng();
+        let values = (0..30).map(|_| rng.uniform(-1.0, 1.0) as f32).collect();
+        let states = States::new(values, 10, 3).expect("valid");
+        let stream = RowStream::unbroken(states, (0..10).map(RowIndex::new).collect());
+        let starts = [8, 2, 2, 5];
+        let mut agents = MlpValues::new(&[&config], 3, 4, Seed::new(9));
+        let before = agents.agents[0].network.clone();
+        let value = |network: &Mlp, t: usize| {
+            network.forward(stream.state(t), &mut Workspace::new(network, 1))[0]
+        };
+        let targets = starts.map(|t| stream.state(t + 1)[1] + 0.9 * value(&before, t + 1));
+        // The loss with targets held fixed: what a full gradient would not hold.
+        let loss = |network: &Mlp| {
+            let errors = starts.iter().zip(targets).map(|(&t, target)| target - value(network, t));
+            errors.map(|error| f64::from(error).powi(2)).sum::<f64>() / 8.0
+        };
+        let batch = Batch { stream: &stream, cumulant: 1, starts: &starts, present: Some(7) };
+        let mut learned = [Learned::default()];
+        agents.learn(batch, &[0], &mut learned);
+        let expected = value(&before, 7);
+        let prediction = learned[0].prediction.expect("asked for");
+        assert!((prediction - expected).abs() < 1e-6, "before the update");
+        assert!(learned[0].finite && agents.is_finite(0));
+
+        let after = agents.agents[0].network.parameters().to_vec();
+        let mut network = before.clone();
+        for (index, after) in after.into_iter().enumerate() {
+            let (at, step) = (before.parameters()[index], 1e-2);
+            network.parameters_mut()[index] = at + step;
+            let above = loss(&network);
+            network.parameters_mut()[index] = at - step;
+            let below = loss(&network);
+            network.parameters_mut()[index] = at;
+            let slope = (above - below) / (2.0 * f64::from(step));
+            let moved = f64::from(at - after);
+            assert!((moved - slope).abs() < 2e-4, "parameter {index}: {moved} and {slope}");
+        }
+    }
+}

@@ -1,0 +1,83 @@
+use calib_core::Seed;
+
+/// A replay buffer of transitions, named by the step they start from.
+///
+/// The draw of an update depends only on the seed, the step, the number of the update in that step and
+/// on how many transitions the buffer holds: agents with the same buffer see the same mini-batches.
+#[derive(Clone, Debug)]
+pub(crate) struct Replay {
+    seed: Seed,
+    capacity: usize,
+    /// All transitions so far; the buffer is the last `capacity` of them.
+    starts: Vec<u32>,
+}
+
+impl Replay {
+    pub(crate) fn new(seed: Seed, capacity: usize, steps: usize) -> Self {
+        assert!(u32::try_from(steps).is_ok(), "steps are numbered in 32 bits");
+        Self { seed, capacity, starts: Vec::with_capacity(steps) }
+    }
+
+    /// Add the transition from step `t` to the next.
+    pub(crate) fn push(&mut self, t: usize) {
+        self.starts.push(t as u32);
+    }
+
+    /// Number of transitions held.
+    pub(crate) fn len(&self) -> usize {
+        self.starts.len().min(self.capacity)
+    }
+
+    /// Fill `batch` with transitions drawn uniformly with replacement, for update `update` of step `t`.
+    pub(crate) fn draw(&self, t: usize, update: usize, batch: &mut [usize]) {
+        let mut rng = self.seed.number(t as u64).number(update as u64).rng();
+        let held = &self.starts[self.starts.len() - self.len()..];
+        for start in batch {
+            *start = held[rng.below(held.len())] as usize;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(steps: usize, capacity: usize) -> Replay {
+        let mut replay = Replay::new(Seed::new(3), capacity, steps);
+        (0..steps).for_each(|t| replay.push(t));
+        replay
+    }
+
+    #[test]
+    fn draws_are_uniform_over_the_latest_transitions() {
+        let replay = filled(50, 20);
+        assert_eq!(replay.len(), 20);
+        let mut counts = [0_u32; 20];
+        let mut batch = [0; 64];
+        for t in 0..500 {
+            replay.draw(t, 0, &mut batch);
+            for start in batch {
+                counts[start - 30] += 1;
+            }
+        }
+        let expected = 64.0 * 500.0 / 20.0;
+        let chi_square: f64 =
+            counts.iter().map(|&count| (f64::from(count) - expected).powi(2) / expected).sum();
+        assert!(chi_square < 43.8, "chi-square {chi_square} with 19 degrees of freedom");
+    }
+
+    #[test]
+    fn a_draw_depends_on_seed_step_and_update_only() {
+        let replay = filled(1000, 5000);
+        let draw = |replay: &Replay, t, update| {
+            let mut batch = [0; 8];
+            replay.draw(t, update, &mut batch);
+            batch
+        };
+        let once = draw(&replay, 7, 0);
+        assert_eq!(once, draw(&filled(1000, 1000), 7, 0));
+        assert_ne!(once, draw(&replay, 8, 0));
+        assert_ne!(once, draw(&replay, 7, 1));
+        assert_ne!(draw(&replay, 1, 0), draw(&replay, 0, 1));
+    }
+}

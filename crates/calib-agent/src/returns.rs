@@ -1,0 +1,84 @@
+use calib_core::Stream;
+
+/// Steps at the end of an unbroken piece whose returns are truncated by more than 1 %:
+/// H = ⌈ln 0.01 / ln γ⌉, and 0 for γ = 0.
+///
+/// # Panics
+/// If `gamma` is not in [0, 1).
+pub fn truncation_horizon(gamma: f64) -> usize {
+    assert!((0.0..1.0).contains(&gamma), "a discount factor is in [0, 1), got {gamma}");
+    if gamma == 0.0 { 0 } else { (0.01_f64.ln() / gamma.ln()).ceil() as usize }
+}
+
+/// Monte-Carlo returns `G_t = Σ_k γᵏ o_{t+k+1}` of state column `cumulant`, for every step of the
+/// stream, by the recursion `G_t = o_{t+1} + γ G_{t+1}` inside each unbroken piece.
+///
+/// Sums end with their piece: the last step of a piece has return 0, and the last
+/// [`truncation_horizon`] steps are not to be compared with predictions.
+pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> Vec<f64> {
+    let mut returns = vec![0.0; stream.len()];
+    for piece in stream.pieces() {
+        let mut following = 0.0;
+        for t in piece.clone().rev().skip(1) {
+            following = f64::from(stream.state(t + 1)[cumulant]) + gamma * following;
+            returns[t] = following;
+        }
+    }
+    returns
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{RowStream, Segments, States};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn horizons_leave_less_than_a_hundredth() {
+        assert_eq!(truncation_horizon(0.0), 0);
+        assert_eq!(truncation_horizon(0.1), 2);
+        assert_eq!(truncation_horizon(0.5), 7);
+        assert_eq!(truncation_horizon(0.99), 459);
+        for gamma in [0.1, 0.5, 0.9, 0.99, 0.999] {
+            let horizon = truncation_horizon(gamma) as i32;
+            let limit = 0.01 + 1e-9;
+            assert!(gamma.powi(horizon) <= limit && gamma.powi(horizon - 1) > limit);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_recursion_is_the_sum(
+            values in prop::collection::vec(-1.0_f32..1.0, 1..60),
+            cuts in prop::collection::vec(1_usize..20, 1..8),
+            gamma in 0.0_f64..0.99,
+        ) {
+            // Pieces of the drawn lengths, the last one taking what is left.
+            let mut lengths = vec![];
+            let mut left = values.len();
+            for cut in cuts {
+                if cut < left {
+                    lengths.push(cut);
+                    left -= cut;
+                }
+            }
+            lengths.push(left);
+            let rows = values.len();
+            let states = States::new(values.clone(), rows, 1).expect("valid");
+            let segments = Segments::from_lengths(lengths.clone()).expect("valid");
+            let returns = discounted_returns(&RowStream::replay(states, &segments), 0, gamma);
+            let mut start = 0;
+            for length in lengths {
+                let end = start + length;
+                for (t, got) in returns[start..end].iter().enumerate() {
+                    let expected: f64 = (start + t + 1..end)
+                        .map(|u| gamma.powi((u - start - t - 1) as i32) * f64::from(values[u]))
+                        .sum();
+                    prop_assert!((got - expected).abs() < 1e-9);
+                }
+                start = end;
+            }
+        }
+    }
+}

@@ -1,0 +1,275 @@
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use calib_core::{Rng, RowIndex, RowStream, Segments, Silent, States};
+
+use super::*;
+use crate::{OptimiserKind, ReplayKind, ValueFunction, discounted_returns, truncation_horizon};
+
+fn unbroken(values: Vec<f32>, width: usize, order: impl IntoIterator<Item = usize>) -> RowStream {
+    let rows = values.len() / width;
+    let states = States::new(values, rows, width).expect("valid");
+    RowStream::unbroken(states, order.into_iter().map(RowIndex::new).collect())
+}
+
+/// A slow wave, its derivative, and a little noise.
+fn waves(steps: usize) -> RowStream {
+    let mut rng: Rng = Seed::new(11).rng();
+    let values = (0..steps).flat_map(|t| {
+        let phase = t as f64 * 0.05;
+        let state = [0.5 + 0.4 * phase.sin(), 0.5 + 0.4 * phase.cos()];
+        state.map(|value| (value + 0.01 * rng.normal()) as f32)
+    });
+    unbroken(values.collect(), 2, 0..steps)
+}
+
+fn run(stream: &RowStream, agents: &[AgentConfig], scoring: Scoring) -> Vec<RunOutcome> {
+    let curve = CurveRule { windows: 20 };
+    train(stream, 0, agents, scoring, curve, Seed::new(5), &Silent).expect("trains")
+}
+
+fn linear() -> AgentConfig {
+    AgentConfig {
+        value_function: ValueFunction::Linear,
+        optimiser: OptimiserKind::Sgd,
+        learning_rate: 0.1,
+        gamma: 0.9,
+        batch_size: 16,
+        ..AgentConfig::default()
+    }
+}
+
+fn mlp() -> AgentConfig {
+    AgentConfig { hidden_units: 12, gamma: 0.9, batch_size: 16, ..AgentConfig::default() }
+}
+
+#[test]
+fn a_constant_sensor_is_worth_its_value_over_one_minus_gamma() {
+    let stream = unbroken(vec![0.3, 0.7], 2, vec![0; 6_000]);
+    let agents = [linear(), AgentConfig { learning_rate: 1e-2, ..mlp() }];
+    for outcome in run(&stream, &agents, Scoring::Final(0.25)) {
+        assert!((outcome.mean_return - 0.3 / 0.1).abs() < 0.01, "{outcome:?}");
+        // Returns next to the horizon lack up to 1 %.
+        assert!(outcome.nrmse < 0.003, "{outcome:?}");
+        assert_eq!(outcome.steps, 6_000);
+        assert_eq!(outcome.scored_steps, 1_500 - truncation_horizon(0.9));
+        assert_eq!(outcome.updates, 6_000 - 1 - 15);
+    }
+}
+
+#[test]
+fn a_ring_of_states_gets_its_true_values() {
+    let width = 5;
+    let states: Vec<f32> =
+        (0..width * width).map(|i| if i % (width + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    let stream = unbroken(states, width, (0..8_000).map(|t| t % width));
+    for outcome in run(&stream, &[linear()], Scoring::Final(0.25)) {
+        // o = 1 every fifth step: mean return 1/5 / (1 − γ) = 2, spread known.
+        assert!((outcome.mean_return - 2.0).abs() < 0.01, "{outcome:?}");
+        assert!(outcome.rmse_over_std < 0.05, "{outcome:?}");
+        let curve = &outcome.curve;
+        assert_eq!(curve.len(), 20);
+        assert!(curve[0].rmse > 10.0 * curve[19].rmse, "{curve:?}");
+    }
+}
+
+#[test]
+fn a_network_predicts_a_wave() {
+    let stream = waves(6_000);
+    let outcome = &run(&stream, &[mlp()], Scoring::Final(0.25))[0];
+    assert!(outcome.rmse_over_std < 0.2, "{outcome:?}");
+}
+
+/// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.
+#[test]
+fn the_online_agent_is_the_textbooks() {
+    let wave = waves(120);
+    let values: Vec<f32> = (0..120).flat_map(|t| wave.state(t).to_vec()).collect();
+    let states = States::new(values, 120, 2).expect("valid");
+    let segments = Segments::from_lengths([50, 1, 30, 39]).expect("valid");
+    let stream = RowStream::replay(states, &segments);
+    let config = AgentConfig { replay: ReplayKind::None, gamma: 0.6, ..linear() };
+    let outcome = &run(&stream, std::slice::from_ref(&config), Scoring::Final(0.5))[0];
+
+    let initial = calib_nn::Mlp::new(&[2, 1], Seed::new(5).child("parameters"));
+    let mut w: Vec<f64> = initial.parameters().iter().map(|&p| f64::from(p)).collect();
+    let x = |t: usize| {
+        let state = stream.state(t);
+        [f64::from(state[0]), f64::from(state[1]), 1.0]
+    };
+    let value = |w: &[f64], x: [f64; 3]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();
+    let returns = discounted_returns(&stream, 0, config.gamma);
+    let horizon = truncation_horizon(config.gamma);
+    let g = |t: usize| returns[t];
+    let (mut sum, mut count, mut updates) = (0.0, 0, 0);
+    for piece in [0..50, 50..51, 51..81, 81..120] {
+        for t in piece.start..piece.end - 1 {
+            if t >= 60 && t < piece.end - horizon {
+                sum += (value(&w, x(t)) - g(t)).powi(2);
+                count += 1;
+            }
+            let td_error = x(t + 1)[0] + config.gamma * value(&w, x(t + 1)) - value(&w, x(t));
+            for (w, x) in w.iter_mut().zip(x(t)) {
+                *w += config.learning_rate * td_error * x;
+            }
+            updates += 1;
+        }
+    }
+    assert_eq!(outcome.scored_steps, count);
+    assert_eq!(outcome.updates, updates);
+    let expected = (sum / f64::from(count as u32)).sqrt();
+    assert!((outcome.rmse - expected).abs() < 1e-5, "{} {expected}", outcome.rmse);
+}
+
+#[test]
+fn a_population_changes_nothing_about_its_agents() {
+    let stream = waves(400);
+    let agents = [
+        AgentConfig { learning_rate: 1e-2, ..mlp() },
+        linear(),
+        AgentConfig { learning_rate: 1e-4, ..mlp() },
+        AgentConfig { learning_rate: 1e3, optimiser: OptimiserKind::Sgd, ..mlp() },
+        AgentConfig { hidden_units: 7, hidden_layers: 3, updates_per_step: 2, ..mlp() },
+        AgentConfig { optimiser: OptimiserKind::Adam, learning_rate: 1e-2, ..linear() },
+        AgentConfig { target_network_period: 10, ..mlp() },
+        AgentConfig { target_network_period: 7, ..linear() },
+        AgentConfig { gamma: 0.5, ..linear() },
+        AgentConfig { learning_rate: 1e8, ..linear() },
+        AgentConfig { replay: ReplayKind::None, ..mlp() },
+        AgentConfig { replay: ReplayKind::None, weight_decay: 0.1, ..linear() },
+        AgentConfig { replay: ReplayKind::None, learning_rate: 0.02, ..linear() },
+        AgentConfig { replay_capacity: 50, ..linear() },
+    ];
+    assert_eq!(populations(&agents)[0], [0, 2, 3, 6]);
+    let together = run(&stream, &agents, Scoring::WholeRun);
+    assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
+    for (agent, outcome) in agents.iter().zip(&together) {
+        let alone = run(&stream, std::slice::from_ref(agent), Scoring::WholeRun);
+        assert_eq!(&alone[0], outcome, "{agent:?}");
+    }
+    let mut errors: Vec<f64> = together.iter().map(|outcome| outcome.rmse).collect();
+    errors.dedup();
+    assert_eq!(errors.len(), agents.len(), "every field has an effect");
+}
+
+#[test]
+fn divergence_is_an_outcome() {
+    let stream = waves(500);
+    let agents = [AgentConfig { learning_rate: 50.0, ..linear() }, linear()];
+    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    let diverged = &outcomes[0];
+    let step = diverged.diverged.expect("diverges");
+    assert!((16..200).contains(&step), "{step}");
+    assert_eq!((diverged.rmse, diverged.nrmse), (f64::INFINITY, f64::INFINITY));
+    assert_eq!(diverged.scored_steps, outcomes[1].scored_steps);
+    assert_eq!(diverged.curve.len(), step / 25);
+    assert!(diverged.updates < 200);
+    assert_eq!(outcomes[1].diverged, None);
+    assert!(outcomes[1].rmse.is_finite());
+}
+
+#[test]
+fn extreme_learning_rates_are_harmless() {
+    let stream = waves(300);
+    let agents =
+        [1e-40, 1e-43, 1e-6, 1.0].map(|learning_rate| AgentConfig { learning_rate, ..mlp() });
+    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    // Too small to move any parameter: predictions stay those of the initial network.
+    assert_eq!(outcomes[0], outcomes[1]);
+    assert!(outcomes[2].rmse < outcomes[0].rmse);
+    assert!(outcomes.iter().all(|outcome| outcome.rmse.is_finite()));
+}
+
+#[test]
+fn a_target_copied_after_every_update_is_no_target() {
+    let stream = waves(300);
+    let agents = [0, 1, 1_000_000]
+        .map(|target_network_period| AgentConfig { target_network_period, ..linear() });
+    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    assert_eq!(outcomes[0], outcomes[1]);
+    assert_ne!(outcomes[0].rmse, outcomes[2].rmse);
+}
+
+/// Three states, the last of which is not a number.
+struct Broken;
+
+impl Stream for Broken {
+    fn len(&self) -> usize {
+        3
+    }
+
+    fn width(&self) -> usize {
+        1
+    }
+
+    fn state(&self, t: usize) -> &[f32] {
+        &[&[0.0], &[1.0], &[f32::NAN]][t][..]
+    }
+
+    fn pieces(&self) -> &[std::ops::Range<usize>] {
+        std::slice::from_ref(&(0..3))
+    }
+}
+
+#[test]
+fn bad_requests_are_refused() {
+    let stream = waves(30);
+    let attempt = |stream: &RowStream, cumulant, agent: AgentConfig| {
+        let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+        train(stream, cumulant, &[agent], scoring, curve, Seed::new(1), &Silent)
+            .expect_err("refused")
+            .to_string()
+    };
+    assert_eq!(
+        attempt(&stream, 2, linear()),
+        "cumulant column 2 does not exist: expected a column below 2, the width of a state"
+    );
+    assert!(
+        attempt(&stream, 0, linear())
+            .starts_with("no step can be scored: with gamma = 0.9 the last 44")
+    );
+    assert!(attempt(&stream, 0, AgentConfig { gamma: 1.0, ..linear() }).contains("`gamma`"));
+    let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+    let broken = train(&Broken, 0, &[linear()], scoring, curve, Seed::new(1), &Silent);
+    assert_eq!(
+        broken.expect_err("refused").to_string(),
+        "cumulant column 0 is NaN at step 2: expected finite states"
+    );
+    let empty = unbroken(vec![0.0], 1, []);
+    assert!(attempt(&empty, 0, linear()).starts_with("no step can be scored"));
+}
+
+#[derive(Default)]
+struct Impatient {
+    advanced: AtomicU64,
+    patience: u64,
+}
+
+impl Monitor for Impatient {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, units: u64) {
+        self.advanced.fetch_add(units, Ordering::Relaxed);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.advanced.load(Ordering::Relaxed) >= self.patience
+    }
+}
+
+#[test]
+fn the_monitor_sees_the_stream_once_and_can_stop() {
+    let stream = waves(1_000);
+    let agents = [linear(), mlp(), AgentConfig { gamma: 0.5, ..linear() }];
+    let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+    let seen = |patience| {
+        let monitor = Impatient { patience, ..Impatient::default() };
+        let result = train(&stream, 0, &agents, scoring, curve, Seed::new(1), &monitor);
+        (result, monitor.advanced.into_inner())
+    };
+    let (finished, advanced) = seen(u64::MAX);
+    assert!(finished.is_ok());
+    assert_eq!(advanced, 1_000);
+    let (stopped, advanced) = seen(500);
+    assert_eq!(stopped, Err(AgentError::Interrupted));
+    assert!((500..600).contains(&advanced), "{advanced}");
+}

@@ -1,0 +1,87 @@
+use calib_core::{Seed, Stream};
+use calib_nn::{AdamRule, Optimiser, SgdRule};
+
+use crate::{AgentConfig, OptimiserKind};
+
+/// The transitions of one update, by the steps they start from.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    pub(crate) stream: &'a dyn Stream,
+    /// The state column that is predicted.
+    pub(crate) cumulant: usize,
+    pub(crate) starts: &'a [usize],
+    /// The step whose prediction is to be recorded before this update, if it was not yet.
+    pub(crate) present: Option<usize>,
+}
+
+/// What one agent's update came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Learned {
+    /// The value of the present state before the update, where the batch asks for it.
+    pub(crate) prediction: Option<f32>,
+    /// Whether every TD error was finite.
+    pub(crate) finite: bool,
+}
+
+/// The value functions of a population: agents of one kind and shape that learn from the same batches.
+///
+/// What an agent computes does not depend on who else is in the population.
+pub(crate) trait Values {
+    /// v(state) of one agent.
+    fn predict(&mut self, agent: usize, state: &[f32]) -> f32;
+
+    /// One semi-gradient step of each agent in `live` on the same batch; `learned[i]` is that of
+    /// `live[i]`. The loss is the mean of ½δ², the target held fixed, so one step of gradient descent
+    /// without replay is the textbook's `θ ← θ + α δ ∇v(s_t)`.
+    fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]);
+
+    /// Whether all parameters of one agent are finite.
+    fn is_finite(&self, agent: usize) -> bool;
+}
+
+/// The seed of initial parameters: the same for all agents of a run.
+pub(crate) fn parameter_seed(seed: Seed) -> Seed {
+    seed.child("parameters")
+}
+
+pub(crate) fn optimiser(config: &AgentConfig, parameters: usize) -> Optimiser {
+    match config.optimiser {
+        OptimiserKind::Adam => Optimiser::adam(
+            AdamRule {
+                learning_rate: config.learning_rate,
+                beta1: config.beta1,
+                beta2: config.beta2,
+                epsilon: config.epsilon,
+                weight_decay: config.weight_decay,
+            },
+            parameters,
+        ),
+        OptimiserKind::Sgd => Optimiser::sgd(SgdRule {
+            learning_rate: config.learning_rate,
+            weight_decay: config.weight_decay,
+        }),
+    }
+}
+
+/// Counts updates and says when the target network is due for a copy.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TargetClock {
+    period: usize,
+    updates: usize,
+}
+
+impl TargetClock {
+    pub(crate) fn new(period: usize) -> Self {
+        Self { period, updates: 0 }
+    }
+
+    pub(crate) fn is_on(self) -> bool {
+        self.period > 0
+    }
+
+    /// Count one update; whether a copy is due after it.
+    pub(crate) fn tick(&mut self) -> bool {
+        self.updates += 1;
+        self.is_on() && self.updates.is_multiple_of(self.period)
+    }
+}
