@@ -1,0 +1,172 @@
+use calib_core::{Seed, Timestamp};
+use rayon::prelude::*;
+
+use crate::{
+    ChannelInfo, OptionsError, PlantOptions, catalogue,
+    channel::Channel,
+    faults::{DayGrid, arrivals},
+    process::Process,
+    signal::{Frame, Signals},
+    synthesis,
+};
+
+/// Filters and lags look back this far, s.
+const HISTORY_SECS: f64 = 3600.0;
+
+/// One day of the log.
+#[derive(Clone, Debug)]
+pub struct DayLog {
+    /// Number of the day, from 0.
+    pub day: u32,
+    /// When the day begins: the plant's start plus whole days.
+    pub start: Timestamp,
+    /// Time of each row, in order; a repeated time is a row written twice.
+    pub timestamps: Vec<Timestamp>,
+    /// `columns[channel][row]`, in the order of [`Plant::schema`]; NaN is a missing value.
+    pub columns: Vec<Vec<f32>>,
+}
+
+/// A simulated plant that writes its log day by day.
+///
+/// An iterator of [`DayLog`]s. Only one day is held at a time (4 bytes per value and a tenth more).
+/// A day follows from the options and from the state at its beginning; [`Plant::skip_day`] advances
+/// the state without making the log, and the days after it are the same to the bit as if it had
+/// been made. Columns are made in parallel and do not depend on the number of threads.
+///
+/// ```
+/// use calib_plant::{Fate, Plant, PlantOptions};
+/// use calib_core::Period;
+///
+/// let options = PlantOptions {
+///     period: Period::from_secs(60.0).expect("positive"),
+///     ..PlantOptions::default()
+/// };
+/// let mut plant = Plant::new(options)?;
+/// assert_eq!(plant.schema()[0].name, "PIT300");
+/// plant.skip_day();
+/// let second = plant.next().expect("two days");
+/// assert_eq!((second.day, second.columns.len()), (1, plant.schema().len()));
+/// assert!(plant.next().is_none());
+/// # Ok::<(), calib_plant::OptionsError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Plant {
+    options: PlantOptions,
+    channels: Vec<Channel>,
+    schema: Vec<ChannelInfo>,
+    process: Process,
+    signals: Signals,
+    day: u32,
+}
+
+impl Plant {
+    /// The plant at the beginning of its first day.
+    ///
+    /// # Errors
+    /// If an option is outside its range.
+    pub fn new(options: PlantOptions) -> Result<Self, OptionsError> {
+        options.validate()?;
+        let channels = catalogue::channels(options.channels);
+        let history = (HISTORY_SECS / options.period.as_secs()).ceil() as usize;
+        Ok(Self {
+            schema: channels.iter().map(|channel| channel.info.clone()).collect(),
+            channels,
+            process: Process::new(&options),
+            signals: Signals::new(history),
+            day: 0,
+            options,
+        })
+    }
+
+    /// The options of the plant.
+    pub fn options(&self) -> &PlantOptions {
+        &self.options
+    }
+
+    /// The truth about every channel, in the order of the columns.
+    pub fn schema(&self) -> &[ChannelInfo] {
+        &self.schema
+    }
+
+    /// Number of the next day.
+    pub fn day(&self) -> u32 {
+        self.day
+    }
+
+    /// Number of days of the whole log; the last may be a part of one.
+    pub fn days(&self) -> u32 {
+        self.options.days.ceil() as u32
+    }
+
+    /// Instants of the whole log: its rows, if there were neither gaps nor duplicates.
+    pub fn instants(&self) -> u64 {
+        self.options.instants() as u64
+    }
+
+    /// Let the next day pass without making its log. Returns its number, or `None` after the last.
+    pub fn skip_day(&mut self) -> Option<u32> {
+        self.pass_day().map(|grid| grid.day)
+    }
+
+    /// Run the process through the next day.
+    fn pass_day(&mut self) -> Option<DayGrid> {
+        let first = self.options.first_instant(self.day);
+        let rows = (self.options.first_instant(self.day + 1) - first) as usize;
+        if rows == 0 {
+            return None;
+        }
+        let grid =
+            DayGrid { day: self.day, first, rows, period_secs: self.options.period.as_secs() };
+        self.signals.begin_day();
+        let mut frame = Frame::zero();
+        for _ in 0..rows {
+            self.process.next_row(&mut frame);
+            self.signals.push(&frame);
+        }
+        self.day += 1;
+        Some(grid)
+    }
+
+    /// The instants of the day that were written, in order, with repeats.
+    fn written(&self, grid: &DayGrid) -> Vec<usize> {
+        let mut rows: Vec<usize> = (0..grid.rows).collect();
+        for gap in synthesis::gaps(&self.options, grid).into_iter().rev() {
+            rows.drain(gap);
+        }
+        let seed: Seed = self.options.seed.child("duplicates");
+        let mut rng = seed.number(u64::from(grid.day)).rng();
+        for at in arrivals(self.options.duplicates_per_day, &mut rng).iter().rev() {
+            let position = ((at * rows.len() as f64) as usize).min(rows.len() - 1);
+            rows.insert(position, rows[position]);
+        }
+        rows
+    }
+}
+
+impl Iterator for Plant {
+    type Item = DayLog;
+
+    fn next(&mut self) -> Option<DayLog> {
+        let grid = self.pass_day()?;
+        let written = self.written(&grid);
+        let whole = written.len() == grid.rows && written.is_sorted_by(|a, b| a < b);
+        let columns = self
+            .channels
+            .par_iter()
+            .map(|channel| {
+                let values = synthesis::column(channel, &self.options, &self.signals, &grid);
+                if whole { values } else { written.iter().map(|&row| values[row]).collect() }
+            })
+            .collect();
+        let (start, period) = (self.options.start, self.options.period);
+        Some(DayLog {
+            day: grid.day,
+            start: Timestamp::from_micros(start.as_micros() + i64::from(grid.day) * 86_400_000_000),
+            timestamps: written
+                .iter()
+                .map(|&row| start.plus(period, grid.first + row as i64))
+                .collect(),
+            columns,
+        })
+    }
+}

@@ -1,0 +1,205 @@
+use calib_core::Rng;
+
+use crate::{
+    Mode,
+    fluctuation::{Fluctuation, Follower},
+    hydraulics::{Demand, Hydraulics},
+    membrane::{Membrane, viscosity},
+    options::PlantOptions,
+    quality::Quality,
+    schedule::Schedule,
+    signal::{Frame, Signal},
+    weather::{Conditions, Weather},
+};
+
+/// The longest step of the process, s: coarser logs are integrated in between their rows.
+const LONGEST_STEP: f64 = 5.0;
+/// The synchronisation timer wraps after this many seconds, which no usual period divides.
+const SYNC_SECS: f64 = 119.965;
+
+/// The plant itself, without instruments: carried from row to row, and the same whether or not
+/// anybody looks at the rows.
+#[derive(Clone, Debug)]
+pub(crate) struct Process {
+    period_secs: f64,
+    steps_per_row: u32,
+    row: i64,
+    rng: Rng,
+    schedule: Schedule,
+    weather: Weather,
+    membrane: Membrane,
+    hydraulics: Hydraulics,
+    quality: Quality,
+    pressure: Follower,
+    pulsation: Fluctuation,
+    permeability: f64,
+    pump_hours: f64,
+    cycles: u32,
+    demand: Demand,
+}
+
+impl Process {
+    pub(crate) fn new(options: &PlantOptions) -> Self {
+        let period_secs = options.period.as_secs();
+        let steps_per_row = (period_secs / LONGEST_STEP).ceil().max(1.0) as u32;
+        let step_secs = period_secs / f64::from(steps_per_row);
+        let mut rng = options.seed.child("process").rng();
+        let mut weather = Weather::new(options, step_secs);
+        let conditions = weather.step(0.0);
+        Self {
+            period_secs,
+            steps_per_row,
+            row: 0,
+            schedule: Schedule::new(options.seed.child("schedule")),
+            membrane: Membrane::new(step_secs),
+            hydraulics: Hydraulics::new(step_secs, &mut rng),
+            quality: Quality::new(&conditions, step_secs, &mut rng),
+            pressure: Follower::new(0.0, 5.0, step_secs),
+            pulsation: Fluctuation::new(0.35, 12.0, step_secs, &mut rng),
+            permeability: 0.0,
+            pump_hours: 0.0,
+            cycles: 0,
+            demand: Demand::default(),
+            weather,
+            rng,
+        }
+    }
+
+    /// The signals of the next row.
+    pub(crate) fn next_row(&mut self, frame: &mut Frame) {
+        let steps = if self.row == 0 { 1 } else { self.steps_per_row };
+        let now = self.row as f64 * self.period_secs;
+        let step_secs = self.period_secs / f64::from(self.steps_per_row);
+        for left in (0..steps).rev() {
+            let t = now - f64::from(left) * step_secs;
+            let conditions = self.step(t, step_secs);
+            if left == 0 {
+                self.record(t, &conditions, frame);
+            }
+        }
+        self.row += 1;
+    }
+
+    fn step(&mut self, t: f64, step_secs: f64) -> Conditions {
+        while self.schedule.ends() <= t {
+            self.schedule.advance();
+            let mode = self.schedule.mode();
+            self.membrane.enter(mode, &mut self.rng);
+            self.quality.enter(mode, &mut self.rng);
+            self.cycles += u32::from(mode == Mode::BackPulse);
+        }
+        let conditions = self.weather.step(t);
+        let (mode, began) = (self.schedule.mode(), self.schedule.began());
+        let lasting = self.schedule.ends() - began;
+        let level = self.hydraulics.level();
+        let target = production_target(conditions.hour);
+        self.demand = Demand::of(mode, t - began, lasting, level, target);
+        self.hydraulics.step(&self.demand, &mut self.rng);
+        let flow = self.hydraulics.net_flow();
+        self.quality.step(
+            mode,
+            &conditions,
+            self.hydraulics.feed_flow(),
+            self.demand.permeate,
+            &mut self.rng,
+        );
+        self.membrane.step(mode, flow, self.quality.turbidity());
+        let celsius = self.quality.tank_temperature();
+        let still = match mode {
+            // Air holds the membrane under pressure and slowly leaks.
+            Mode::IntegrityTest => 66.0 * (-(t - began) / 9000.0).exp(),
+            _ => 0.0,
+        };
+        self.pressure.step(still + self.membrane.pressure(flow, celsius));
+        self.pulsation.step(&mut self.rng);
+        if self.demand.permeate > 0.0 {
+            self.pump_hours = (self.pump_hours + step_secs / 3600.0) % 10_000.0;
+        }
+        conditions
+    }
+
+    fn record(&mut self, t: f64, conditions: &Conditions, frame: &mut Frame) {
+        let flow = self.hydraulics.net_flow();
+        let pressure = self.pressure.value + self.pulsation.value() * flow.abs().sqrt();
+        if self.demand.permeate > 0.0 && self.pressure.value > 3.0 {
+            let celsius = self.quality.tank_temperature();
+            self.permeability = 1000.0 * flow * viscosity(celsius) / self.pressure.value;
+        }
+        self.hydraulics.record(&self.demand, pressure, frame);
+        self.quality.record(frame);
+        frame[Signal::Pressure] = pressure;
+        frame[Signal::Mode] = f64::from(self.schedule.mode().number());
+        frame[Signal::ProductionSetpoint] = production_target(conditions.hour);
+        frame[Signal::AirTemperature] = conditions.air;
+        frame[Signal::Permeability] = self.permeability;
+        frame[Signal::StepTimer] = t - self.schedule.began();
+        frame[Signal::SyncTimer] = 1000.0 * (t % SYNC_SECS);
+        frame[Signal::PumpHours] = self.pump_hours;
+        frame[Signal::Cycles] = f64::from(self.cycles % 10_000);
+    }
+}
+
+/// Permeate flow wanted in production, L/s: less at night.
+fn production_target(hour: f64) -> f64 {
+    if (6.0..22.0).contains(&hour) { 0.3 } else { 0.25 }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Period;
+
+    use super::*;
+
+    fn rows(period_secs: f64, count: usize) -> Vec<Frame> {
+        let options = PlantOptions {
+            period: Period::from_secs(period_secs).unwrap(),
+            ..PlantOptions::default()
+        };
+        let mut process = Process::new(&options);
+        let mut frame = Frame::zero();
+        (0..count)
+            .map(|_| {
+                process.next_row(&mut frame);
+                frame.clone()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_signal_stays_within_its_range() {
+        for frame in rows(5.0, 30 * 17_280) {
+            for info in crate::signal::SIGNALS {
+                let (low, high) = info.range;
+                let value = frame[info.signal];
+                assert!(value >= low && value <= high, "{} is {value}", info.tag);
+            }
+        }
+    }
+
+    #[test]
+    fn the_modes_are_the_same_at_any_period() {
+        let fine = rows(1.0, 86_400);
+        let coarse = rows(60.0, 1440);
+        for (minute, frame) in coarse.iter().enumerate() {
+            assert_eq!(frame[Signal::Mode], fine[minute * 60][Signal::Mode]);
+        }
+    }
+
+    #[test]
+    fn averages_are_the_same_at_any_period() {
+        let (fine, coarse) = (rows(1.0, 2 * 86_400), rows(30.0, 2 * 2880));
+        for signal in [
+            Signal::Pressure,
+            Signal::PermeateFlow,
+            Signal::MembraneTankLevel,
+            Signal::PermeateTotal,
+            Signal::Turbidity,
+        ] {
+            let mean = |rows: &[Frame]| {
+                rows.iter().map(|frame| frame[signal]).sum::<f64>() / rows.len() as f64
+            };
+            let (a, b) = (mean(&fine), mean(&coarse));
+            assert!((a / b - 1.0).abs() < 0.05, "{signal:?} {a} {b}");
+        }
+    }
+}

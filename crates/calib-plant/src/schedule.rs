@@ -1,0 +1,152 @@
+use calib_core::{Rng, Seed};
+
+use crate::{
+    Mode,
+    options::SECONDS_PER_DAY,
+    statistics::{PASSAGES, Passage, duration_at},
+};
+
+/// Days from one chemical clean to the next are uniform in this range (our choice).
+const DAYS_BETWEEN_CLEANS: (f64, f64) = (18.0, 24.0);
+
+/// The operating modes as a semi-Markov process in continuous time.
+///
+/// When a mode is entered its successor j is drawn with `p_ij = n_ij / Σ_j n_ij`, then its duration
+/// from the tabulated quantiles of the passages i → j ([`PASSAGES`]). Instants are in seconds since
+/// the start of the plant, and do not depend on how often the plant is sampled.
+#[derive(Clone, Debug)]
+pub(crate) struct Schedule {
+    rng: Rng,
+    mode: Mode,
+    next: Mode,
+    began: f64,
+    ends: f64,
+    clean_due: f64,
+}
+
+impl Schedule {
+    /// A schedule that enters production at time zero.
+    pub(crate) fn new(seed: Seed) -> Self {
+        let mut rng = seed.rng();
+        let clean_due = rng.uniform(4.0, DAYS_BETWEEN_CLEANS.1) * SECONDS_PER_DAY;
+        let mut schedule = Self {
+            rng,
+            mode: Mode::Production,
+            next: Mode::Production,
+            began: 0.0,
+            ends: 0.0,
+            clean_due,
+        };
+        schedule.enter(Mode::Production, 0.0);
+        schedule
+    }
+
+    /// The mode in force.
+    pub(crate) fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// When the mode in force began.
+    pub(crate) fn began(&self) -> f64 {
+        self.began
+    }
+
+    /// When it ends.
+    pub(crate) fn ends(&self) -> f64 {
+        self.ends
+    }
+
+    /// Go to the mode that follows, at the instant the present one ends.
+    pub(crate) fn advance(&mut self) {
+        let at = self.ends;
+        if self.mode == Mode::Production && at >= self.clean_due {
+            let (least, most) = DAYS_BETWEEN_CLEANS;
+            self.clean_due = at + self.rng.uniform(least, most) * SECONDS_PER_DAY;
+            self.enter(Mode::ChemicalClean, at);
+        } else {
+            self.enter(self.next, at);
+        }
+    }
+
+    fn enter(&mut self, mode: Mode, at: f64) {
+        let level = self.rng.unit();
+        let passage = self.draw_passage(mode);
+        self.mode = mode;
+        self.next = passage.to;
+        self.began = at;
+        self.ends = at + duration_at(&passage.seconds, level);
+    }
+
+    fn draw_passage(&mut self, from: Mode) -> &'static Passage {
+        let all = || PASSAGES.iter().filter(move |passage| passage.from == from);
+        let total: u32 = all().map(|passage| passage.count).sum();
+        let mut left = self.rng.below(total as usize) as u32;
+        for passage in all() {
+            if left < passage.count {
+                return passage;
+            }
+            left -= passage.count;
+        }
+        unreachable!("the counts sum to the total")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::OBSERVED;
+
+    /// Segments (mode, next mode, seconds) of `days` days.
+    fn segments(seed: u64, days: f64) -> Vec<(Mode, Mode, f64)> {
+        let mut schedule = Schedule::new(Seed::new(seed));
+        let mut segments = Vec::new();
+        while schedule.ends() < days * SECONDS_PER_DAY {
+            let (mode, began) = (schedule.mode(), schedule.began());
+            let seconds = schedule.ends() - began;
+            schedule.advance();
+            segments.push((mode, schedule.mode(), seconds));
+        }
+        segments
+    }
+
+    #[test]
+    fn time_in_the_modes_matches_the_pilot() {
+        let days = 1000.0;
+        let segments = segments(1, days);
+        for (mode, share, median, per_day) in OBSERVED {
+            let mut lengths: Vec<f64> = segments
+                .iter()
+                .filter(|segment| segment.0 == mode)
+                .map(|segment| segment.2)
+                .collect();
+            lengths.sort_unstable_by(f64::total_cmp);
+            let got_share = lengths.iter().sum::<f64>() / (days * SECONDS_PER_DAY);
+            let got_median = lengths[lengths.len() / 2];
+            let got_rate = lengths.len() as f64 / days;
+            assert!((got_share / share - 1.0).abs() < 0.08, "{mode:?} share {got_share}");
+            assert!((got_median / median - 1.0).abs() < 0.15, "{mode:?} median {got_median}");
+            assert!((got_rate / per_day - 1.0).abs() < 0.08, "{mode:?} rate {got_rate}");
+        }
+    }
+
+    #[test]
+    fn successors_have_their_frequencies() {
+        let segments = segments(2, 1000.0);
+        let of = |mode| segments.iter().filter(move |segment| segment.0 == mode);
+        let share = |from, to| {
+            of(from).filter(|segment| segment.1 == to).count() as f64 / of(from).count() as f64
+        };
+        let near = |got: f64, count: f64, all: f64| (got - count / all).abs() < 0.01;
+        assert!(near(share(Mode::Production, Mode::BackPulse), 731.0, 1119.0));
+        assert!(near(share(Mode::Production, Mode::Standby), 359.0, 1119.0));
+        assert!(near(share(Mode::BackPulse, Mode::DrainAndRefill), 740.0, 754.0));
+        assert!(near(share(Mode::DrainAndRefill, Mode::Production), 715.0, 739.0));
+    }
+
+    #[test]
+    fn cleans_come_about_every_three_weeks() {
+        let cleans =
+            segments(3, 1000.0).iter().filter(|segment| segment.0 == Mode::ChemicalClean).count();
+        assert!((42..=56).contains(&cleans), "{cleans} cleans in 1000 days");
+    }
+}

@@ -1,0 +1,345 @@
+//! The plant as its users see it: a log, its truth, and its repeatability.
+
+use calib_core::{Period, Seed};
+use calib_plant::{DayLog, Fate, MODE_CHANNEL, Mode, Plant, PlantOptions, ROLES};
+
+const DAY_SECS: i64 = 86_400;
+
+fn options(channels: usize, days: f64, period_secs: f64) -> PlantOptions {
+    PlantOptions {
+        channels,
+        days,
+        period: Period::from_secs(period_secs).expect("positive"),
+        ..PlantOptions::default()
+    }
+}
+
+fn log(options: &PlantOptions) -> Vec<DayLog> {
+    Plant::new(options.clone()).expect("valid options").collect()
+}
+
+/// One column over all days.
+fn series(log: &[DayLog], channel: usize) -> Vec<f32> {
+    log.iter().flat_map(|day| day.columns[channel].iter().copied()).collect()
+}
+
+fn position(plant: &Plant, name: &str) -> usize {
+    plant.schema().iter().position(|channel| channel.name == name).expect("a known channel")
+}
+
+/// What preprocessing finds: the paper drops missing (above 0.1) and constant sensors.
+fn found(values: &[f32]) -> Fate {
+    let missing = values.iter().filter(|value| value.is_nan()).count();
+    let mut present = values.iter().filter(|value| !value.is_nan());
+    if missing as f64 > 0.1 * values.len() as f64 {
+        Fate::Missing
+    } else if present.next().is_none_or(|first| present.all(|value| value == first)) {
+        Fate::Constant
+    } else {
+        Fate::Alive
+    }
+}
+
+/// Equal to the bit, missing values included.
+fn same(a: &DayLog, b: &DayLog) -> bool {
+    let bits = |day: &DayLog| -> Vec<Vec<u32>> {
+        let of = |column: &Vec<f32>| column.iter().map(|value| value.to_bits()).collect();
+        day.columns.iter().map(of).collect()
+    };
+    (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && bits(a) == bits(b)
+}
+
+#[test]
+fn preprocessing_finds_the_truth() {
+    for (channels, days, period_secs) in
+        [(3, 1.0, 1.0), (24, 1.0, 1.0), (64, 2.0, 60.0), (480, 1.0, 10.0), (480, 1.0, 60.0)]
+    {
+        for seed in 0..3 {
+            let options = PlantOptions {
+                seed: Seed::new(seed),
+                missing_fraction: 0.03,
+                gaps_per_day: 4.0,
+                stuck_per_day: 0.5,
+                ..options(channels, days, period_secs)
+            };
+            let log = log(&options);
+            let plant = Plant::new(options).unwrap();
+            for (at, channel) in plant.schema().iter().enumerate() {
+                let name = &channel.name;
+                assert_eq!(
+                    found(&series(&log, at)),
+                    channel.fate,
+                    "{name}, seed {seed}, period {period_secs}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn alive_channels_are_as_many_as_in_the_paper() {
+    let alive = |channels| {
+        let plant = Plant::new(options(channels, 1.0, 60.0)).unwrap();
+        plant.schema().iter().filter(|channel| channel.fate == Fate::Alive).count()
+    };
+    assert_eq!((alive(24), alive(64), alive(480)), (21, 46, 142));
+}
+
+#[test]
+fn the_first_channels_are_the_roles_and_the_mode() {
+    let plant = Plant::new(options(24, 1.0, 60.0)).unwrap();
+    let names: Vec<&str> = plant.schema().iter().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(names[..3], ROLES);
+    assert_eq!(names[3], MODE_CHANNEL);
+}
+
+#[test]
+fn a_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
+    let options =
+        PlantOptions { gaps_per_day: 6.0, duplicates_per_day: 3.0, ..options(480, 3.5, 10.0) };
+    let in_sequence = log(&options);
+    assert_eq!(in_sequence.len(), 4);
+    for skipped in 1..4 {
+        let mut plant = Plant::new(options.clone()).unwrap();
+        for day in 0..skipped {
+            assert_eq!(plant.skip_day(), Some(day));
+        }
+        let after: Vec<DayLog> = plant.collect();
+        assert_eq!(after.len(), 4 - skipped as usize);
+        for (a, b) in in_sequence[skipped as usize..].iter().zip(&after) {
+            assert!(same(a, b), "day {} after skipping {skipped}", a.day);
+        }
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_and_do_on_the_seed() {
+    let options = options(64, 1.0, 10.0);
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| log(&options))
+    };
+    let (one, four) = (with_threads(1), with_threads(4));
+    assert!(same(&one[0], &four[0]));
+    let other = log(&PlantOptions { seed: Seed::new(1), ..options.clone() });
+    assert!(!same(&one[0], &other[0]));
+}
+
+#[test]
+fn a_channel_does_not_depend_on_its_neighbours() {
+    let (small, large) = (options(24, 1.0, 10.0), options(480, 1.0, 10.0));
+    let (small_log, large_log) = (log(&small), log(&large));
+    let (small, large) = (Plant::new(small).unwrap(), Plant::new(large).unwrap());
+    for (at, channel) in small.schema().iter().enumerate() {
+        let there = position(&large, &channel.name);
+        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(
+            bits(&small_log[0].columns[at]),
+            bits(&large_log[0].columns[there]),
+            "{}",
+            channel.name
+        );
+    }
+}
+
+#[test]
+fn time_advances_by_the_period_but_for_gaps() {
+    let options = PlantOptions { gaps_per_day: 0.0, ..options(3, 2.5, 7.0) };
+    let log = log(&options);
+    let times: Vec<i64> =
+        log.iter().flat_map(|day| day.timestamps.iter().map(|time| time.as_micros())).collect();
+    assert_eq!(times.len(), Plant::new(options.clone()).unwrap().instants() as usize);
+    assert_eq!(times[0], options.start.as_micros());
+    assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 7_000_000));
+    for day in &log {
+        let into_day = |time: i64| time - day.start.as_micros();
+        assert!(into_day(day.timestamps[0].as_micros()) < 7_000_000);
+        assert!(into_day(day.timestamps.last().unwrap().as_micros()) < DAY_SECS * 1_000_000);
+        assert!(day.columns.iter().all(|column| column.len() == day.timestamps.len()));
+    }
+}
+
+#[test]
+fn gaps_and_duplicates_come_when_asked_for() {
+    let rate = |gaps_per_day, duplicates_per_day| {
+        let options = PlantOptions { gaps_per_day, duplicates_per_day, ..options(3, 60.0, 60.0) };
+        let log = log(&options);
+        let times: Vec<i64> =
+            log.iter().flat_map(|day| day.timestamps.iter().map(|time| time.as_micros())).collect();
+        let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(steps().all(|step| step >= 0));
+        let repeated = steps().filter(|&step| step == 0).count();
+        (steps().filter(|&step| step > 60_000_000).count(), repeated)
+    };
+    assert_eq!(rate(0.0, 0.0), (0, 0));
+    let (gaps, repeated) = rate(3.0, 5.0);
+    assert!((130..=230).contains(&gaps), "{gaps} gaps in 60 days");
+    assert!((240..=360).contains(&repeated), "{repeated} repeats in 60 days");
+}
+
+#[test]
+fn missing_values_have_the_wanted_share() {
+    for period_secs in [10.0, 60.0] {
+        let options = PlantOptions { missing_fraction: 0.01, ..options(4, 60.0, period_secs) };
+        let log = log(&options);
+        for channel in 0..4 {
+            let values = series(&log, channel);
+            let share =
+                values.iter().filter(|value| value.is_nan()).count() as f64 / values.len() as f64;
+            assert!((0.0075..0.0125).contains(&share), "channel {channel}: {share}");
+        }
+    }
+    let none = log(&PlantOptions { missing_fraction: 0.0, ..options(4, 2.0, 10.0) });
+    assert!(none.iter().all(|day| day.columns.iter().flatten().all(|value| !value.is_nan())));
+}
+
+#[test]
+fn the_log_shows_the_schedule_of_the_pilot() {
+    for period_secs in [5.0, 20.0] {
+        let log = log(&options(4, 120.0, period_secs));
+        let modes: Vec<f32> = series(&log, 3).into_iter().filter(|mode| !mode.is_nan()).collect();
+        let share = |mode: Mode| {
+            let number = f32::from(mode.number());
+            modes.iter().filter(|&&mode| mode == number).count() as f64 / modes.len() as f64
+        };
+        // Shares of the published November, which had no chemical clean.
+        for (mode, expected) in [
+            (Mode::Production, 0.7416),
+            (Mode::Standby, 0.1055),
+            (Mode::BackPulse, 0.0355),
+            (Mode::DrainAndRefill, 0.0966),
+        ] {
+            let got = share(mode);
+            assert!((got / expected - 1.0).abs() < 0.15, "{mode:?}: {got}, expected {expected}");
+        }
+        let clean = share(Mode::ChemicalClean);
+        assert!((0.003..0.02).contains(&clean), "{clean}");
+    }
+}
+
+#[test]
+fn pressure_builds_up_and_drops_after_a_back_pulse() {
+    let log =
+        log(&PlantOptions { gaps_per_day: 0.0, missing_fraction: 0.0, ..options(4, 10.0, 5.0) });
+    let (pressure, modes) = (series(&log, 0), series(&log, 3));
+    let number = |mode: Mode| f32::from(mode.number());
+    let mean = |rows: &[f32]| f64::from(rows.iter().sum::<f32>()) / rows.len() as f64;
+    let (mut before, mut after, mut pulse) = (Vec::new(), Vec::new(), Vec::new());
+    for start in 240..modes.len() - 240 {
+        let begins = modes[start] == number(Mode::BackPulse) && modes[start - 1] != modes[start];
+        let produced =
+            modes[start - 240..start].iter().all(|&mode| mode == number(Mode::Production));
+        if !begins || !produced {
+            continue;
+        }
+        // Twenty minutes of production, a back-pulse, a drain, and production again.
+        let next = (start..start + 100).find(|&row| modes[row] == number(Mode::Production));
+        let Some(next) =
+            next.filter(|next| modes[*next..next + 36].iter().all(|&mode| mode == modes[*next]))
+        else {
+            continue;
+        };
+        before.push(mean(&pressure[start - 12..start]));
+        pulse.push(mean(&pressure[start + 6..start + 18]));
+        after.push(mean(&pressure[next + 12..next + 36]));
+    }
+    assert!(before.len() > 30, "{} cycles in 10 days", before.len());
+    let drops =
+        before.iter().zip(&after).filter(|(before, after)| **after < **before - 1.0).count();
+    assert!(drops as f64 > 0.95 * before.len() as f64, "{drops} of {}", before.len());
+    assert!(pulse.iter().all(|&pressure| pressure < -10.0));
+}
+
+#[test]
+fn pressure_creeps_up_until_the_clean() {
+    let log = log(&options(4, 60.0, 60.0));
+    let (pressure, modes) = (series(&log, 0), series(&log, 3));
+    let clean = modes.iter().position(|&mode| mode == f32::from(Mode::ChemicalClean.number()));
+    let clean = clean.expect("a clean within 60 days");
+    let production = |rows: std::ops::Range<usize>| {
+        let values: Vec<f32> = rows
+            .filter(|&row| {
+                modes[row] == f32::from(Mode::Production.number()) && !pressure[row].is_nan()
+            })
+            .map(|row| pressure[row])
+            .collect();
+        values.iter().sum::<f32>() / values.len() as f32
+    };
+    let (first, last) = (production(0..1440), production(clean - 1440..clean));
+    let cleaned = production(clean + 360..clean + 1800);
+    assert!(last > first + 3.0 && cleaned < last - 3.0, "{first} {last} {cleaned}");
+}
+
+#[test]
+fn temperature_has_a_daily_cycle() {
+    let log = log(&PlantOptions { gaps_per_day: 0.0, ..options(3, 40.0, 60.0) });
+    let temperature = series(&log, 1);
+    let at = |hour: usize| {
+        let hours = temperature.chunks(1440).flat_map(|day| &day[hour * 60..(hour + 1) * 60]);
+        let present: Vec<f32> = hours.copied().filter(|value| !value.is_nan()).collect();
+        present.iter().sum::<f32>() / present.len() as f32
+    };
+    let swing = at(16) - at(4);
+    assert!((0.9..2.5).contains(&swing), "{swing} °C from 4 to 16 o'clock");
+}
+
+#[test]
+fn two_days_of_the_default_plant_have_something_to_predict() {
+    for seed in 0..6 {
+        let log = log(&PlantOptions { seed: Seed::new(seed), ..options(3, 2.0, 5.0) });
+        let spread = |channel: usize| {
+            let mut values = series(&log, channel);
+            values.retain(|value| !value.is_nan());
+            values.sort_unstable_by(f32::total_cmp);
+            let quantile = |q: f64| values[(q * (values.len() - 1) as f64) as usize];
+            (quantile(0.05), quantile(0.5), quantile(0.95), quantile(1.0))
+        };
+        let (low, middle, high, _) = spread(0);
+        assert!(low < 1.0 && middle > 10.0 && high > middle + 4.0, "PIT300 {low} {middle} {high}");
+        let (low, _, high, _) = spread(1);
+        assert!(high > low + 0.8, "TIT101 {low} {high}");
+        let (low, middle, high, top) = spread(2);
+        assert!(
+            low < 0.12 && high > middle + 0.05 && top > 0.3 && top <= 5.0,
+            "TUIT101 {low} {middle} {high} {top}"
+        );
+    }
+}
+
+#[test]
+fn noise_and_drift_can_be_switched_off() {
+    let plain = PlantOptions { noise: 0.0, drift: 0.0, stuck_per_day: 0.0, ..options(3, 2.0, 1.0) };
+    let noisy = PlantOptions { noise: 2.0, ..plain.clone() };
+    let drifting = PlantOptions { drift: 10.0, ..plain.clone() };
+    let temperature = |options: &PlantOptions| series(&log(options), 1);
+    let (plain, noisy, drifting) =
+        (temperature(&plain), temperature(&noisy), temperature(&drifting));
+    let difference = |other: &[f32]| -> Vec<f64> {
+        let pairs = plain.iter().zip(other).filter(|(a, b)| !a.is_nan() && !b.is_nan());
+        pairs.map(|(a, b)| f64::from(b - a)).collect()
+    };
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let noise = difference(&noisy);
+    let deviation = mean(&noise.iter().map(|x| x * x).collect::<Vec<_>>()).sqrt();
+    // Twice 0.0004 of the range of 30 °C.
+    assert!((deviation / 0.024 - 1.0).abs() < 0.05, "{deviation}");
+    let drift = difference(&drifting);
+    assert!(mean(&drift).abs() > 0.05 && drift.iter().all(|x| x.abs() < 1.3), "{}", mean(&drift));
+}
+
+#[test]
+fn stuck_periods_freeze_a_value() {
+    let longest_run = |stuck_per_day| {
+        let options = PlantOptions {
+            stuck_per_day,
+            missing_fraction: 0.0,
+            gaps_per_day: 0.0,
+            ..options(3, 1.0, 1.0)
+        };
+        let pressure = series(&log(&options), 0);
+        let runs = pressure.chunk_by(|a, b| a == b).map(<[f32]>::len);
+        runs.max().unwrap_or(0)
+    };
+    assert!(longest_run(0.0) < 30);
+    assert!(longest_run(8.0) > 300);
+}
