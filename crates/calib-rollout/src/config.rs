@@ -1,0 +1,102 @@
+use calib_core::RowIndex;
+use serde::{Deserialize, Serialize};
+
+/// The `[rollout]` section of a study.
+///
+/// | key | default | meaning |
+/// |---|---|---|
+/// | `steps` | 30000 | steps of each rollout (the paper's, on one week of data) |
+/// | `rollouts` | 3 | rollouts of each member |
+/// | `start` | `"random"` | start states: `"random"`, `"rows"`, `"recent"`, `"calendar_month"`, `"nearest"` |
+/// | `rows` | `[]` | for `"rows"`: rows of the data; rollout `r` takes entry `r` modulo their number |
+/// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
+/// | `absent` | `"external"` | for `"rows"`: what happens to a row that a member lacks: `"external"`, `"replace"` |
+/// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
+/// | `seed` | 0 | root of all draws |
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RolloutConfig {
+    /// Steps of each rollout.
+    pub steps: usize,
+    /// Rollouts of each member.
+    pub rollouts: usize,
+    /// Where rollouts start.
+    pub start: StartKind,
+    /// Start rows.
+    pub rows: Vec<RowIndex>,
+    /// Start rows by time, written as in the log.
+    pub timestamps: Vec<String>,
+    /// What happens to a start row that a member lacks.
+    pub absent: Absent,
+    /// Month of the start states, 1 to 12.
+    pub month: Option<u8>,
+    /// Root of all draws.
+    pub seed: u64,
+}
+
+impl Default for RolloutConfig {
+    fn default() -> Self {
+        Self {
+            steps: 30_000,
+            rollouts: 3,
+            start: StartKind::Random,
+            rows: Vec::new(),
+            timestamps: Vec::new(),
+            absent: Absent::External,
+            month: None,
+            seed: 0,
+        }
+    }
+}
+
+/// Names of the sources of start states; see [`StartSource`](crate::StartSource).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartKind {
+    /// Uniform over the member's transitions.
+    #[default]
+    Random,
+    /// Rows that are listed.
+    Rows,
+    /// The member's last rows.
+    Recent,
+    /// A month of the year, before the deployment.
+    CalendarMonth,
+    /// The nearest recorded states to states of the deployment period.
+    Nearest,
+}
+
+/// What happens to a start row that no transition of the member ends in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Absent {
+    /// The rollout starts there all the same: its first step is drawn from the nearest sources in the member.
+    #[default]
+    External,
+    /// The row is replaced by its nearest recorded state in the member.
+    Replace,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_section_is_the_documented_default() {
+        let config: RolloutConfig = toml::from_str("").expect("all keys have defaults");
+        assert_eq!(config, RolloutConfig::default());
+        assert_eq!((config.steps, config.rollouts), (30_000, 3));
+    }
+
+    #[test]
+    fn a_section_is_read() {
+        let text = "steps = 3000\nrollouts = 30\nstart = \"calendar_month\"\nmonth = 7\nabsent = \"replace\"";
+        let config: RolloutConfig = toml::from_str(text).expect("valid");
+        assert_eq!(config.start, StartKind::CalendarMonth);
+        assert_eq!((config.month, config.absent), (Some(7), Absent::Replace));
+        let rows: RolloutConfig = toml::from_str("start = \"rows\"\nrows = [3, 9]").expect("valid");
+        assert_eq!(rows.rows, [RowIndex(3), RowIndex(9)]);
+        assert!(toml::from_str::<RolloutConfig>("step = 3").is_err());
+        assert!(toml::from_str::<RolloutConfig>("start = \"latest\"").is_err());
+    }
+}

@@ -1,0 +1,65 @@
+use calib_core::RowIndex;
+use calib_knn::KnnError;
+
+/// Why there is no start state or no rollout.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// Start rows were asked for, but none are given.
+    #[error(
+        "`start` is \"rows\", but no rows or timestamps are given; list them in `rows` or `timestamps`"
+    )]
+    NoRows,
+    /// A start row is not a row of the data.
+    #[error("start row {} does not exist: the data has rows 0 to {}", row.0, rows - 1)]
+    UnknownRow {
+        /// The row asked for.
+        row: RowIndex,
+        /// Rows of the data.
+        rows: usize,
+    },
+    /// A month that is none.
+    #[error("`month` must be 1 to 12, got {got}")]
+    Month {
+        /// The number given.
+        got: u8,
+    },
+    /// The member has no data in the month.
+    #[error(
+        "member {member} has no rows in month {month} before the deployment; \
+         use `start` = \"random\" or \"nearest\", or more data"
+    )]
+    EmptyMonth {
+        /// The member.
+        member: usize,
+        /// The month, 1 to 12.
+        month: u8,
+    },
+    /// There is not a timestamp for each row of the data.
+    #[error("{timestamps} timestamps do not match {rows} rows")]
+    Timestamps {
+        /// Number of timestamps.
+        timestamps: usize,
+        /// Rows of the data.
+        rows: usize,
+    },
+    /// The deployment period has no states to start from.
+    #[error("`start` is \"nearest\", but the deployment period has no states")]
+    NoStates,
+    /// Every source in the member is forbidden to a start row.
+    #[error(
+        "row {} has no admissible neighbour in member {member}; lower `theiler`, or start elsewhere",
+        row.0
+    )]
+    NoNeighbor {
+        /// The start row.
+        row: RowIndex,
+        /// The member.
+        member: usize,
+    },
+    /// The search for start states failed.
+    #[error(transparent)]
+    Search(#[from] KnnError),
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}

@@ -1,0 +1,157 @@
+use calib_core::{Monitor, RowIndex, RowStream, Seed, States, TransitionIndex};
+use calib_knn::{Member, Weights};
+use rayon::prelude::*;
+
+use crate::{RolloutError, Start, StartState};
+
+/// Steps between two looks at the monitor.
+const BATCH: usize = 1 << 14;
+
+/// A trajectory of the model: recorded rows, in the order in which the model visits them.
+///
+/// From transition `i` a step draws `j` among its neighbours, emits `s'_j` and continues from `j` (the paper).
+/// So `rows[0]` is the start state, `rows[t + 1]` is the next row of `transitions[t]`, and a rollout of
+/// `steps` steps has `steps + 1` states. It cannot leave the data: it is a list of rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rollout {
+    rows: Vec<RowIndex>,
+    transitions: Vec<TransitionIndex>,
+    start: StartState,
+    seed: Seed,
+}
+
+impl Rollout {
+    /// The rows of the trajectory; one more than there are steps.
+    pub fn rows(&self) -> &[RowIndex] {
+        &self.rows
+    }
+
+    /// The transition drawn in each step.
+    pub fn transitions(&self) -> &[TransitionIndex] {
+        &self.transitions
+    }
+
+    /// Number of steps.
+    pub fn steps(&self) -> usize {
+        self.transitions.len()
+    }
+
+    /// Where it started.
+    pub fn start(&self) -> &StartState {
+        &self.start
+    }
+
+    /// The seed of its draws.
+    pub fn seed(&self) -> Seed {
+        self.seed
+    }
+
+    /// The trajectory as a stream for an agent, in one unbroken piece.
+    ///
+    /// `states` are the normalised states of the data; they need not be what distances were measured in.
+    ///
+    /// # Panics
+    /// If `states` lacks a row of the trajectory.
+    pub fn stream(&self, states: &States) -> RowStream {
+        RowStream::unbroken(states.clone(), self.rows.clone())
+    }
+}
+
+/// Roll `member` out for `steps` steps: a pure function of its arguments.
+///
+/// Weights other than [`Weights::Softmax`] use exactly rounded arithmetic only, so the trajectory is the same on
+/// every machine.
+///
+/// # Panics
+/// If the start is not one of the member's.
+pub fn rollout(
+    member: &Member<'_>,
+    start: &StartState,
+    steps: usize,
+    weights: Weights,
+    seed: Seed,
+) -> Rollout {
+    let mut walk = Walk::new(member, start, steps, seed);
+    walk.advance(steps, weights);
+    walk.rollout
+}
+
+/// The seed of rollout `number` of member `member`, wherever it is rolled out.
+pub fn rollout_seed(seed: Seed, member: usize, number: usize) -> Seed {
+    seed.child("member").number(member as u64).child("rollout").number(number as u64)
+}
+
+/// One rollout from each start, in parallel; rollout `r` is seeded by [`rollout_seed`].
+///
+/// Progress counts steps.
+///
+/// # Errors
+/// [`RolloutError::Interrupted`] if the monitor says so.
+pub fn rollouts(
+    member: &Member<'_>,
+    starts: &[StartState],
+    steps: usize,
+    weights: Weights,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Rollout>, RolloutError> {
+    monitor.begin("rollouts", starts.len() as u64 * steps as u64);
+    starts
+        .par_iter()
+        .enumerate()
+        .map(|(number, start)| {
+            let mut walk =
+                Walk::new(member, start, steps, rollout_seed(seed, member.number(), number));
+            for done in (0..steps).step_by(BATCH) {
+                if monitor.interrupted() {
+                    return Err(RolloutError::Interrupted);
+                }
+                let batch = BATCH.min(steps - done);
+                walk.advance(batch, weights);
+                monitor.advance(batch as u64);
+            }
+            Ok(walk.rollout)
+        })
+        .collect()
+}
+
+/// A rollout in progress.
+struct Walk<'a> {
+    member: &'a Member<'a>,
+    rng: calib_core::Rng,
+    rollout: Rollout,
+}
+
+impl<'a> Walk<'a> {
+    fn new(member: &'a Member<'a>, start: &StartState, steps: usize, seed: Seed) -> Self {
+        let mut rows = Vec::with_capacity(steps + 1);
+        rows.push(match &start.start {
+            Start::At(transition) => member.model().transitions().next(*transition),
+            Start::External { row, .. } => *row,
+        });
+        let transitions = Vec::with_capacity(steps);
+        Self {
+            member,
+            rng: seed.rng(),
+            rollout: Rollout { rows, transitions, start: start.clone(), seed },
+        }
+    }
+
+    fn advance(&mut self, steps: usize, weights: Weights) {
+        let Rollout { rows, transitions, start, .. } = &mut self.rollout;
+        let recorded = self.member.model().transitions();
+        for _ in 0..steps {
+            let drawn = match (transitions.last(), &start.start) {
+                (Some(&current), _) | (None, &Start::At(current)) => {
+                    self.member.draw(current, weights, &mut self.rng)
+                }
+                (None, Start::External { neighbors, .. }) => {
+                    let distances: Vec<f32> = neighbors.iter().map(|near| near.distance).collect();
+                    neighbors[weights.draw(&distances, &mut self.rng)].transition
+                }
+            };
+            transitions.push(drawn);
+            rows.push(recorded.next(drawn));
+        }
+    }
+}

@@ -1,0 +1,125 @@
+use calib_core::RowIndex;
+use serde::{Deserialize, Serialize};
+
+/// Rows from the continuation of the record within which a jump does not depart from it (our choice).
+const VICINITY: u32 = 10;
+
+/// Below this departure rate a rollout counts as a near-verbatim replay of the log (our choice): at one row
+/// a second the model then leaves the record less than once in a hundred seconds.
+const NEAR_VERBATIM: f64 = 0.01;
+
+/// How much rollouts jump, and how much they merely replay.
+///
+/// A step *jumps* if it does not continue the record: the row it emits is not the row after the current one,
+/// that is, the drawn transition is not the one that starts where the last one ended (`j ≠ i + 1`).
+/// A *run* is a maximal stretch of rows without a jump.
+///
+/// In a densely sampled log the neighbours of a row are itself and the rows beside it, so a rollout may jump
+/// in half of its steps and yet only shuffle along the record. So a jump also counts as a *departure* if the
+/// row it emits is more than 10 rows from the row that would have continued the record (our choice).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JumpStatistics {
+    /// Steps of all rollouts.
+    pub steps: usize,
+    /// Steps that jump.
+    pub jumps: usize,
+    /// `jumps / steps`; 0 without steps.
+    pub jump_rate: f64,
+    /// Jumps that depart from the vicinity of the record.
+    pub departures: usize,
+    /// `departures / steps`; 0 without steps.
+    pub departure_rate: f64,
+    /// Mean number of rows in a run; 0 without rows.
+    pub mean_run_length: f64,
+    /// Most rows in a run.
+    pub longest_run: usize,
+    /// Different rows visited.
+    pub distinct_rows: usize,
+}
+
+impl JumpStatistics {
+    /// The statistics of trajectories taken together; each is the rows of one rollout.
+    pub fn of<'a>(trajectories: impl IntoIterator<Item = &'a [RowIndex]>) -> Self {
+        let (mut rows, mut steps, mut departures) = (Vec::new(), 0, 0);
+        let (mut runs, mut longest_run) = (0, 0);
+        for trajectory in trajectories {
+            rows.extend_from_slice(trajectory);
+            steps += trajectory.len().saturating_sub(1);
+            let departs = |pair: &&[RowIndex]| pair[1].0.abs_diff(pair[0].0 + 1) > VICINITY;
+            departures += trajectory.windows(2).filter(departs).count();
+            for run in trajectory.chunk_by(|now, then| then.0 == now.0 + 1) {
+                runs += 1;
+                longest_run = longest_run.max(run.len());
+            }
+        }
+        let visited = rows.len();
+        rows.sort_unstable();
+        rows.dedup();
+        // Each trajectory has one run more than it has jumps, and one row more than steps.
+        let jumps = runs - (visited - steps);
+        let ratio = |a: usize, b: usize| if b == 0 { 0.0 } else { a as f64 / b as f64 };
+        Self {
+            steps,
+            jumps,
+            jump_rate: ratio(jumps, steps),
+            departures,
+            departure_rate: ratio(departures, steps),
+            mean_run_length: ratio(visited, runs),
+            longest_run,
+            distinct_rows: rows.len(),
+        }
+    }
+
+    /// Whether the rollouts mostly replay the log: a departure rate below 1 %. Worth a warning, with the
+    /// advice to set a `theiler` window, or `exclude_self` where rows are far apart in time.
+    pub fn near_verbatim(&self) -> bool {
+        self.steps > 0 && self.departure_rate < NEAR_VERBATIM
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(rows: &[u32]) -> Vec<RowIndex> {
+        rows.iter().copied().map(RowIndex).collect()
+    }
+
+    #[test]
+    fn runs_and_jumps_are_counted() {
+        let (a, b) = (rows(&[4, 5, 6, 2, 3, 3, 90]), rows(&[6, 7]));
+        let statistics = JumpStatistics::of([&a[..], &b[..]]);
+        assert_eq!((statistics.steps, statistics.jumps), (7, 3));
+        assert_eq!(statistics.jump_rate, 3.0 / 7.0);
+        assert_eq!(statistics.mean_run_length, 9.0 / 5.0);
+        assert_eq!((statistics.longest_run, statistics.distinct_rows), (3, 7));
+        assert_eq!((statistics.departures, statistics.departure_rate), (1, 1.0 / 7.0));
+        assert!(!statistics.near_verbatim());
+    }
+
+    #[test]
+    fn a_replay_is_near_verbatim() {
+        let replay: Vec<RowIndex> = (0..500).map(RowIndex).collect();
+        let statistics = JumpStatistics::of([&replay[..]]);
+        assert_eq!((statistics.jumps, statistics.longest_run), (0, 500));
+        assert!(statistics.near_verbatim());
+        // Shuffling along the record is no better, though every second step jumps.
+        let shuffle: Vec<RowIndex> = (0..500).map(|t| RowIndex(t + t % 4 / 2 * 3)).collect();
+        let statistics = JumpStatistics::of([&shuffle[..]]);
+        assert!(statistics.jump_rate > 0.4 && statistics.near_verbatim());
+        let away: Vec<RowIndex> = (0..500).map(|t| RowIndex(t % 50 * 11)).collect();
+        assert!(!JumpStatistics::of([&away[..]]).near_verbatim());
+    }
+
+    #[test]
+    fn nothing_has_no_statistics() {
+        let statistics = JumpStatistics::of([]);
+        assert_eq!(
+            (statistics.steps, statistics.jump_rate, statistics.mean_run_length),
+            (0, 0.0, 0.0)
+        );
+        assert!(!statistics.near_verbatim());
+        let single = JumpStatistics::of([&rows(&[3])[..]]);
+        assert_eq!((single.jumps, single.mean_run_length), (0, 1.0));
+    }
+}
