@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// | `drift` | 1 | 0 – 100 | factor on the slow drift of the instruments |
 /// | `noise` | 1 | 0 – 100 | factor on the white noise of the instruments |
 /// | `storms_per_day` | 6 | 0 – 200 | mean rate of turbidity bursts |
-/// | `missing_fraction` | 0.001 | 0 – 0.05 | expected share of missing values of a healthy channel |
+/// | `missing_fraction` | 0.0005 | 0 – 0.05 | expected share of missing values of a healthy channel |
 /// | `gaps_per_day` | 0.5 | 0 – 24 | mean rate of outages of the whole historian (absent rows) |
 /// | `stuck_per_day` | 0.02 | 0 – 10 | mean rate, per channel, of periods with a frozen value |
 /// | `duplicates_per_day` | 0 | 0 – 1,000 | mean rate of rows written twice |
@@ -65,7 +65,7 @@ impl Default for PlantOptions {
             drift: 1.0,
             noise: 1.0,
             storms_per_day: 6.0,
-            missing_fraction: 0.001,
+            missing_fraction: 0.0005,
             gaps_per_day: 0.5,
             stuck_per_day: 0.02,
             duplicates_per_day: 0.0,

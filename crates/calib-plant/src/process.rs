@@ -150,24 +150,23 @@ mod tests {
 
     use super::*;
 
-    fn rows(period_secs: f64, count: usize) -> Vec<Frame> {
+    fn rows(period_secs: f64, count: usize) -> impl Iterator<Item = Frame> {
         let options = PlantOptions {
             period: Period::from_secs(period_secs).unwrap(),
             ..PlantOptions::default()
         };
         let mut process = Process::new(&options);
         let mut frame = Frame::zero();
-        (0..count)
-            .map(|_| {
-                process.next_row(&mut frame);
-                frame.clone()
-            })
-            .collect()
+        (0..count).map(move |_| {
+            process.next_row(&mut frame);
+            frame.clone()
+        })
     }
 
     #[test]
     fn every_signal_stays_within_its_range() {
-        for frame in rows(5.0, 30 * 17_280) {
+        // A month at every step, then a year of hourly rows: summer, winter and many cleans.
+        for frame in rows(5.0, 30 * 17_280).chain(rows(3600.0, 24 * 365)) {
             for info in crate::signal::SIGNALS {
                 let (low, high) = info.range;
                 let value = frame[info.signal];
@@ -178,16 +177,16 @@ mod tests {
 
     #[test]
     fn the_modes_are_the_same_at_any_period() {
-        let fine = rows(1.0, 86_400);
-        let coarse = rows(60.0, 1440);
-        for (minute, frame) in coarse.iter().enumerate() {
+        let fine: Vec<Frame> = rows(1.0, 86_400).collect();
+        for (minute, frame) in rows(60.0, 1440).enumerate() {
             assert_eq!(frame[Signal::Mode], fine[minute * 60][Signal::Mode]);
         }
     }
 
     #[test]
     fn averages_are_the_same_at_any_period() {
-        let (fine, coarse) = (rows(1.0, 2 * 86_400), rows(30.0, 2 * 2880));
+        let fine: Vec<Frame> = rows(1.0, 2 * 86_400).collect();
+        let coarse: Vec<Frame> = rows(30.0, 2 * 2880).collect();
         for signal in [
             Signal::Pressure,
             Signal::PermeateFlow,
