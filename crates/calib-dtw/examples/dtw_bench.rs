@@ -1,0 +1,99 @@
+//! Times distances of series in raw files; the peer comparison in `scripts/peers/dtw.py` runs it.
+//!
+//! ```text
+//! dtw_bench MODE REPEATS PATTERNS QUERY.f64 REFERENCE.f64 [LENGTH]
+//! ```
+//!
+//! MODE: `distance` (each pattern alone), `together` (all patterns in one sweep), `align` (with
+//! the path). PATTERNS: names, separated by commas. The files hold little-endian `f64`; with
+//! LENGTH they hold that many samples a series, one pair after the other. Runs in one thread
+//! unless `RAYON_NUM_THREADS` says otherwise, and prints one line of JSON: seconds of each repeat,
+//! cells of a repeat, raw distances, peak memory in KiB.
+
+use std::{error::Error, fs, time::Instant};
+
+use calib_dtw::{Dtw, InstructionSet, PatternSet, Series, Settings, StepPattern};
+
+fn read(path: &str) -> Result<Vec<f64>, Box<dyn Error>> {
+    let bytes = fs::read(path)?;
+    let (values, rest) = bytes.as_chunks::<8>();
+    if !rest.is_empty() {
+        return Err(format!("{path} holds no whole number of f64").into());
+    }
+    Ok(values.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+}
+
+/// Peak resident memory of this process in KiB, where the system tells.
+fn peak_kib() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+fn run(
+    mode: &str,
+    patterns: &[StepPattern],
+    pairs: &[(Series<'_>, Series<'_>)],
+) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut raw = Vec::new();
+    if mode == "together" {
+        let set = PatternSet::new(patterns, Settings::default());
+        for distances in set.distances_of_pairs(pairs) {
+            for distance in distances? {
+                raw.push(distance?.raw);
+            }
+        }
+        return Ok(raw);
+    }
+    for pattern in patterns {
+        let dtw = Dtw::new(pattern.clone());
+        if mode == "align" {
+            for &(query, reference) in pairs {
+                raw.push(dtw.align(query, reference)?.distance.raw);
+            }
+        } else {
+            for distance in dtw.distances(pairs) {
+                raw.push(distance?.raw);
+            }
+        }
+    }
+    Ok(raw)
+}
+
+#[expect(clippy::print_stdout, reason = "the result of this program")]
+#[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [mode, repeats, names, query, reference, length @ ..] = arguments.as_slice() else {
+        return Err("usage: dtw_bench MODE REPEATS PATTERNS QUERY REFERENCE [LENGTH]".into());
+    };
+    if std::env::var_os("RAYON_NUM_THREADS").is_none() {
+        rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
+    }
+    let patterns = names.split(',').map(str::parse).collect::<Result<Vec<StepPattern>, _>>()?;
+    let (query, reference) = (read(query)?, read(reference)?);
+    let length = match length.first() {
+        Some(length) => length.parse()?,
+        None => query.len().max(reference.len()),
+    };
+    let pairs: Vec<_> = query
+        .chunks(length)
+        .zip(reference.chunks(length))
+        .map(|(query, reference)| (Series::new(query), Series::new(reference)))
+        .collect();
+    let cells: usize = pairs.iter().map(|(query, reference)| query.len() * reference.len()).sum();
+    let (mut seconds, mut raw) = (Vec::new(), Vec::new());
+    for _ in 0..repeats.parse()? {
+        let start = Instant::now();
+        raw = run(mode, &patterns, &pairs)?;
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    println!(
+        "{{\"seconds\": {seconds:?}, \"cells\": {}, \"raw\": {raw:?}, \"peak_kib\": {}, \
+         \"instructions\": \"{}\"}}",
+        cells * patterns.len(),
+        peak_kib().unwrap_or(0),
+        InstructionSet::best(),
+    );
+    Ok(())
+}

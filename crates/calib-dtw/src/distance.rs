@@ -1,0 +1,142 @@
+//! Distances of one pair, for one or several patterns.
+
+use crate::kernel::dispatch::InstructionSet;
+use crate::kernel::sweep::{Purpose, Sweep};
+use crate::{Branch, DtwError, Ends, NoPath, Normalisation, Role, Series, Settings, StepPattern};
+
+/// A warping distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distance {
+    /// Cumulated distance along the best path, in units of the local distance.
+    pub raw: f64,
+    /// The raw distance divided as the pattern says: a mean local distance.
+    /// `None` for patterns without normalisation.
+    pub normalised: Option<f64>,
+    /// Reference sample the path ends at: the last one, unless the end is open.
+    pub end: usize,
+}
+
+/// Checks that the pair can be compared at all.
+pub(crate) fn check(
+    patterns: &[StepPattern],
+    settings: Settings,
+    query: Series<'_>,
+    reference: Series<'_>,
+) -> Result<(), DtwError> {
+    let largest = f64::max(query.checked(Role::Query)?, reference.checked(Role::Reference)?);
+    if query.channels() != reference.channels() {
+        return Err(DtwError::Channels {
+            query: query.channels(),
+            reference: reference.channels(),
+        });
+    }
+    let steps = patterns.iter().flat_map(StepPattern::branches).flat_map(Branch::steps);
+    let weight = steps.map(|step| step.weight).fold(1.0, f64::max);
+    let cells = (query.len() + reference.len()) as f64;
+    let local = settings.local_distance.at_most(2.0 * largest, query.channels());
+    if !(local * weight * cells).is_finite() {
+        return Err(DtwError::TooLarge { largest });
+    }
+    if settings.ends.open_begin()
+        && let Some(pattern) = patterns.iter().find(|p| p.normalisation() != Normalisation::Query)
+    {
+        return Err(DtwError::OpenBegin {
+            pattern: pattern.name().to_owned(),
+            normalisation: pattern.normalisation(),
+        });
+    }
+    Ok(())
+}
+
+/// The best end of a path, given the cumulated distances of the last query sample.
+struct BestEnd<'a> {
+    pattern: &'a StepPattern,
+    ends: Ends,
+    query: usize,
+    reference: usize,
+    best: Option<Distance>,
+}
+
+impl BestEnd<'_> {
+    fn offer(&mut self, column: usize, raw: f64) {
+        if raw == f64::INFINITY || !(self.ends.open_end() || column + 1 == self.reference) {
+            return;
+        }
+        let normalised = self.pattern.normalise(raw, self.query, column + 1);
+        let rank = |raw: f64, normalised: Option<f64>| normalised.unwrap_or(raw);
+        if self.best.is_none_or(|best| rank(raw, normalised) < rank(best.raw, best.normalised)) {
+            self.best = Some(Distance { raw, normalised, end: column });
+        }
+    }
+}
+
+/// Outcome of [`distances`] for one pattern.
+pub(crate) enum Outcome {
+    Found(Distance),
+    /// Every path is longer than the bound.
+    Above,
+    NoPath,
+}
+
+/// Distances of a checked pair; gives up when every pattern is certain to exceed `bound`.
+pub(crate) fn distances(
+    set: InstructionSet,
+    patterns: &[StepPattern],
+    settings: Settings,
+    query: Series<'_>,
+    reference: Series<'_>,
+    bound: f64,
+) -> Vec<Outcome> {
+    let (n, m) = (query.len(), reference.len());
+    let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Distance);
+    for track in &mut sweep.patterns {
+        track.input = crate::kernel::sweep::entry(settings, track.halo, m);
+    }
+    let mut ends: Vec<_> = patterns
+        .iter()
+        .map(|pattern| BestEnd { pattern, ends: settings.ends, query: n, reference: m, best: None })
+        .collect();
+    let last = sweep.strips() - 1;
+    for number in 0..last {
+        sweep.run(number, m, |_, _| {});
+        let above = |halo: usize, least: f64| halo > 0 && least > bound;
+        if bound < f64::INFINITY
+            && sweep.patterns.iter().all(|track| above(track.halo, track.input.least()))
+        {
+            return patterns.iter().map(|_| Outcome::Above).collect();
+        }
+    }
+    let strip = sweep.strip(last);
+    let (lane, row) = strip.place(n - 1);
+    sweep.run(last, m, |time, tracks| {
+        let Some(column) = time.checked_sub(lane).filter(|column| *column < m) else {
+            return;
+        };
+        for (track, end) in tracks.iter().zip(&mut ends) {
+            end.offer(column, track.cumulated[0][track.halo + row].0[lane]);
+        }
+    });
+    ends.into_iter()
+        .map(|end| match end.best {
+            Some(distance) if distance.raw > bound => Outcome::Above,
+            Some(distance) => Outcome::Found(distance),
+            None => Outcome::NoPath,
+        })
+        .collect()
+}
+
+/// Turns an unbounded outcome into what users see.
+pub(crate) fn found(
+    outcome: &Outcome,
+    pattern: &StepPattern,
+    settings: Settings,
+    query: usize,
+    reference: usize,
+) -> Result<Distance, NoPath> {
+    match outcome {
+        Outcome::Found(distance) => Ok(*distance),
+        Outcome::Above | Outcome::NoPath => {
+            Err(NoPath::new(pattern, settings.window, query, reference))
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! One step pattern, ready to compare pairs.
+
+use rayon::prelude::*;
+
+use crate::distance::{Outcome, check, distances, found};
+use crate::kernel::dispatch::InstructionSet;
+use crate::path::trace;
+use crate::{
+    Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
+};
+
+/// Dynamic time warping with one step pattern.
+///
+/// | parameter | default | meaning |
+/// |---|---|---|
+/// | [`pattern`](StepPattern) | – | steps of a path, weights, normalisation |
+/// | [`local_distance`](LocalDistance) | absolute | distance of two samples |
+/// | [`window`](Window) | none | cells a path may visit |
+/// | [`ends`](Ends) | closed | ends of the reference that may stay unmatched |
+///
+/// ```
+/// use calib_dtw::{Dtw, StepPattern, Window};
+///
+/// let dtw = Dtw::new(StepPattern::symmetric2()).window(Window::SakoeChiba { radius: 2 });
+/// let distance = dtw.distance(&[0.0, 1.0, 2.0, 1.0], &[0.0, 0.0, 1.0, 2.5, 1.0])?;
+/// assert_eq!(distance.raw, 1.0);
+/// # Ok::<(), calib_dtw::DtwError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dtw {
+    pattern: StepPattern,
+    settings: Settings,
+    instruction_set: InstructionSet,
+}
+
+/// A distance and the path it belongs to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alignment {
+    /// The distance.
+    pub distance: Distance,
+    /// Matched samples (query, reference) from begin to end. Branches of several steps list every
+    /// cell they pay for; cells that a step jumps over are not listed.
+    pub path: Vec<(usize, usize)>,
+}
+
+impl Dtw {
+    /// The pattern with default settings.
+    pub fn new(pattern: StepPattern) -> Self {
+        Self::with_settings(pattern, Settings::default())
+    }
+
+    /// The pattern with these settings.
+    pub fn with_settings(pattern: StepPattern, settings: Settings) -> Self {
+        Self { pattern, settings, instruction_set: InstructionSet::best() }
+    }
+
+    /// Sets the local distance.
+    #[must_use]
+    pub fn local_distance(mut self, local_distance: LocalDistance) -> Self {
+        self.settings.local_distance = local_distance;
+        self
+    }
+
+    /// Sets the window.
+    #[must_use]
+    pub fn window(mut self, window: Window) -> Self {
+        self.settings.window = window;
+        self
+    }
+
+    /// Sets the ends.
+    #[must_use]
+    pub fn ends(mut self, ends: Ends) -> Self {
+        self.settings.ends = ends;
+        self
+    }
+
+    /// Computes with these instructions instead of the best; the results are the same.
+    ///
+    /// # Errors
+    /// If the processor lacks them.
+    pub fn instruction_set(mut self, set: InstructionSet) -> Result<Self, DtwError> {
+        if !InstructionSet::available().contains(&set) {
+            let instruction_set = set.name();
+            return Err(DtwError::Unsupported { instruction_set });
+        }
+        self.instruction_set = set;
+        Ok(self)
+    }
+
+    /// The step pattern.
+    pub fn pattern(&self) -> &StepPattern {
+        &self.pattern
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> Settings {
+        self.settings
+    }
+
+    fn outcome(
+        &self,
+        query: Series<'_>,
+        reference: Series<'_>,
+        bound: f64,
+    ) -> Result<Outcome, DtwError> {
+        let patterns = std::slice::from_ref(&self.pattern);
+        check(patterns, self.settings, query, reference)?;
+        let mut outcomes =
+            distances(self.instruction_set, patterns, self.settings, query, reference, bound);
+        Ok(outcomes.pop().unwrap_or(Outcome::NoPath))
+    }
+
+    fn no_path(&self, query: Series<'_>, reference: Series<'_>) -> NoPath {
+        NoPath::new(&self.pattern, self.settings.window, query.len(), reference.len())
+    }
+
+    /// The distance of a pair, in memory that grows with N + M.
+    ///
+    /// # Errors
+    /// If a series is empty, not finite or too large, the channels differ, or no path is
+    /// admissible.
+    pub fn distance<'a>(
+        &self,
+        query: impl Into<Series<'a>>,
+        reference: impl Into<Series<'a>>,
+    ) -> Result<Distance, DtwError> {
+        let (query, reference) = (query.into(), reference.into());
+        let outcome = self.outcome(query, reference, f64::INFINITY)?;
+        let (n, m) = (query.len(), reference.len());
+        Ok(found(&outcome, &self.pattern, self.settings, n, m)?)
+    }
+
+    /// The distance of a pair if the raw distance is `bound` at most, otherwise `None`, found out
+    /// early: for searches that already know something better.
+    ///
+    /// # Errors
+    /// As [`Dtw::distance`]; an inadmissible pair may also return `None`.
+    pub fn distance_within<'a>(
+        &self,
+        query: impl Into<Series<'a>>,
+        reference: impl Into<Series<'a>>,
+        bound: f64,
+    ) -> Result<Option<Distance>, DtwError> {
+        let (query, reference) = (query.into(), reference.into());
+        match self.outcome(query, reference, bound)? {
+            Outcome::Found(distance) => Ok(Some(distance)),
+            Outcome::Above => Ok(None),
+            Outcome::NoPath => Err(self.no_path(query, reference).into()),
+        }
+    }
+
+    /// The distances of many pairs (query, reference), in parallel on rayon's current pool; the
+    /// results do not depend on the number of threads.
+    pub fn distances(&self, pairs: &[(Series<'_>, Series<'_>)]) -> Vec<Result<Distance, DtwError>> {
+        pairs.par_iter().map(|&(query, reference)| self.distance(query, reference)).collect()
+    }
+
+    /// The distance and the path, in memory that grows with (N + M) log N: the path is found by
+    /// computing parts of the rectangle again, about twice the work of the distance.
+    ///
+    /// # Errors
+    /// As [`Dtw::distance`].
+    pub fn align<'a>(
+        &self,
+        query: impl Into<Series<'a>>,
+        reference: impl Into<Series<'a>>,
+    ) -> Result<Alignment, DtwError> {
+        let (query, reference) = (query.into(), reference.into());
+        let distance = self.distance(query, reference)?;
+        let path = trace(
+            self.instruction_set,
+            &self.pattern,
+            self.settings,
+            query,
+            reference,
+            distance.end,
+        );
+        Ok(Alignment { distance, path })
+    }
+}

@@ -1,0 +1,61 @@
+//! The last rows of a strip: all that the strip below needs of what lies above.
+
+use std::ops::Range;
+
+use crate::pattern::LONGEST_BRANCH;
+
+const CLOSED: [f64; LONGEST_BRANCH] = [f64::INFINITY; LONGEST_BRANCH];
+
+/// Cumulated distances `f64 [M, halo]` of the rows just above a strip, nearest row first.
+/// Outside `columns` all are +∞.
+#[derive(Clone, Debug)]
+pub(crate) struct Boundary {
+    values: Vec<f64>,
+    halo: usize,
+    columns: Range<usize>,
+}
+
+impl Boundary {
+    /// Nothing above: +∞ everywhere.
+    pub(crate) fn closed(halo: usize) -> Self {
+        Self { values: Vec::new(), halo, columns: 0..0 }
+    }
+
+    /// A virtual row of zeros above the first row: a path may begin at any reference sample.
+    pub(crate) fn open(halo: usize, reference: usize) -> Self {
+        let mut boundary = Self::closed(halo);
+        boundary.reset(0..reference);
+        for column in boundary.values.chunks_exact_mut(halo.max(1)) {
+            column.fill(f64::INFINITY);
+            column[0] = 0.0;
+        }
+        boundary
+    }
+
+    /// Makes room for `columns`, which are then to be written one by one.
+    pub(crate) fn reset(&mut self, columns: Range<usize>) {
+        self.values.resize(columns.end * self.halo, f64::INFINITY);
+        self.columns = columns;
+    }
+
+    /// The `halo` cells above column `column`, nearest row first.
+    pub(crate) fn above(&self, column: usize) -> &[f64] {
+        if self.columns.contains(&column) {
+            &self.values[column * self.halo..][..self.halo]
+        } else {
+            &CLOSED[..self.halo]
+        }
+    }
+
+    /// The cells of one column, for writing.
+    pub(crate) fn above_mut(&mut self, column: usize) -> &mut [f64] {
+        &mut self.values[column * self.halo..][..self.halo]
+    }
+
+    /// The least cumulated distance of all cells.
+    pub(crate) fn least(&self) -> f64 {
+        let range = self.columns.start * self.halo..self.columns.end * self.halo;
+        let values = self.values.get(range).unwrap_or_default();
+        values.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}

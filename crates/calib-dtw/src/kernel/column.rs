@@ -1,0 +1,306 @@
+//! One column of one strip: local distances, then cumulated distances.
+//!
+//! A strip is 16 lanes × `height` rows of the query: lane l holds rows l·height … of the strip,
+//! and works on reference sample t − l at time t. One lane runs one column behind the lane above
+//! it, so all sixteen are independent, and every access is aligned. Above the rows of a lane lie
+//! `halo` rows that repeat the last rows of the lane above.
+
+use super::lanes::{LANES, Lanes, Pack};
+use super::shapes::Shape;
+
+/// Columns of a strip, the current one first, then one, two … columns ago.
+/// Each has `halo + height` packs.
+pub(crate) type Columns = Vec<Box<[Pack]>>;
+
+/// The inputs of the local distances of one column.
+pub(crate) struct LocalInput<'a> {
+    /// Query samples of the strip, channel after channel, as many packs each as `out`.
+    pub(crate) query: &'a [Pack],
+    /// Reference samples of the sixteen lanes, one array a channel.
+    pub(crate) reference: &'a [&'a [f64; LANES]],
+    /// The distances.
+    pub(crate) out: &'a mut [Pack],
+}
+
+/// Restricts a column to a window, and starts paths.
+#[derive(Clone, Copy)]
+pub(crate) struct Mask<'a> {
+    /// Reference sample of each lane.
+    pub(crate) at: &'a Pack,
+    /// First open reference sample of each row.
+    pub(crate) low: &'a [Pack],
+    /// Last open reference sample of each row.
+    pub(crate) high: &'a [Pack],
+    /// Cumulated distance where a path starts, +∞ elsewhere.
+    pub(crate) seed: &'a [Pack],
+}
+
+/// The inputs of the cumulated distances of one column.
+pub(crate) struct ColumnInput<'a> {
+    /// Cumulated distances; the current column is written.
+    pub(crate) cumulated: &'a mut Columns,
+    /// Rows of `cumulated` above the lane's own.
+    pub(crate) halo: usize,
+    /// Local distances.
+    pub(crate) local: &'a Columns,
+    /// Rows of `local` above the lane's own.
+    pub(crate) local_halo: usize,
+    /// Rows of a lane.
+    pub(crate) height: usize,
+    /// The `halo` cells above the strip in the current column, last row first.
+    pub(crate) above: &'a [f64],
+    /// Weights of the cells, in the order of the geometry.
+    pub(crate) weights: &'a [f64],
+    /// Branches for [`interpreted`].
+    pub(crate) branches: &'a [InterpretedBranch],
+    /// Used by the masked kernels only.
+    pub(crate) mask: Mask<'a>,
+}
+
+/// A branch of a pattern with no compiled shape.
+#[derive(Clone, Debug)]
+pub(crate) struct InterpretedBranch {
+    pub(crate) origin: (usize, usize),
+    pub(crate) cells: Vec<(usize, usize, f64)>,
+}
+
+/// What one pack of cells may look at.
+pub(crate) struct Terms<'a, L: Lanes> {
+    /// Cumulated distances one, two, three columns ago; aligned with `local` by `halo`.
+    past: [&'a [Pack]; 3],
+    halo: usize,
+    local: [&'a [Pack]; 3],
+    local_halo: usize,
+    weights: &'a [f64],
+    row: usize,
+    above: L::V,
+}
+
+impl<L: Lanes> Terms<'_, L> {
+    /// Cumulated distance `a` rows above and `b` columns ago.
+    ///
+    /// # Safety
+    /// The instruction set must be present; `a` ≤ halo, `b` ≤ 3 or (a, b) = (1, 0).
+    #[inline(always)]
+    pub(crate) unsafe fn origin(&self, a: usize, b: usize) -> L::V {
+        if b == 0 {
+            debug_assert_eq!(a, 1);
+            return self.above;
+        }
+        let column = self.past[b - 1];
+        debug_assert!(a <= self.halo && self.row + self.halo - a < column.len());
+        // SAFETY: a ≤ halo, and the column has halo + height packs (asserted on entry).
+        unsafe { L::load(column.get_unchecked(self.row + self.halo - a)) }
+    }
+
+    /// Local distance `di` rows above and `dj` columns ago.
+    ///
+    /// # Safety
+    /// The instruction set must be present; `di` ≤ local halo, `dj` ≤ 2.
+    #[inline(always)]
+    pub(crate) unsafe fn local(&self, di: usize, dj: usize) -> L::V {
+        let column = self.local[dj];
+        debug_assert!(di <= self.local_halo && self.row + self.local_halo - di < column.len());
+        // SAFETY: di ≤ local halo, and the column has local halo + height packs (asserted).
+        unsafe { L::load(column.get_unchecked(self.row + self.local_halo - di)) }
+    }
+
+    /// Weight of a cell, by its number.
+    ///
+    /// # Safety
+    /// The instruction set must be present.
+    #[inline(always)]
+    pub(crate) unsafe fn weight(&self, cell: usize) -> L::V {
+        // SAFETY: passed on from the caller.
+        unsafe { L::splat(self.weights[cell]) }
+    }
+}
+
+/// Sums over channels of one local distance.
+pub(crate) trait LocalKernel {
+    /// One channel's term of the sum.
+    ///
+    /// # Safety
+    /// The instruction set must be present.
+    unsafe fn term<L: Lanes>(difference: L::V) -> L::V;
+    /// What becomes of the sum.
+    ///
+    /// # Safety
+    /// The instruction set must be present.
+    #[inline(always)]
+    unsafe fn finish<L: Lanes>(sum: L::V) -> L::V {
+        sum
+    }
+}
+
+pub(crate) struct AbsoluteKernel;
+pub(crate) struct SquaredKernel;
+pub(crate) struct EuclideanKernel;
+
+impl LocalKernel for AbsoluteKernel {
+    #[inline(always)]
+    unsafe fn term<L: Lanes>(difference: L::V) -> L::V {
+        // SAFETY: passed on from the caller.
+        unsafe { L::abs(difference) }
+    }
+}
+
+impl LocalKernel for SquaredKernel {
+    #[inline(always)]
+    unsafe fn term<L: Lanes>(difference: L::V) -> L::V {
+        // SAFETY: passed on from the caller.
+        unsafe { L::mul(difference, difference) }
+    }
+}
+
+impl LocalKernel for EuclideanKernel {
+    #[inline(always)]
+    unsafe fn term<L: Lanes>(difference: L::V) -> L::V {
+        // SAFETY: passed on from the caller.
+        unsafe { L::mul(difference, difference) }
+    }
+    #[inline(always)]
+    unsafe fn finish<L: Lanes>(sum: L::V) -> L::V {
+        // SAFETY: passed on from the caller.
+        unsafe { L::sqrt(sum) }
+    }
+}
+
+/// Local distances of one column.
+///
+/// # Safety
+/// The instruction set of `L` must be present.
+#[inline(always)]
+pub(crate) unsafe fn local<L: Lanes, K: LocalKernel>(input: &mut LocalInput<'_>) {
+    let rows = input.out.len();
+    // SAFETY: the instruction set is the caller's promise; everything else is checked.
+    unsafe {
+        let (first, rest) = (input.reference[0], &input.reference[1..]);
+        let y = L::load_unaligned(first);
+        for (x, out) in input.query[..rows].iter().zip(&mut *input.out) {
+            let sum = K::term::<L>(L::sub(L::load(x), y));
+            L::store(if rest.is_empty() { K::finish::<L>(sum) } else { sum }, out);
+        }
+        for (channel, reference) in rest.iter().enumerate() {
+            let y = L::load_unaligned(reference);
+            let query = &input.query[(channel + 1) * rows..][..rows];
+            for (x, out) in query.iter().zip(&mut *input.out) {
+                let sum = L::add(L::load(out), K::term::<L>(L::sub(L::load(x), y)));
+                L::store(if channel + 1 == rest.len() { K::finish::<L>(sum) } else { sum }, out);
+            }
+        }
+    }
+}
+
+/// Fills the halo of the current column: the last rows of each lane move one lane down.
+///
+/// # Safety
+/// The instruction set of `L` must be present.
+#[inline(always)]
+unsafe fn fill_halo<L: Lanes>(input: &mut ColumnInput<'_>) {
+    let (halo, height) = (input.halo, input.height);
+    if let [current, previous, ..] = input.cumulated.as_mut_slice() {
+        for back in 1..=halo {
+            // SAFETY: passed on from the caller.
+            unsafe {
+                let last = L::load(&previous[halo + height - back]);
+                L::store(L::shift_in(last, input.above[back - 1]), &mut current[halo - back]);
+            }
+        }
+    }
+}
+
+/// Closes the cells outside the window, and starts paths.
+///
+/// # Safety
+/// The instruction set of `L` must be present.
+#[inline(always)]
+unsafe fn masked<L: Lanes>(mask: &Mask<'_>, row: usize, value: L::V) -> L::V {
+    // SAFETY: passed on from the caller.
+    unsafe {
+        let (low, high) = (L::load(&mask.low[row]), L::load(&mask.high[row]));
+        L::min(L::inside(L::load(mask.at), low, high, value), L::load(&mask.seed[row]))
+    }
+}
+
+/// Cumulated distances of one column, by the compiled code of a shape.
+///
+/// # Safety
+/// The instruction set of `L` must be present.
+#[inline(always)]
+pub(crate) unsafe fn compiled<L: Lanes, S: Shape, const MASKED: bool>(input: &mut ColumnInput<'_>) {
+    // SAFETY: passed on from the caller.
+    unsafe { fill_halo::<L>(input) };
+    let height = input.height;
+    let (current, past) = match input.cumulated.split_first_mut() {
+        Some((current, past)) => (current, &*past),
+        None => return,
+    };
+    // Everything the unchecked loads of `Terms` rely on.
+    let rows = S::HALO + height;
+    assert!(input.halo == S::HALO && past.len() >= S::REACH && !past.is_empty());
+    assert!(past.iter().all(|column| column.len() == rows));
+    assert!(!input.local.is_empty() && input.local.len() >= S::REACH);
+    let local_rows = input.local_halo + height;
+    assert!(input.local_halo + 1 >= S::HALO);
+    assert!(input.local.iter().all(|column| column.len() == local_rows));
+
+    let (halo, own) = current.split_at_mut(S::HALO);
+    // SAFETY: passed on from the caller; the bounds are asserted above.
+    unsafe {
+        let mut terms = Terms::<L> {
+            past: std::array::from_fn(|n| &*past[n.min(past.len() - 1)]),
+            halo: S::HALO,
+            local: std::array::from_fn(|n| &*input.local[n.min(input.local.len() - 1)]),
+            local_halo: input.local_halo,
+            weights: input.weights,
+            row: 0,
+            above: L::load(&halo[S::HALO - 1]),
+        };
+        for (row, out) in own.iter_mut().enumerate() {
+            terms.row = row;
+            let mut value = S::least(&terms);
+            if MASKED {
+                value = masked::<L>(&input.mask, row, value);
+            }
+            L::store(value, out);
+            terms.above = value;
+        }
+    }
+}
+
+/// Cumulated distances of one column, for any pattern.
+///
+/// # Safety
+/// The instruction set of `L` must be present.
+#[inline(always)]
+pub(crate) unsafe fn interpreted<L: Lanes, const MASKED: bool>(input: &mut ColumnInput<'_>) {
+    // SAFETY: passed on from the caller.
+    unsafe { fill_halo::<L>(input) };
+    for row in 0..input.height {
+        // SAFETY: the instruction set is the caller's promise; everything else is checked.
+        unsafe {
+            let mut least = L::splat(f64::INFINITY);
+            for branch in input.branches {
+                let mut cost: Option<L::V> = None;
+                for &(di, dj, weight) in &branch.cells {
+                    let local = L::load(&input.local[dj][row + input.local_halo - di]);
+                    let paid = L::mul(L::splat(weight), local);
+                    cost = Some(match cost {
+                        None => paid,
+                        Some(cost) => L::add(cost, paid),
+                    });
+                }
+                let (a, b) = branch.origin;
+                let origin = L::load(&input.cumulated[b][row + input.halo - a]);
+                if let Some(cost) = cost {
+                    least = L::min(least, L::add(origin, cost));
+                }
+            }
+            if MASKED {
+                least = masked::<L>(&input.mask, row, least);
+            }
+            L::store(least, &mut input.cumulated[0][input.halo + row]);
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! From strip to strip over all cells, for one or several patterns at once.
+
+use super::boundary::Boundary;
+use super::column::{ColumnInput, Columns, LocalInput, Mask};
+use super::dispatch::{
+    InstructionSet, LocalDispatch, PatternDispatch, local_dispatch, pattern_dispatch,
+};
+use super::lanes::{LANES, Pack};
+use super::strip::{Strip, height_for};
+use crate::{Series, Settings, StepPattern, Window};
+
+/// Rows of a lane where only the distance is wanted.
+const DISTANCE_HEIGHT: usize = 32;
+/// Rows of a lane where every cell of a strip is kept for a while.
+const PATH_HEIGHT: usize = 4;
+
+/// What a sweep is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Distance,
+    Path,
+}
+
+/// A pattern on its way through the rectangle.
+pub(crate) struct Track {
+    dispatch: PatternDispatch,
+    pub(crate) halo: usize,
+    pub(crate) cumulated: Columns,
+    pub(crate) input: Boundary,
+    output: Boundary,
+}
+
+/// One pair of series, and everything that is reused from strip to strip.
+pub(crate) struct Sweep<'a> {
+    pub(crate) query: Series<'a>,
+    pub(crate) reference: Series<'a>,
+    pub(crate) settings: Settings,
+    pub(crate) patterns: Vec<Track>,
+    height: usize,
+    local: LocalDispatch,
+    local_halo: usize,
+    local_columns: Columns,
+    /// Longest advance of all patterns along the reference.
+    reach: usize,
+    /// The reference backwards, channel after channel, with a margin of lanes on either side.
+    reversed: Vec<Vec<f64>>,
+    packed_query: Vec<Pack>,
+    low: Vec<Pack>,
+    high: Vec<Pack>,
+    unseeded: Vec<Pack>,
+    seeded: Vec<Pack>,
+}
+
+fn columns(count: usize, rows: usize) -> Columns {
+    vec![vec![Pack::splat(0.0); rows].into_boxed_slice(); count]
+}
+
+/// What lies above the first strip, for a pattern of this halo.
+pub(crate) fn entry(settings: Settings, halo: usize, reference: usize) -> Boundary {
+    if settings.ends.open_begin() {
+        Boundary::open(halo, reference)
+    } else {
+        Boundary::closed(halo)
+    }
+}
+
+impl<'a> Sweep<'a> {
+    /// `query` and `reference` must be checked: finite, not empty, as many channels each.
+    pub(crate) fn new(
+        set: InstructionSet,
+        patterns: &[StepPattern],
+        settings: Settings,
+        query: Series<'a>,
+        reference: Series<'a>,
+        purpose: Purpose,
+    ) -> Self {
+        let reaches = patterns.iter().map(StepPattern::reach);
+        let (halo, reach) = reaches.fold((1, 1), |(a, b), (c, d)| (a.max(c), b.max(d)));
+        let most = match purpose {
+            Purpose::Distance => DISTANCE_HEIGHT,
+            Purpose::Path => PATH_HEIGHT,
+        };
+        let (n, m) = (query.len(), reference.len());
+        let height = height_for(n, m, settings.window, halo, most);
+        let lanes = patterns.iter().map(|pattern| {
+            let (halo, reach) = pattern.reach();
+            Track {
+                dispatch: pattern_dispatch(set, pattern),
+                halo,
+                cumulated: columns(reach.max(1) + 1, halo + height),
+                input: Boundary::closed(halo),
+                output: Boundary::closed(halo),
+            }
+        });
+        let margin = LANES - 1;
+        let reversed = (0..query.channels()).map(|channel| {
+            let last = reference.sample(m - 1)[channel];
+            let mut values = vec![last; margin];
+            values.extend((0..m).rev().map(|j| reference.sample(j)[channel]));
+            values.extend(vec![reference.sample(0)[channel]; margin]);
+            values
+        });
+        let mut seeded = vec![Pack::splat(f64::INFINITY); height];
+        seeded[0].0[0] = settings.local_distance.between(query.sample(0), reference.sample(0));
+        Self {
+            query,
+            reference,
+            settings,
+            height,
+            local: local_dispatch(set, settings.local_distance, query.channels()),
+            local_halo: halo,
+            local_columns: columns(reach + 1, halo + height),
+            reach,
+            patterns: lanes.collect(),
+            reversed: reversed.collect(),
+            packed_query: Vec::new(),
+            low: vec![Pack::splat(f64::NEG_INFINITY); height],
+            high: vec![Pack::splat(f64::INFINITY); height],
+            unseeded: vec![Pack::splat(f64::INFINITY); height],
+            seeded,
+        }
+    }
+
+    /// Number of strips.
+    pub(crate) fn strips(&self) -> usize {
+        self.query.len().div_ceil(LANES * self.height)
+    }
+
+    /// The strip of this number.
+    pub(crate) fn strip(&self, number: usize) -> Strip {
+        Strip { first: number * LANES * self.height, height: self.height, query: self.query.len() }
+    }
+
+    /// The number of the strip that holds query sample `index`.
+    pub(crate) fn strip_of(&self, index: usize) -> usize {
+        index / (LANES * self.height)
+    }
+
+    /// Sweeps one strip up to reference sample `limit` (exclusive): reads each pattern's `input`
+    /// and leaves there what the strip below needs. `visit` sees every time step: lane l has then
+    /// its column `time − l` in `cumulated[0]`.
+    pub(crate) fn run(
+        &mut self,
+        number: usize,
+        limit: usize,
+        mut visit: impl FnMut(usize, &[Track]),
+    ) {
+        let strip = self.strip(number);
+        let m = self.reference.len();
+        let window = self.settings.window;
+        let columns = strip.columns(window, m, limit);
+        if columns.is_empty() {
+            for pattern in &mut self.patterns {
+                pattern.input.reset(0..0);
+            }
+            return;
+        }
+        // Branches may come from a little further left than the first open cell.
+        let start = columns.start.saturating_sub(self.reach);
+        let columns = start..columns.end;
+        let windowed = window != Window::None;
+        if windowed {
+            strip.limits(window, m, &mut self.low, &mut self.high);
+        }
+        strip.load(self.query, self.local_halo, &mut self.packed_query);
+        for pattern in &mut self.patterns {
+            pattern.output.reset(columns.clone());
+            for column in &mut pattern.cumulated {
+                column.fill(Pack::splat(f64::INFINITY));
+            }
+        }
+        let last_strip = number + 1 == self.strips();
+        let open_begin = self.settings.ends.open_begin();
+        let margin = LANES - 1;
+        let mut reference: Vec<&[f64; LANES]> = Vec::with_capacity(self.reversed.len());
+        for time in start..columns.end + strip.last_lane() {
+            reference.clear();
+            reference.extend(
+                self.reversed
+                    .iter()
+                    .filter_map(|channel| channel[m + margin - 1 - time..].first_chunk::<LANES>()),
+            );
+            self.local_columns.rotate_right(1);
+            self.local.run(&mut LocalInput {
+                query: &self.packed_query,
+                reference: &reference,
+                out: &mut self.local_columns[0],
+            });
+            if open_begin && number == 0 {
+                // The virtual row above the first costs nothing.
+                self.local_columns[0][self.local_halo - 1].0[0] = 0.0;
+            }
+            let seeds = number == 0 && time == 0 && !open_begin;
+            let use_mask = windowed || seeds;
+            let at = if use_mask {
+                Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
+            } else {
+                Pack::splat(0.0)
+            };
+            for pattern in &mut self.patterns {
+                pattern.cumulated.rotate_right(1);
+                let mut input = ColumnInput {
+                    cumulated: &mut pattern.cumulated,
+                    halo: pattern.halo,
+                    local: &self.local_columns,
+                    local_halo: self.local_halo,
+                    height: self.height,
+                    above: pattern.input.above(time),
+                    weights: &pattern.dispatch.weights,
+                    branches: &pattern.dispatch.branches,
+                    mask: Mask {
+                        at: &at,
+                        low: &self.low,
+                        high: &self.high,
+                        seed: if seeds { &self.seeded } else { &self.unseeded },
+                    },
+                };
+                pattern.dispatch.run(use_mask, &mut input);
+                if !last_strip && time >= start + margin {
+                    let bottom = pattern.halo + self.height;
+                    for (back, value) in
+                        pattern.output.above_mut(time - margin).iter_mut().enumerate()
+                    {
+                        *value = pattern.cumulated[0][bottom - 1 - back].0[margin];
+                    }
+                }
+            }
+            visit(time, &self.patterns);
+        }
+        for pattern in &mut self.patterns {
+            std::mem::swap(&mut pattern.input, &mut pattern.output);
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! The input: one series of samples, each of one or several channels.
+
+use std::fmt;
+
+use crate::DtwError;
+
+/// Which of the two inputs an error is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The first series, N samples, index i.
+    Query,
+    /// The second series, M samples, index j.
+    Reference,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Query => "query",
+            Self::Reference => "reference",
+        })
+    }
+}
+
+/// A borrowed series: row-major `f64 [samples, channels]`.
+///
+/// One-channel series come from slices, arrays and vectors by `into()`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Series<'a> {
+    values: &'a [f64],
+    channels: usize,
+}
+
+impl<'a> Series<'a> {
+    /// A series of one channel.
+    pub fn new(values: &'a [f64]) -> Self {
+        Self { values, channels: 1 }
+    }
+
+    /// A series of `channels` values a sample, sample after sample.
+    ///
+    /// # Errors
+    /// If `channels` is 0 or does not divide the number of values.
+    pub fn with_channels(values: &'a [f64], channels: usize) -> Result<Self, DtwError> {
+        if channels == 0 || !values.len().is_multiple_of(channels) {
+            let got = values.len();
+            return Err(DtwError::Shape { got, channels });
+        }
+        Ok(Self { values, channels })
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.values.len() / self.channels
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// Values a sample.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The values, sample after sample.
+    pub fn values(&self) -> &'a [f64] {
+        self.values
+    }
+
+    /// The values of one sample.
+    pub fn sample(&self, index: usize) -> &'a [f64] {
+        &self.values[index * self.channels..][..self.channels]
+    }
+
+    /// Checks the values, and returns the largest magnitude.
+    pub(crate) fn checked(&self, role: Role) -> Result<f64, DtwError> {
+        if self.is_empty() {
+            return Err(DtwError::Empty { role });
+        }
+        if let Some(at) = self.values.iter().position(|value| !value.is_finite()) {
+            return Err(DtwError::NotFinite {
+                role,
+                index: at / self.channels,
+                channel: at % self.channels,
+                got: self.values[at],
+            });
+        }
+        Ok(self.values.iter().fold(0.0, |max, v| f64::max(max, v.abs())))
+    }
+}
+
+impl<'a> From<&'a [f64]> for Series<'a> {
+    fn from(values: &'a [f64]) -> Self {
+        Self::new(values)
+    }
+}
+
+impl<'a> From<&'a Vec<f64>> for Series<'a> {
+    fn from(values: &'a Vec<f64>) -> Self {
+        Self::new(values)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [f64; N]> for Series<'a> {
+    fn from(values: &'a [f64; N]) -> Self {
+        Self::new(values)
+    }
+}

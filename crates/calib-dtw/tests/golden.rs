@@ -1,0 +1,61 @@
+//! Reference values of dtw-python 1.9.0, made by `scripts/golden/dtw.py`.
+
+use calib_dtw::{Dtw, Ends, InstructionSet, Settings, StepPattern};
+use serde_json::Value;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    let list = value.as_array().expect("a list");
+    list.iter().map(|number| number.as_f64().expect("a number")).collect()
+}
+
+fn ends(name: &str) -> Ends {
+    match name {
+        "closed" => Ends::Closed,
+        "openEnd" => Ends::OpenEnd,
+        "openBegin" => Ends::OpenBegin,
+        "openBoth" => Ends::OpenBoth,
+        _ => panic!("unknown ends {name}"),
+    }
+}
+
+fn close(ours: f64, theirs: f64) -> bool {
+    (ours - theirs).abs() <= 1e-9 * theirs.abs().max(1e-12)
+}
+
+#[test]
+fn distances_agree_with_the_reference_package() {
+    let golden: Value = serde_json::from_str(include_str!("golden/distances.json")).unwrap();
+    let mut compared = 0;
+    for case in golden["cases"].as_array().unwrap() {
+        let (query, reference) = (numbers(&case["query"]), numbers(&case["reference"]));
+        for result in case["results"].as_array().unwrap() {
+            let text = |n: usize| result[n].as_str().unwrap();
+            let settings = Settings {
+                window: text(1).parse().unwrap(),
+                ends: ends(text(2)),
+                ..Settings::default()
+            };
+            let pattern: StepPattern = text(0).parse().unwrap();
+            for set in InstructionSet::available() {
+                let dtw = Dtw::with_settings(pattern.clone(), settings);
+                let dtw = dtw.instruction_set(set).unwrap();
+                let ours = dtw.distance(&query, &reference);
+                let what = format!("{result} by {set}: {ours:?}");
+                compared += 1;
+                let Some(raw) = result[3].as_f64() else {
+                    assert!(ours.is_err(), "{what}");
+                    continue;
+                };
+                let ours = ours.expect(&what);
+                assert!(close(ours.raw, raw), "{what}");
+                match result[4].as_f64() {
+                    Some(normalised) => {
+                        assert!(close(ours.normalised.expect(&what), normalised), "{what}");
+                    }
+                    None => assert_eq!(ours.normalised, None, "{what}"),
+                }
+            }
+        }
+    }
+    assert!(compared >= 1404);
+}
