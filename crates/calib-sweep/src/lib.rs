@@ -1,1 +1,29 @@
-//! Plan, run and aggregate hyperparameter sweeps.
+//! Hyperparameter sweeps: plan → units → store → verdict.
+//!
+//! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid.
+//! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of the
+//!   calibration model, [`ReplayEnvironment`] replays the log: held out (Online) or training.
+//! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
+//!   on one stream with the same mini-batch draws, so they differ by their values alone.
+//! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
+//! - [`verdict`]: worst ranks over the ensemble, the chosen candidate, its agreement with Online.
+
+mod candidate;
+mod config;
+mod environment;
+mod error;
+mod plan;
+mod store;
+mod unit;
+mod verdict;
+
+pub use candidate::{Candidate, Role, candidates};
+pub use config::{Scored, SweepConfig};
+pub use environment::{
+    Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions,
+};
+pub use error::SweepError;
+pub use plan::{Plan, PlanOptions};
+pub use store::UnitStore;
+pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
+pub use verdict::{Agreement, EnvironmentScores, SensorVerdict, verdict};

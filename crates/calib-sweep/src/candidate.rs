@@ -1,0 +1,177 @@
+use calib_agent::AgentConfig;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{SweepConfig, SweepError};
+
+/// Why a candidate is in the sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// A value of the grid: it can be chosen.
+    Grid,
+    /// The `[agent]` section's own value, absent from the grid: trained Online only,
+    /// so that the verdict can say what keeping the default would cost.
+    Default,
+}
+
+/// One agent of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Position in the sweep; grid order is the last tie-breaker.
+    pub index: usize,
+    /// Why it is here.
+    pub role: Role,
+    /// Whether its swept fields equal the `[agent]` section's.
+    pub is_default: bool,
+    /// The swept fields and this candidate's values.
+    pub values: Vec<(String, Value)>,
+    /// The whole agent.
+    pub agent: AgentConfig,
+}
+
+impl Candidate {
+    /// The swept values for people: `learning_rate = 1e-4`.
+    pub fn label(&self) -> String {
+        let parts = self.values.iter().map(|(field, value)| format!("{field} = {}", plain(value)));
+        parts.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// A value as one would write it by hand.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) => match number.as_f64() {
+            Some(float) if float != 0.0 && !(1e-3..1e6).contains(&float.abs()) => {
+                format!("{float:e}")
+            }
+            _ => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
+/// The candidates of a sweep: the Cartesian product of the grid over the `[agent]` section,
+/// and the section's own values last if the grid lacks them.
+///
+/// # Errors
+/// An empty grid or field, a repeated value, or a combination that is not a valid agent.
+pub fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candidate>, SweepError> {
+    if sweep.grid.is_empty() {
+        return Err(SweepError::EmptyGrid);
+    }
+    let mut points: Vec<Vec<(String, Value)>> = vec![Vec::new()];
+    for (field, values) in &sweep.grid {
+        check_values(field, values)?;
+        points = points
+            .into_iter()
+            .flat_map(|point| {
+                values.iter().map(move |value| {
+                    let mut longer = point.clone();
+                    longer.push((field.clone(), value.clone()));
+                    longer
+                })
+            })
+            .collect();
+    }
+    let mut all = Vec::with_capacity(points.len() + 1);
+    for (index, values) in points.into_iter().enumerate() {
+        let with = with_values(agent, &values)?;
+        let is_default = with == *agent;
+        all.push(Candidate { index, role: Role::Grid, is_default, values, agent: with });
+    }
+    if !all.iter().any(|candidate| candidate.is_default) {
+        let fields = to_map(agent);
+        let values = sweep
+            .grid
+            .keys()
+            .map(|field| (field.clone(), fields.get(field).cloned().unwrap_or(Value::Null)));
+        all.push(Candidate {
+            index: all.len(),
+            role: Role::Default,
+            is_default: true,
+            values: values.collect(),
+            agent: agent.clone(),
+        });
+    }
+    Ok(all)
+}
+
+fn check_values(field: &str, values: &[Value]) -> Result<(), SweepError> {
+    if values.is_empty() {
+        return Err(SweepError::EmptyField { field: field.to_owned() });
+    }
+    for (position, value) in values.iter().enumerate() {
+        if values[..position].contains(value) {
+            return Err(SweepError::RepeatedValue { field: field.to_owned(), value: plain(value) });
+        }
+    }
+    Ok(())
+}
+
+fn to_map(agent: &AgentConfig) -> serde_json::Map<String, Value> {
+    match serde_json::to_value(agent) {
+        Ok(Value::Object(fields)) => fields,
+        _ => unreachable!("an agent's configuration is a flat table"),
+    }
+}
+
+fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
+    let invalid = |reason: String| {
+        let label = values.iter().map(|(field, value)| format!("{field} = {}", plain(value)));
+        SweepError::Candidate { candidate: label.collect::<Vec<_>>().join(", "), reason }
+    };
+    let mut fields = to_map(agent);
+    fields.extend(values.iter().cloned());
+    let with: AgentConfig = serde_json::from_value(Value::Object(fields))
+        .map_err(|error| invalid(error.to_string()))?;
+    with.check().map_err(|error| invalid(error.to_string()))?;
+    Ok(with)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn sweep(grid: &[(&str, &[f64])]) -> SweepConfig {
+        let grid = grid
+            .iter()
+            .map(|(field, values)| {
+                ((*field).to_owned(), values.iter().map(|&value| value.into()).collect())
+            })
+            .collect::<BTreeMap<_, _>>();
+        SweepConfig { grid, ..SweepConfig::default() }
+    }
+
+    #[test]
+    fn a_grid_is_a_product_and_the_default_is_added_once() {
+        let agent = AgentConfig::default();
+        let all = candidates(
+            &sweep(&[("gamma", &[0.9, 0.99]), ("learning_rate", &[1e-4, 1e-2])]),
+            &agent,
+        )
+        .expect("valid");
+        assert_eq!(all.len(), 5);
+        assert_eq!(all[1].label(), "gamma = 0.9, learning_rate = 0.01");
+        assert_eq!((all[4].role, all[4].is_default), (Role::Default, true));
+        let within =
+            candidates(&sweep(&[("learning_rate", &[1e-4, 1e-3])]), &agent).expect("valid");
+        assert_eq!(within.len(), 2);
+        assert!(within[1].is_default, "the default agent uses 1e-3");
+        assert_eq!(within[0].label(), "learning_rate = 1e-4");
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let agent = AgentConfig::default();
+        let of = |sweep: SweepConfig| candidates(&sweep, &agent).expect_err("invalid").to_string();
+        assert!(of(sweep(&[])).contains("sweep.grid is empty"));
+        assert!(of(sweep(&[("gamma", &[])])).contains("sweep.grid.gamma has no values"));
+        assert!(of(sweep(&[("gamma", &[0.5, 0.5])])).contains("twice"));
+        assert!(of(sweep(&[("learning_rat", &[0.5])])).contains("learning_rat"));
+        assert!(of(sweep(&[("gamma", &[1.5])])).contains("gamma"));
+    }
+}

@@ -1,0 +1,78 @@
+use calib_agent::AgentError;
+use calib_files::FileError;
+use calib_rollout::RolloutError;
+use calib_stats::StatsError;
+
+use crate::Unit;
+
+/// Why a sweep cannot be planned, run or judged.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// A grid without values.
+    #[error("sweep.grid.{field} has no values; give a list such as [1e-5, 1e-4, 1e-3]")]
+    EmptyField {
+        /// The agent field.
+        field: String,
+    },
+    /// No field to sweep.
+    #[error(
+        "sweep.grid is empty; name at least one agent field, such as learning_rate = [1e-4, 1e-3]"
+    )]
+    EmptyGrid,
+    /// The same value twice in one field.
+    #[error("sweep.grid.{field} has the value {value} twice; remove one")]
+    RepeatedValue {
+        /// The agent field.
+        field: String,
+        /// The value.
+        value: String,
+    },
+    /// A candidate is not a valid agent.
+    #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
+    Candidate {
+        /// The candidate's label.
+        candidate: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// No step is left to train on.
+    #[error(
+        "a stream of {steps} steps is too short to train on; raise sweep.steps or give more data"
+    )]
+    TooShort {
+        /// Steps of the stream.
+        steps: usize,
+    },
+    /// Training failed in a unit.
+    #[error("{unit}: {source}")]
+    Agent {
+        /// Where.
+        unit: Unit,
+        /// Why.
+        source: AgentError,
+    },
+    /// A rollout could not start.
+    #[error(transparent)]
+    Rollout(#[from] RolloutError),
+    /// A unit's file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// Results that cannot be ranked.
+    #[error(transparent)]
+    Stats(#[from] StatsError),
+    /// Units that a verdict needs have not been run.
+    #[error(
+        "{missing} of {planned} units have no result, such as {example}; run the sweep again to complete it"
+    )]
+    Incomplete {
+        /// Units without a result.
+        missing: usize,
+        /// Units in the plan.
+        planned: usize,
+        /// One of them.
+        example: Unit,
+    },
+    /// The user asked to stop; finished units are stored.
+    #[error("interrupted")]
+    Interrupted,
+}

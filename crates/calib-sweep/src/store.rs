@@ -1,0 +1,115 @@
+use std::path::{Path, PathBuf};
+
+use calib_files::{read_json, write_json};
+
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult};
+
+/// Finished units, one small file each, so that an interrupted sweep loses only units in progress.
+#[derive(Clone, Debug)]
+pub struct UnitStore {
+    directory: PathBuf,
+}
+
+impl UnitStore {
+    /// The store in `directory`, which need not exist.
+    pub fn new(directory: PathBuf) -> Self {
+        Self { directory }
+    }
+
+    /// The directory of the files.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// The stored result of `unit`, if it was made from the inputs that `key` stands for.
+    /// A file that is missing, damaged or made from other inputs is no result.
+    pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitResult> {
+        let result: UnitResult = read_json(&self.path(unit)).ok()?;
+        (result.key == key && result.unit == *unit).then_some(result)
+    }
+
+    /// The stored results of all planned units, in their order.
+    ///
+    /// # Errors
+    /// [`SweepError::Incomplete`] if a unit has no result.
+    pub fn collect(&self, planned: &[PlannedUnit]) -> Result<Vec<UnitResult>, SweepError> {
+        let results: Vec<_> =
+            planned.iter().map(|planned| self.get(&planned.unit, &planned.key)).collect();
+        let missing = results.iter().filter(|result| result.is_none()).count();
+        match planned.iter().zip(&results).find(|(_, result)| result.is_none()) {
+            Some((first, _)) => Err(SweepError::Incomplete {
+                missing,
+                planned: planned.len(),
+                example: first.unit.clone(),
+            }),
+            None => Ok(results.into_iter().flatten().collect()),
+        }
+    }
+
+    /// Store a result.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn put(&self, result: &UnitResult) -> Result<(), SweepError> {
+        Ok(write_json(&self.path(&result.unit), result)?)
+    }
+
+    fn path(&self, unit: &Unit) -> PathBuf {
+        let environment = match unit.environment {
+            EnvironmentId::Member(member) => format!("member-{member}"),
+            EnvironmentId::Online => "online".to_owned(),
+            EnvironmentId::LogReplay => "log-replay".to_owned(),
+        };
+        self.directory
+            .join(file_name(&unit.sensor))
+            .join(environment)
+            .join(format!("run-{:04}.json", unit.run))
+    }
+}
+
+/// A sensor's name as a directory name: everything unusual is written as its code,
+/// so that different sensors never share a place.
+fn file_name(sensor: &str) -> String {
+    use std::fmt::Write as _;
+    sensor.chars().fold(String::new(), |mut name, character| {
+        if character.is_ascii_alphanumeric() || matches!(character, '_' | '-') {
+            name.push(character);
+        } else {
+            // Writing to a string cannot fail.
+            let _ = write!(name, "%{:x}%", u32::from(character));
+        }
+        name
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_results_of_the_same_inputs_count() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let store = UnitStore::new(directory.path().join("units"));
+        let unit = Unit { sensor: "P/1".to_owned(), environment: EnvironmentId::Member(2), run: 7 };
+        assert_eq!(store.get(&unit, "a"), None);
+        let result = UnitResult {
+            key: "a".to_owned(),
+            unit: unit.clone(),
+            seed: 1,
+            start_row: 2,
+            rows: vec![],
+        };
+        store.put(&result).expect("written");
+        assert_eq!(store.get(&unit, "a"), Some(result));
+        assert_eq!(store.get(&unit, "b"), None);
+        std::fs::write(store.path(&unit), b"{\"key\": \"a\"").expect("written");
+        assert_eq!(store.get(&unit, "a"), None, "a damaged file is run again");
+    }
+
+    #[test]
+    fn sensors_have_places_of_their_own() {
+        assert_eq!(file_name("WELL-1_P"), "WELL-1_P");
+        assert_ne!(file_name("a/b"), file_name("a.b"));
+        assert!(!file_name("../x").contains(['/', '.']));
+    }
+}

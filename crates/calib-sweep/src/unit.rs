@@ -1,0 +1,149 @@
+use std::fmt;
+
+use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, Scoring, train};
+use calib_core::{Monitor, Seed, Stream};
+use serde::{Deserialize, Serialize};
+
+use crate::{Candidate, EnvironmentId, PlanOptions, Scored, SweepError};
+
+/// One unit of a sweep: all candidates trained on one stream.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Unit {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// Where the stream comes from.
+    pub environment: EnvironmentId,
+    /// Number of the run.
+    pub run: usize,
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} in {}, run {}", self.sensor, self.environment, self.run)
+    }
+}
+
+/// A unit and the fingerprint of everything that its result follows from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlannedUnit {
+    /// The unit.
+    pub unit: Unit,
+    /// The fingerprint.
+    pub key: String,
+}
+
+/// What a unit gave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct UnitResult {
+    /// Fingerprint of everything that the result follows from.
+    pub key: String,
+    /// Which unit.
+    pub unit: Unit,
+    /// Seed of the agents.
+    pub seed: u64,
+    /// Row of the training data (or of the held-out data) that the stream starts from.
+    pub start_row: u32,
+    /// One row a candidate, in the order of the candidates that were trained.
+    pub rows: Vec<RunRow>,
+}
+
+/// The result of one run of one candidate. Errors of a diverged run are infinite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunRow {
+    /// Position of the candidate in the sweep.
+    pub candidate: usize,
+    /// Steps of the stream.
+    pub steps: usize,
+    /// Steps that were scored.
+    pub scored_steps: usize,
+    /// Mini-batch or online updates.
+    pub updates: u64,
+    /// Root mean squared error between predictions and returns, in normalised units.
+    #[serde(with = "infinite")]
+    pub rmse: f64,
+    /// RMSE / |mean return|.
+    #[serde(with = "infinite")]
+    pub nrmse: f64,
+    /// RMSE / standard deviation of the returns.
+    #[serde(with = "infinite")]
+    pub rmse_over_std: f64,
+    /// Mean return over the scored steps.
+    pub mean_return: f64,
+    /// Standard deviation of the returns over the scored steps.
+    pub return_std: f64,
+    /// Step at which a value ceased to be finite.
+    pub diverged_at: Option<usize>,
+    /// The learning curve.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// A point of a learning curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Last step of the window.
+    pub step: usize,
+    /// RMSE over the window.
+    #[serde(with = "infinite")]
+    pub rmse: f64,
+}
+
+/// JSON has no infinity: a diverged error is stored as `null`.
+mod infinite {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
+    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+/// Train `candidates` on `stream`, all on the same mini-batches.
+pub(crate) fn train_unit(
+    unit: &Unit,
+    stream: &dyn Stream,
+    column: usize,
+    candidates: &[&Candidate],
+    options: &PlanOptions,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Vec<RunRow>, SweepError> {
+    let agents: Vec<AgentConfig> =
+        candidates.iter().map(|candidate| candidate.agent.clone()).collect();
+    let scoring = match options.scored {
+        Scored::WholeRun => Scoring::WholeRun,
+        Scored::FinalQuarter => Scoring::Final(0.25),
+    };
+    let curve = CurveRule { windows: options.curve_points };
+    let outcomes = train(stream, column, &agents, scoring, curve, seed, monitor).map_err(
+        |source| match source {
+            AgentError::Interrupted => SweepError::Interrupted,
+            source => SweepError::Agent { unit: unit.clone(), source },
+        },
+    )?;
+    let rows = candidates.iter().zip(outcomes);
+    Ok(rows.map(|(candidate, outcome)| RunRow::new(candidate.index, outcome)).collect())
+}
+
+impl RunRow {
+    fn new(candidate: usize, outcome: RunOutcome) -> Self {
+        let point =
+            |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };
+        Self {
+            candidate,
+            steps: outcome.steps,
+            scored_steps: outcome.scored_steps,
+            updates: outcome.updates,
+            rmse: outcome.rmse,
+            nrmse: outcome.nrmse,
+            rmse_over_std: outcome.rmse_over_std,
+            mean_return: outcome.mean_return,
+            return_std: outcome.return_std,
+            diverged_at: outcome.diverged,
+            curve: outcome.curve.into_iter().map(point).collect(),
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! A whole sweep on a small plant: units, resuming, determinism, verdict.
+
+use std::{collections::BTreeMap, fs};
+
+use calib_agent::{AgentConfig, ValueFunction};
+use calib_core::{Frames, Seed, Segments, Silent, States, Timestamp, Transitions};
+use calib_files::Fingerprint;
+use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_rollout::{StartSource, start_states};
+use calib_sweep::{
+    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, ReplayEnvironment,
+    RolloutOptions, Role, Scored, SweepConfig, SweepError, UnitStore, candidates, verdict,
+};
+
+/// Two columns that rise and fall with a period of 24 rows, in two segments.
+fn frames(rows: usize) -> Frames {
+    let value = |row: usize, phase: f32| ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin();
+    let values = (0..rows).flat_map(|row| [0.5 + 0.4 * value(row, 0.0), 0.5 + 0.4 * value(row, 0.25)]);
+    let timestamps = (0..rows as i64).map(|row| Timestamp::from_micros(row * 1_000_000)).collect();
+    let segments = Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid");
+    Frames::new(timestamps, segments, States::new(values.collect(), rows, 2).expect("valid"))
+        .expect("valid")
+}
+
+struct Study {
+    train: Frames,
+    held_out: Frames,
+    model: KnnModel,
+    candidates: Vec<Candidate>,
+}
+
+impl Study {
+    fn new() -> Self {
+        let agent = AgentConfig {
+            value_function: ValueFunction::Linear,
+            gamma: 0.8,
+            batch_size: 8,
+            learning_rate: 3e-3,
+            ..AgentConfig::default()
+        };
+        // 1e9 diverges at once.
+        let grid = [1e-5, 1e-2, 1e30].map(Into::into).to_vec();
+        let config = SweepConfig {
+            grid: BTreeMap::from([("learning_rate".to_owned(), grid)]),
+            ..SweepConfig::default()
+        };
+        let train = frames(900);
+        let model = KnnModel::build(
+            train.states().clone(),
+            Transitions::new(train.segments().clone()),
+            &ModelConfig { members: 3, ..ModelConfig::default() },
+            &Silent,
+        )
+        .expect("built");
+        let candidates = candidates(&config, &agent).expect("valid");
+        Self { train, held_out: frames(700), model, candidates }
+    }
+
+    fn with_plan<T>(&self, seed: u64, then: impl FnOnce(&Plan<'_>) -> T) -> T {
+        let seed = Seed::new(seed);
+        let inputs = Fingerprint::of(b"data");
+        let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
+            .map(|member| {
+                let member = self.model.member(member);
+                let starts = start_states(&member, StartSource::Random, 2, seed).expect("starts");
+                let options = RolloutOptions {
+                    steps: 600,
+                    weights: Weights::Linear,
+                    seed,
+                    inputs: inputs.clone(),
+                };
+                MemberEnvironment::new(member, self.train.states(), starts, options)
+            })
+            .collect();
+        let online = ReplayEnvironment::online(&self.held_out, 600, 3, inputs.clone());
+        let replay = ReplayEnvironment::log_replay(&self.train, 600, 2, seed, inputs.clone());
+        let mut environments: Vec<&dyn Environment> =
+            members.iter().map(|member| member as &dyn Environment).collect();
+        environments.extend([&online as &dyn Environment, &replay]);
+        let options =
+            PlanOptions { scored: Scored::FinalQuarter, steps: 600, curve_points: 10, seed };
+        let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
+        then(&Plan::new(&self.candidates, environments, sensors, options))
+    }
+}
+
+fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool").install(work)
+}
+
+#[test]
+fn results_do_not_depend_on_threads_or_on_interruptions() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = |name: &str| UnitStore::new(directory.path().join(name));
+    let (one, four) = (store("one"), store("four"));
+    let run = |store: &UnitStore| study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"));
+    let alone = in_pool(1, || run(&one));
+    let together = in_pool(4, || run(&four));
+    assert_eq!(alone, together);
+
+    // Lose a unit, damage another: only these are run again, to the same result.
+    let lost = one.directory().join("A/online/run-0001.json");
+    let damaged = one.directory().join("B/member-2/run-0000.json");
+    let kept = one.directory().join("A/member-0/run-0000.json");
+    fs::remove_file(&lost).expect("was there");
+    fs::write(&damaged, b"{").expect("writable");
+    let before = fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there");
+    let units = study.with_plan(1, |plan| plan.units());
+    assert!(matches!(one.collect(&units), Err(SweepError::Incomplete { missing: 2, .. })));
+    assert_eq!(run(&one), alone);
+    assert_eq!(fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there"), before);
+    assert_eq!(one.collect(&units).expect("complete"), alone);
+
+    // Another seed is another sweep: nothing of the old one counts.
+    let other = study.with_plan(2, |plan| plan.units());
+    assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 22, .. })));
+}
+
+#[test]
+fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = UnitStore::new(directory.path().to_owned());
+    let results = study.with_plan(1, |plan| plan.run(&store, &Silent).expect("runs"));
+    let verdict = verdict("A", &study.candidates, &results, 1).expect("judged");
+    assert_eq!(verdict.members.len(), 3);
+    assert_eq!(verdict.selection.chosen, 1, "{:?}", verdict.selection);
+    assert_eq!(verdict.selection.worst_ranks.len(), 3, "only the grid can be chosen");
+    assert!(verdict.selection.mean_errors[2].is_infinite(), "1e30 diverges");
+    let online = verdict.online.as_ref().expect("a held-out range");
+    assert_eq!(online.candidates.len(), 4, "the default is trained Online as well");
+    assert_eq!(online.candidates[1].runs, 3);
+    let model = verdict.model_agreement.expect("a held-out range");
+    assert_eq!((model.chosen, model.regret.expect("finite") >= 0.0), (1, true));
+    assert!(model.spearman.expect("three values") > 0.9);
+    let default = verdict.default_agreement.expect("a default");
+    assert_eq!((default.chosen, study.candidates[3].role), (3, Role::Default));
+    assert!(verdict.warnings.iter().any(|warning| warning.contains("diverged")));
+}
+
+#[test]
+fn log_replay_windows_differ_and_online_ones_do_not() {
+    let train = frames(900);
+    let inputs = Fingerprint::of(b"data");
+    let replay = ReplayEnvironment::log_replay(&train, 300, 4, Seed::new(3), inputs.clone());
+    let start = |environment: &ReplayEnvironment<'_>, run| environment.stream(run).expect("a stream").1;
+    let starts: Vec<_> = (0..4).map(|run| start(&replay, run)).collect();
+    assert!(starts.windows(2).any(|pair| pair[0] != pair[1]), "{starts:?}");
+    assert!(starts.iter().all(|row| row.get() + 301 <= 900));
+    let online = ReplayEnvironment::online(&train, 5000, 2, inputs);
+    assert_eq!(start(&online, 0), start(&online, 1));
+    let (stream, _) = online.stream(0).expect("a stream");
+    assert_eq!((stream.len(), stream.pieces()), (900, &[0..300, 300..900][..]));
+    assert_eq!(online.id(), EnvironmentId::Online);
+}
