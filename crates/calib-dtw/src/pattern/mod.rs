@@ -66,7 +66,7 @@ impl Branch {
     }
 
     /// The cells the branch pays for, first step first; the last one is offset (0, 0).
-    pub fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
+    pub fn cells(&self) -> impl Iterator<Item = Cell> + Clone + '_ {
         let (mut query, mut reference) = self.origin();
         self.steps.iter().map(move |step| {
             query -= step.query;

@@ -1,6 +1,6 @@
 //! Reference values of dtw-python 1.9.0, made by `scripts/golden/dtw.py`.
 
-use calib_dtw::{Dtw, Ends, InstructionSet, Settings, StepPattern};
+use calib_dtw::{Dtw, DtwError, Ends, InstructionSet, Settings, StepPattern};
 use serde_json::Value;
 
 fn numbers(value: &Value) -> Vec<f64> {
@@ -24,7 +24,7 @@ fn close(ours: f64, theirs: f64) -> bool {
 
 #[test]
 fn distances_agree_with_the_reference_package() {
-    let golden: Value = serde_json::from_str(include_str!("golden/distances.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/distances.json")).unwrap();
     let mut compared = 0;
     for case in golden["cases"].as_array().unwrap() {
         let (query, reference) = (numbers(&case["query"]), numbers(&case["reference"]));
@@ -58,4 +58,36 @@ fn distances_agree_with_the_reference_package() {
         }
     }
     assert!(compared >= 1404);
+}
+
+#[test]
+fn paths_agree_with_the_reference_package() {
+    let golden: Value = serde_json::from_str(include_str!("../golden/paths.json")).unwrap();
+    let (mut paths, mut impossible) = (0, 0);
+    for case in golden["cases"].as_array().unwrap() {
+        let (query, reference) = (numbers(&case["query"]), numbers(&case["reference"]));
+        for result in case["results"].as_array().unwrap() {
+            let text = |n: usize| result[n].as_str().unwrap();
+            let settings = Settings {
+                window: text(1).parse().unwrap(),
+                ends: ends(text(2)),
+                ..Settings::default()
+            };
+            let pattern: StepPattern = text(0).parse().unwrap();
+            let ours = Dtw::with_settings(pattern, settings).align(&query, &reference);
+            let what = format!("{result}: {ours:?}");
+            let Some(raw) = result[3].as_f64() else {
+                assert!(matches!(ours, Err(DtwError::NoPath(_))), "{what}");
+                impossible += 1;
+                continue;
+            };
+            let ours = ours.expect(&what);
+            assert!(close(ours.distance.raw, raw), "{what}");
+            let theirs = numbers(&result[5]).into_iter().zip(numbers(&result[6]));
+            let theirs: Vec<_> = theirs.map(|(i, j)| (i as usize, j as usize)).collect();
+            assert_eq!(ours.path, theirs, "{what}");
+            paths += 1;
+        }
+    }
+    assert!(paths > 500 && impossible > 3, "{paths} {impossible}");
 }

@@ -1,0 +1,8 @@
+//! The public interface against brute force, the whole matrix, and the reference package.
+
+mod brute_force;
+mod errors;
+mod golden;
+mod oracle;
+mod properties;
+mod whole_matrix;
