@@ -1,78 +1,127 @@
 //! Dot products and sums of linear value functions, for the widest vectors the processor has.
 //!
-//! Sums run in a fixed order of 16 partial sums with fused multiply-adds: the result depends neither on
-//! the processor's vectors nor on how many agents share a pass.
+//! A dot product is 16 partial sums, whatever the processor's vectors hold: product i is added to sum
+//! i mod 16 by a fused multiply-add, and the sums are added by halves. Results depend neither on the
+//! processor nor on how many agents or transitions share a pass.
+//!
+//! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
 
-/// Values are stored in multiples of this many, the rest zeros.
+use pulp::Simd;
+
+/// Number of partial sums. Values are stored in multiples of this many, the rest zeros.
 pub(crate) const LANES: usize = 16;
 
-/// Partial sums that [`total`] adds up.
-pub(crate) type Sums = [f32; LANES];
-
-/// `sums` += `scale`-free products x · w, lane by lane.
+/// The dot products of each of `rows` with `weights`; all of one length, a multiple of [`LANES`].
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
 )]
 #[inline(always)]
-pub(crate) fn add_products(sums: &mut Sums, x: &[f32], w: &[f32]) {
-    let (x, w) = (x.as_chunks::<LANES>().0, w.as_chunks::<LANES>().0);
-    for (x, w) in x.iter().zip(w) {
-        for lane in 0..LANES {
-            sums[lane] = x[lane].mul_add(w[lane], sums[lane]);
+pub(crate) fn dot_products<S: Simd, const ROWS: usize>(
+    simd: S,
+    rows: [&[f32]; ROWS],
+    weights: &[f32],
+) -> [f32; ROWS] {
+    let vectors = const { LANES / S::F32_LANES };
+    let weights = S::as_simd_f32s(weights).0;
+    let rows = rows.map(|row| &S::as_simd_f32s(row).0[..weights.len()]);
+    let mut sums = [[simd.splat_f32s(0.0); LANES]; ROWS];
+    for start in (0..weights.len() / vectors).map(|chunk| chunk * vectors) {
+        for vector in 0..vectors {
+            let weight = weights[start + vector];
+            for (sums, row) in sums.iter_mut().zip(rows) {
+                let sum = sums[vector];
+                sums[vector] = simd.mul_add_f32s(row[start + vector], weight, sum);
+            }
         }
     }
-}
-
-/// The sum of all lanes, by halves.
-#[expect(
-    clippy::inline_always,
-    reason = "only what is inlined into the dispatch is compiled for the processor"
-)]
-#[inline(always)]
-pub(crate) fn total(mut sums: Sums) -> f32 {
-    let mut half = LANES / 2;
-    while half > 0 {
-        for lane in 0..half {
-            sums[lane] += sums[lane + half];
+    let mut totals = [0.0; ROWS];
+    for (total, sums) in totals.iter_mut().zip(&mut sums) {
+        let mut half = vectors / 2;
+        while half > 0 {
+            for vector in 0..half {
+                sums[vector] = simd.add_f32s(sums[vector], sums[vector + half]);
+            }
+            half /= 2;
         }
-        half /= 2;
+        *total = simd.reduce_sum_f32s(sums[0]);
     }
-    sums[0]
+    totals
 }
 
-/// `sum` += `scale` · `x`.
+/// `sum` += Σ `scales`ᵢ · `rows`ᵢ, one row after the other, by fused multiply-adds.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
 )]
 #[inline(always)]
-pub(crate) fn add_scaled(sum: &mut [f32], scale: f32, x: &[f32]) {
-    let (sum, x) = (sum.as_chunks_mut::<LANES>().0, x.as_chunks::<LANES>().0);
-    for (sum, x) in sum.iter_mut().zip(x) {
-        for lane in 0..LANES {
-            sum[lane] = scale.mul_add(x[lane], sum[lane]);
+pub(crate) fn add_scaled<S: Simd, const ROWS: usize>(
+    simd: S,
+    sum: &mut [f32],
+    scales: [f32; ROWS],
+    rows: [&[f32]; ROWS],
+) {
+    let sum = S::as_mut_simd_f32s(sum).0;
+    let rows = rows.map(|row| &S::as_simd_f32s(row).0[..sum.len()]);
+    let mut factors = [simd.splat_f32s(0.0); ROWS];
+    for (factor, scale) in factors.iter_mut().zip(scales) {
+        *factor = simd.splat_f32s(scale);
+    }
+    for (index, sum) in sum.iter_mut().enumerate() {
+        let mut value = *sum;
+        for (factor, row) in factors.into_iter().zip(rows) {
+            value = simd.mul_add_f32s(factor, row[index], value);
         }
+        *sum = value;
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use pulp::{Arch, Scalar, WithSimd};
+
     use super::*;
 
+    const LENGTH: usize = 48;
+
+    struct Both<'a> {
+        rows: [&'a [f32]; 3],
+        weights: &'a [f32],
+    }
+
+    impl WithSimd for Both<'_> {
+        type Output = ([f32; 3], Vec<f32>);
+
+        #[expect(clippy::inline_always, reason = "as the kernels")]
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+            let mut sum = self.weights.to_vec();
+            add_scaled(simd, &mut sum, [-2.0, 0.5, 0.1], self.rows);
+            (dot_products(simd, self.rows, self.weights), sum)
+        }
+    }
+
+    fn operand(salt: usize, scale: f32) -> Vec<f32> {
+        (0..LENGTH).map(|i| ((i * 31 + salt * 17) % 23) as f32 * scale - 8.0).collect()
+    }
+
     #[test]
-    fn sums_are_those_of_the_definition() {
-        let x: Vec<f32> = (0..48).map(|i| i as f32 - 20.0).collect();
-        let w: Vec<f32> = (0..48).map(|i| (i % 7) as f32).collect();
-        let mut sums = [0.0; LANES];
-        add_products(&mut sums, &x, &w);
-        // Small integers: exact in any order.
-        let expected: f32 = x.iter().zip(&w).map(|(x, w)| x * w).sum();
-        assert_eq!(total(sums), expected);
-        let mut sum = w.clone();
-        add_scaled(&mut sum, -2.0, &x);
-        for ((sum, w), x) in sum.iter().zip(&w).zip(&x) {
-            assert_eq!(*sum, w - 2.0 * x);
+    fn results_are_those_of_the_definition_on_every_processor() {
+        for scale in [1.0, 0.37] {
+            let rows = [operand(1, scale), operand(2, scale), operand(3, scale)];
+            let weights = operand(4, scale);
+            let both = || Both { rows: [&rows[0], &rows[1], &rows[2]], weights: &weights };
+            let (dots, sum) = Arch::new().dispatch(both());
+            assert_eq!((dots, sum.clone()), both().with_simd(Scalar), "to the byte");
+            for (row, dot) in rows.iter().zip(dots) {
+                let products = row.iter().zip(&weights).map(|(&x, &w)| f64::from(x) * f64::from(w));
+                let expected = products.sum::<f64>();
+                assert!((f64::from(dot) - expected).abs() < 1e-2, "{dot} {expected}");
+            }
+            for (i, got) in sum.iter().enumerate() {
+                let expected = weights[i] - 2.0 * rows[0][i] + 0.5 * rows[1][i] + 0.1 * rows[2][i];
+                assert!((got - expected).abs() < 1e-4, "{got} {expected}");
+            }
         }
     }
 }

@@ -1,10 +1,10 @@
 use calib_core::Seed;
 use calib_nn::{Mlp, Optimiser};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::{
     AgentConfig,
-    kernels::{LANES, add_products, add_scaled, total},
+    kernels::{LANES, add_scaled, dot_products},
     values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},
 };
 
@@ -15,11 +15,16 @@ use crate::{
 pub(crate) struct LinearValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// (s, 1, 0 …).
-    state: Vec<f32>,
-    /// γ (s', 1, 0 …).
-    next: Vec<f32>,
+    /// Length of (s, 1, 0 …).
+    padded: usize,
+    /// (s, 1, 0 …) of a few transitions.
+    states: Vec<f32>,
+    /// γ (s', 1, 0 …) of them with target networks, γ (s', 1, 0 …) − (s, 1, 0 …) without.
+    ahead: Vec<f32>,
 }
+
+/// Transitions read at a time: their states stay in registers and the nearest cache.
+const BLOCK: usize = 8;
 
 struct Agent {
     weights: Vec<f32>,
@@ -31,7 +36,7 @@ struct Agent {
 }
 
 impl LinearValues {
-    /// Agents of one discount factor, for states of `width` values. Initial weights are those of a
+    /// Agents of one discount factor, all with target networks or none, for states of `width` values. Initial weights are those of a
     /// network without hidden layers.
     pub(crate) fn new(configs: &[&AgentConfig], width: usize, seed: Seed) -> Self {
         let padded = (width + 1).next_multiple_of(LANES);
@@ -47,17 +52,14 @@ impl LinearValues {
                 weights: weights.clone(),
             }
         };
-        let gamma = configs[0].gamma as f32;
-        let row = |one: f32| {
-            let mut row = vec![0.0; padded];
-            row[width] = one;
-            row
-        };
+        let mut states = vec![0.0; BLOCK * padded];
+        states.iter_mut().skip(width).step_by(padded).for_each(|one| *one = 1.0);
         Self {
-            gamma,
+            gamma: configs[0].gamma as f32,
             agents: configs.iter().map(agent).collect(),
-            state: row(1.0),
-            next: row(gamma),
+            padded,
+            states,
+            ahead: vec![0.0; BLOCK * padded],
         }
     }
 
@@ -69,8 +71,11 @@ impl LinearValues {
 
 impl Values for LinearValues {
     fn predict(&mut self, agent: usize, state: &[f32]) -> f32 {
-        self.state[..state.len()].copy_from_slice(state);
-        Arch::new().dispatch(Predict { weights: &self.agents[agent].weights, state: &self.state })
+        self.states[..state.len()].copy_from_slice(state);
+        Arch::new().dispatch(Predict {
+            weights: &self.agents[agent].weights,
+            state: &self.states[..self.padded],
+        })
     }
 
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]) {
@@ -103,7 +108,7 @@ struct Predict<'a> {
     state: &'a [f32],
 }
 
-impl NullaryFnOnce for Predict<'_> {
+impl WithSimd for Predict<'_> {
     type Output = f32;
 
     #[expect(
@@ -111,14 +116,13 @@ impl NullaryFnOnce for Predict<'_> {
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    fn call(self) -> f32 {
-        let mut sums = [0.0; LANES];
-        add_products(&mut sums, self.state, self.weights);
-        total(sums)
+    fn with_simd<S: Simd>(self, simd: S) -> f32 {
+        let [value] = dot_products(simd, [self.state], self.weights);
+        value
     }
 }
 
-/// Gradients of all live agents, one transition after the other.
+/// Gradients of all live agents from the transitions of a batch.
 struct Pass<'a> {
     values: &'a mut LinearValues,
     batch: Batch<'a>,
@@ -126,7 +130,7 @@ struct Pass<'a> {
     learned: &'a mut [Learned],
 }
 
-impl NullaryFnOnce for Pass<'_> {
+impl WithSimd for Pass<'_> {
     type Output = ();
 
     #[expect(
@@ -134,35 +138,71 @@ impl NullaryFnOnce for Pass<'_> {
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    fn call(self) {
-        let LinearValues { gamma, agents, state, next } = self.values;
-        let Batch { stream, cumulant, starts, .. } = self.batch;
-        let width = stream.width();
-        let scale = -1.0 / starts.len() as f32;
+    fn with_simd<S: Simd>(mut self, simd: S) {
         for &agent in self.live {
-            agents[agent].gradient.fill(0.0);
+            self.values.agents[agent].gradient.fill(0.0);
         }
-        for &t in starts {
-            state[..width].copy_from_slice(stream.state(t));
-            let following = stream.state(t + 1);
-            for (next, value) in next.iter_mut().zip(following) {
-                *next = *gamma * value;
-            }
-            for (&agent, learned) in self.live.iter().zip(&mut *self.learned) {
-                let agent = &mut agents[agent];
-                let (mut values, mut next_values) = ([0.0; LANES], [0.0; LANES]);
-                add_products(&mut values, state, &agent.weights);
-                let bootstrap = agent.target.as_ref().unwrap_or(&agent.weights);
-                add_products(&mut next_values, next, bootstrap);
-                for (next_value, value) in next_values.iter_mut().zip(values) {
-                    *next_value -= value;
-                }
-                let td_error = following[cumulant] + total(next_values);
-                learned.finite &= td_error.is_finite();
-                add_scaled(&mut agent.gradient, scale * td_error, state);
-            }
+        let (blocks, rest) = self.batch.starts.as_chunks::<BLOCK>();
+        for &block in blocks {
+            self.add_gradients(simd, block);
+        }
+        for &start in rest {
+            self.add_gradients(simd, [start]);
         }
     }
+}
+
+impl Pass<'_> {
+    /// Read a few transitions once, then add to the gradient of each agent.
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn add_gradients<S: Simd, const ROWS: usize>(&mut self, simd: S, starts: [usize; ROWS]) {
+        let LinearValues { gamma, agents, padded, states, ahead } = &mut *self.values;
+        let Batch { stream, cumulant, .. } = self.batch;
+        let (gamma, width, padded) = (*gamma, stream.width(), *padded);
+        let with_targets = agents[0].target.is_some();
+        let rows = states.chunks_exact_mut(padded).zip(ahead.chunks_exact_mut(padded));
+        for (t, (state, ahead)) in starts.into_iter().zip(rows) {
+            let (now, next) = (stream.state(t), stream.state(t + 1));
+            state[..width].copy_from_slice(now);
+            let kept = if with_targets { 0.0 } else { -1.0 };
+            for ((ahead, next), now) in ahead.iter_mut().zip(next).zip(now) {
+                *ahead = gamma * next + kept * now;
+            }
+            ahead[width] = gamma + kept;
+        }
+        let states: [&[f32]; ROWS] = rows_of(states, padded);
+        let ahead: [&[f32]; ROWS] = rows_of(ahead, padded);
+        let cumulants = starts.map(|t| stream.state(t + 1)[cumulant]);
+        let scale = -1.0 / self.batch.starts.len() as f32;
+        for (&agent, learned) in self.live.iter().zip(&mut *self.learned) {
+            let agent = &mut agents[agent];
+            let (bootstraps, values): (_, [f32; ROWS]) = match &agent.target {
+                // γ v(s') and v(s) from two sets of weights,
+                Some(target) => {
+                    let bootstraps = dot_products(simd, ahead, target);
+                    (bootstraps, dot_products(simd, states, &agent.weights))
+                }
+                // or γ v(s') − v(s) at once.
+                None => (dot_products(simd, ahead, &agent.weights), [0.0; ROWS]),
+            };
+            let mut scales = [0.0; ROWS];
+            for (index, scaled) in scales.iter_mut().enumerate() {
+                let td_error = cumulants[index] + bootstraps[index] - values[index];
+                learned.finite &= td_error.is_finite();
+                *scaled = scale * td_error;
+            }
+            add_scaled(simd, &mut agent.gradient, scales, states);
+        }
+    }
+}
+
+/// The first rows of `length` values each.
+fn rows_of<const ROWS: usize>(values: &[f32], length: usize) -> [&[f32]; ROWS] {
+    std::array::from_fn(|index| &values[index * length..][..length])
 }
 
 #[cfg(test)]

@@ -11,8 +11,8 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// What agents must share to learn in lockstep: the shape of the value function, γ, and everything that
-/// decides which transitions an update sees.
+/// What agents must share to learn in lockstep: the shape of the value function, γ, whether there are
+/// target networks, and everything that decides which transitions an update sees.
 pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
     let shape = |config: &AgentConfig| match config.value_function {
         ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units)),
@@ -26,6 +26,7 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
         && draws(a) == draws(b)
         && a.gamma == b.gamma
         && a.updates_per_step == b.updates_per_step
+        && (a.target_network_period > 0) == (b.target_network_period > 0)
 }
 
 /// One task for one population: which stream, which sensor, what is scored.

@@ -139,7 +139,7 @@ fn a_population_changes_nothing_about_its_agents() {
         AgentConfig { replay: ReplayKind::None, learning_rate: 0.02, ..linear() },
         AgentConfig { replay_capacity: 50, ..linear() },
     ];
-    assert_eq!(populations(&agents)[0], [0, 2, 3, 6]);
+    assert_eq!(populations(&agents)[0], [0, 2, 3]);
     let together = run(&stream, &agents, Scoring::WholeRun);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
     for (agent, outcome) in agents.iter().zip(&together) {
@@ -185,8 +185,9 @@ fn a_target_copied_after_every_update_is_no_target() {
     let agents = [0, 1, 1_000_000]
         .map(|target_network_period| AgentConfig { target_network_period, ..linear() });
     let outcomes = run(&stream, &agents, Scoring::WholeRun);
-    assert_eq!(outcomes[0], outcomes[1]);
-    assert_ne!(outcomes[0].rmse, outcomes[2].rmse);
+    // Sums run in another order.
+    assert!((outcomes[0].rmse - outcomes[1].rmse).abs() < 1e-5);
+    assert!((outcomes[0].rmse - outcomes[2].rmse).abs() > 1e-2);
 }
 
 /// Three states, the last of which is not a number.
