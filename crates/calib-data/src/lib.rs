@@ -1,1 +1,3 @@
 //! Plant logs in, tidy tables out: Parquet, cleaning, segments, normalisation. The only crate that names polars.
+
+pub mod table;

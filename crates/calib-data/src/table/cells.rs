@@ -1,0 +1,139 @@
+use calib_core::Timestamp;
+
+/// The values of one column.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cells<T> {
+    /// No value is missing.
+    Full(Vec<T>),
+    /// Values may be missing.
+    Optional(Vec<Option<T>>),
+}
+
+impl<T> Cells<T> {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Full(values) => values.len(),
+            Self::Optional(values) => values.len(),
+        }
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Full if no value is missing.
+    pub(crate) fn collect(values: impl Iterator<Item = Option<T>>, missing: usize) -> Self {
+        if missing == 0 {
+            Self::Full(values.flatten().collect())
+        } else {
+            Self::Optional(values.collect())
+        }
+    }
+
+    fn map<U>(&self, absent: U, map: impl Fn(&T) -> U) -> Vec<U>
+    where
+        U: Clone,
+    {
+        match self {
+            Self::Full(values) => values.iter().map(map).collect(),
+            Self::Optional(values) => values
+                .iter()
+                .map(|value| value.as_ref().map_or_else(|| absent.clone(), &map))
+                .collect(),
+        }
+    }
+}
+
+/// A type that a column can hold.
+pub trait Cell: Clone {
+    /// What messages call it.
+    const NAME: &'static str;
+
+    /// Cells of this type as a column of any type.
+    fn wrap(cells: Cells<Self>) -> Values;
+
+    /// The cells, if the column has this type.
+    fn unwrap(values: &Values) -> Option<&Cells<Self>>;
+}
+
+macro_rules! values {
+    ($($(#[$doc:meta])* $variant:ident($cell:ty, $name:literal)),+ $(,)?) => {
+        /// A column of one of the types that tables hold.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum Values {
+            $($(#[$doc])* $variant(Cells<$cell>)),+
+        }
+
+        impl Values {
+            /// Number of rows.
+            pub fn len(&self) -> usize {
+                match self {
+                    $(Self::$variant(cells) => cells.len()),+
+                }
+            }
+
+            /// What messages call the type.
+            pub fn type_name(&self) -> &'static str {
+                match self {
+                    $(Self::$variant(_) => $name),+
+                }
+            }
+        }
+
+        $(impl Cell for $cell {
+            const NAME: &'static str = $name;
+
+            fn wrap(cells: Cells<Self>) -> Values {
+                Values::$variant(cells)
+            }
+
+            fn unwrap(values: &Values) -> Option<&Cells<Self>> {
+                match values {
+                    Values::$variant(cells) => Some(cells),
+                    _ => None,
+                }
+            }
+        })+
+    };
+}
+
+values! {
+    /// 64-bit floating point.
+    Float64(f64, "f64"),
+    /// 32-bit floating point.
+    Float32(f32, "f32"),
+    /// Counts and indices.
+    UInt32(u32, "u32"),
+    /// Large counts and seeds.
+    UInt64(u64, "u64"),
+    /// Signed numbers.
+    Int64(i64, "i64"),
+    /// Yes or no.
+    Bool(bool, "bool"),
+    /// Text.
+    Text(String, "text"),
+    /// Instants, in microseconds.
+    Time(Timestamp, "timestamp"),
+}
+
+impl Values {
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The values as `f64`, NaN where one is missing; `None` for text and timestamps.
+    pub fn numbers(&self) -> Option<Vec<f64>> {
+        Some(match self {
+            Self::Float64(cells) => cells.map(f64::NAN, |&value| value),
+            Self::Float32(cells) => cells.map(f64::NAN, |&value| f64::from(value)),
+            Self::UInt32(cells) => cells.map(f64::NAN, |&value| f64::from(value)),
+            Self::UInt64(cells) => cells.map(f64::NAN, |&value| value as f64),
+            Self::Int64(cells) => cells.map(f64::NAN, |&value| value as f64),
+            Self::Bool(cells) => cells.map(f64::NAN, |&value| f64::from(u8::from(value))),
+            Self::Text(_) | Self::Time(_) => return None,
+        })
+    }
+}

@@ -1,0 +1,101 @@
+use std::{collections::BTreeMap, fs::File, path::Path};
+
+use calib_core::Timestamp;
+use calib_files::FileError;
+use pl::SerReader as _;
+use polars::prelude as pl;
+
+use super::{Cells, Table, TableError, Values};
+
+/// Key under which Parquet writers keep their own description of the types; not ours to show.
+const SCHEMA_KEY: &str = "ARROW:schema";
+
+/// Read a whole Parquet file.
+///
+/// Small integers become `i64` (signed) or `u32` (unsigned), dates and timestamps of any unit
+/// become [`Timestamp`]s, categories become text.
+///
+/// # Errors
+/// If the file cannot be read, is not Parquet, or has a column of another type.
+pub fn read_parquet(path: &Path) -> Result<Table, TableError> {
+    read(path, None)
+}
+
+/// Read some columns of a Parquet file, in the order given.
+///
+/// # Errors
+/// As [`read_parquet`]; or if a column does not exist.
+pub fn read_parquet_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
+    read(path, Some(names))
+}
+
+fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
+    let not_parquet = |source: pl::PolarsError| TableError::NotParquet {
+        path: path.to_owned(),
+        reason: source.to_string(),
+    };
+    let file = File::open(path).map_err(|source| FileError::io("open", path, source))?;
+    let mut reader = pl::ParquetReader::new(file);
+    let metadata = reader
+        .get_metadata()
+        .map_err(not_parquet)?
+        .key_value_metadata
+        .iter()
+        .flatten()
+        .filter(|pair| pair.key != SCHEMA_KEY)
+        .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
+        .collect::<BTreeMap<_, _>>();
+    let schema = reader.schema().map_err(not_parquet)?;
+    let available = || schema.iter_names().map(ToString::to_string).collect();
+    let names: Vec<String> = match names {
+        Some(names) => names.iter().map(|&name| name.to_owned()).collect(),
+        None => available(),
+    };
+    if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
+        return Err(TableError::NoColumn { name: name.clone(), available: available() });
+    }
+    let frame = reader.with_columns(Some(names.clone())).finish().map_err(not_parquet)?;
+    let mut columns = Vec::with_capacity(names.len());
+    for name in names {
+        let column = frame.column(&name).map_err(not_parquet)?;
+        let values =
+            from_polars(column).map_err(not_parquet)?.ok_or_else(|| TableError::UnknownType {
+                path: path.to_owned(),
+                name: name.clone(),
+                got: column.dtype().to_string(),
+            })?;
+        columns.push((name, values));
+    }
+    Ok(Table { columns, metadata })
+}
+
+fn from_polars(column: &pl::Column) -> pl::PolarsResult<Option<Values>> {
+    use pl::DataType as D;
+    let missing = column.null_count();
+    macro_rules! cells {
+        ($dtype:expr, $array:ident, $variant:ident) => {{
+            let column = column.cast($dtype)?;
+            Values::$variant(Cells::collect(column.$array()?.iter(), missing))
+        }};
+    }
+    Ok(Some(match column.dtype() {
+        D::Float64 | D::Decimal(..) => cells!(&D::Float64, f64, Float64),
+        D::Float32 => cells!(&D::Float32, f32, Float32),
+        D::UInt8 | D::UInt16 | D::UInt32 => cells!(&D::UInt32, u32, UInt32),
+        D::UInt64 => cells!(&D::UInt64, u64, UInt64),
+        D::Int8 | D::Int16 | D::Int32 | D::Int64 => cells!(&D::Int64, i64, Int64),
+        D::Boolean => cells!(&D::Boolean, bool, Bool),
+        D::String | D::Categorical(..) | D::Enum(..) => {
+            let column = column.cast(&D::String)?;
+            let text = column.str()?.iter().map(|text| text.map(str::to_owned));
+            Values::Text(Cells::collect(text, missing))
+        }
+        D::Date | D::Datetime(..) => {
+            let micros = column.cast(&D::Datetime(pl::TimeUnit::Microseconds, None))?;
+            let micros = micros.datetime()?.physical();
+            let instants = micros.iter().map(|micros| micros.map(Timestamp::from_micros));
+            Values::Time(Cells::collect(instants, missing))
+        }
+        _ => return Ok(None),
+    }))
+}
