@@ -2,7 +2,7 @@
 //!
 //! - [`Blocks`]: which transitions each member of the ensemble contains.
 //! - [`Exclusion`]: which sources may not be neighbours of a recorded row.
-//! - [`NeighborIndex`], [`Scan`]: exact search; every structure finds the same lists.
+//! - [`NeighborIndex`], [`KdTree`], [`Scan`]: exact search; every structure finds the same lists.
 //! - [`build_tables`], [`NeighborTable`]: for each member and transition `i` the `k` nearest source states to
 //!   the next state `s'_i`.
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
@@ -29,6 +29,7 @@ mod config;
 mod distance;
 mod error;
 mod exclusion;
+mod groups;
 mod index;
 mod lists;
 mod model;
@@ -41,7 +42,7 @@ pub use blocks::Blocks;
 pub use config::{IndexKind, ModelConfig, WeightsKind};
 pub use error::KnnError;
 pub use exclusion::{Exclusion, SelfMatch};
-pub use index::{NeighborIndex, Queries, Scan, Sink, Sources};
+pub use index::{KdTree, NeighborIndex, Queries, Scan, Sink, Sources};
 pub use lists::MemberLists;
 pub use model::{KnnModel, Member, Neighbor};
 pub use store::{open_table, write_table};

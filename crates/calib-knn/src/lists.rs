@@ -93,6 +93,11 @@ impl MemberLists {
             .fold(f64::NEG_INFINITY, f64::max);
     }
 
+    /// Length of a full list.
+    pub(crate) fn k(&self) -> usize {
+        self.k
+    }
+
     /// The members whose lists were wanted.
     pub fn members(&self) -> &[usize] {
         &self.wanted

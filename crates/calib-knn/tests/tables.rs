@@ -93,6 +93,10 @@ impl Case {
                 (Err(fewest), Err(KnnError::TooFewCandidates { candidates, k, .. })) => {
                     prop_assert_eq!((*fewest, self.k), (candidates, k));
                 }
+                (Ok(_), Err(KnnError::Dimensions { columns, max })) => {
+                    let tree = kind == IndexKind::KdTree;
+                    prop_assert!(tree && columns > max && columns == self.columns);
+                }
                 (expected, got) => {
                     prop_assert!(false, "{kind:?}: expected {expected:?}, got {got:?}");
                 }
@@ -185,7 +189,7 @@ fn case(columns: impl Strategy<Value = usize>, longest: usize) -> impl Strategy<
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
 
     #[test]
     fn few_columns(case in case(1_usize..9, 30)) {
@@ -199,7 +203,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(24) })]
 
     #[test]
     fn many_rows(case in case(1_usize..24, 260)) {

@@ -1,8 +1,10 @@
 //! Exact search, one contract and several structures.
 
+mod kd_tree;
 mod query;
 mod scan;
 
+pub use kd_tree::KdTree;
 pub use query::{Queries, Sources};
 pub use scan::Scan;
 
@@ -40,7 +42,8 @@ impl<'a> Sources<'a> {
     /// If the k-d tree is asked for more columns than it supports.
     pub fn index(&self, kind: IndexKind) -> Result<Box<dyn NeighborIndex + 'a>, KnnError> {
         match kind {
-            IndexKind::Auto | IndexKind::KdTree | IndexKind::Scan => Ok(Box::new(Scan::new(*self))),
+            IndexKind::Auto | IndexKind::Scan => Ok(Box::new(Scan::new(*self))),
+            IndexKind::KdTree => Ok(Box::new(KdTree::new(*self)?)),
         }
     }
 }

@@ -1,0 +1,171 @@
+use std::{
+    hash::{BuildHasher as _, BuildHasherDefault, DefaultHasher, Hasher as _},
+    ops::Range,
+};
+
+use rayon::prelude::*;
+
+use crate::{MemberLists, Sources, lists::Candidate};
+
+/// Different source states, each with the transitions that start from it.
+///
+/// A plant at a standstill repeats a state for hours. Searching different states only keeps bucket trees
+/// balanced and the search from visiting thousands of equal candidates.
+#[derive(Debug)]
+pub(crate) struct Groups {
+    /// Transitions group by group, ascending in each; groups are in the order of their first transition.
+    transitions: Vec<u32>,
+    /// Start of each group in `transitions`, and the end of the last.
+    starts: Vec<u32>,
+}
+
+impl Groups {
+    /// Group the sources by equal coordinates; `-0` equals `0`.
+    pub(crate) fn new(sources: &Sources<'_>) -> Self {
+        let states = sources.states().as_slice();
+        let columns = sources.columns();
+        let rows = sources.transitions().sources();
+        let state =
+            |transition: u32| &states[rows[transition as usize] as usize * columns..][..columns];
+        let hash = |transition: u32| {
+            let mut hasher = BuildHasherDefault::<DefaultHasher>::default().build_hasher();
+            for &value in state(transition) {
+                hasher.write_u32((value + 0.0).to_bits());
+            }
+            hasher.finish()
+        };
+        let mut hashed: Vec<(u64, u32)> =
+            (0..rows.len() as u32).into_par_iter().map(|t| (hash(t), t)).collect();
+        hashed.par_sort_unstable();
+        // The group of a transition is named by its first member. Equal hashes almost always mean equal states.
+        let mut named: Vec<(u32, u32)> = Vec::with_capacity(rows.len());
+        for run in hashed.chunk_by(|a, b| a.0 == b.0) {
+            let mut firsts: Vec<u32> = Vec::new();
+            for &(_, transition) in run {
+                let first = firsts.iter().copied().find(|&first| state(first) == state(transition));
+                if first.is_none() {
+                    firsts.push(transition);
+                }
+                named.push((first.unwrap_or(transition), transition));
+            }
+        }
+        drop(hashed);
+        named.par_sort_unstable();
+        let mut starts = Vec::new();
+        for (position, pair) in named.iter().enumerate() {
+            if pair.0 == pair.1 {
+                starts.push(position as u32);
+            }
+        }
+        starts.push(named.len() as u32);
+        Self { transitions: named.into_iter().map(|(_, transition)| transition).collect(), starts }
+    }
+
+    /// Number of different states.
+    pub(crate) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The transitions that start from state `group`, ascending.
+    pub(crate) fn transitions(&self, group: usize) -> &[u32] {
+        &self.transitions[self.starts[group] as usize..self.starts[group + 1] as usize]
+    }
+
+    /// The first transition that starts from state `group`.
+    pub(crate) fn first(&self, group: usize) -> u32 {
+        self.transitions[self.starts[group] as usize]
+    }
+
+    /// Offer the transitions of `group`, all at distance `squared`, outside `forbidden`.
+    pub(crate) fn offer(
+        &self,
+        group: usize,
+        squared: f64,
+        forbidden: &Range<u32>,
+        lists: &mut MemberLists,
+        sources: &Sources<'_>,
+    ) {
+        let (transitions, blocks) = (self.transitions(group), sources.blocks());
+        let offer = |transition: u32, lists: &mut MemberLists| {
+            if !forbidden.contains(&transition) {
+                lists.offer(Candidate { squared, transition }, blocks);
+            }
+        };
+        let wanted = lists.members().len();
+        if transitions.len() <= 2 * lists.k() * wanted {
+            for &transition in transitions {
+                offer(transition, lists);
+            }
+            return;
+        }
+        // In a large group only the first k admissible transitions of a member can enter its list.
+        let mut firsts = Vec::with_capacity(lists.k() * wanted);
+        for &member in lists.members() {
+            let dropped = blocks.dropped_ref(member);
+            let admissible = Admissible { transitions, skip: [dropped, forbidden] };
+            firsts.extend(admissible.take(lists.k()));
+        }
+        firsts.sort_unstable();
+        firsts.dedup();
+        for transition in firsts {
+            offer(transition, lists);
+        }
+    }
+}
+
+/// Ascending transitions outside two ranges, which are jumped over.
+struct Admissible<'a> {
+    transitions: &'a [u32],
+    skip: [&'a Range<u32>; 2],
+}
+
+impl Iterator for Admissible<'_> {
+    type Item = u32;
+
+    fn next(&mut self) -> Option<u32> {
+        loop {
+            let (&first, rest) = self.transitions.split_first()?;
+            if let Some(range) = self.skip.iter().find(|range| range.contains(&first)) {
+                let beyond = self.transitions.partition_point(|&t| t < range.end);
+                self.transitions = &self.transitions[beyond..];
+            } else {
+                self.transitions = rest;
+                return Some(first);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, States, Transitions};
+
+    use super::*;
+    use crate::Blocks;
+
+    #[test]
+    fn equal_states_share_a_group() {
+        let states = States::new(vec![1.0, 0.0, 1.0, 2.0, -0.0, 0.0, 9.0], 7, 1).expect("valid");
+        let transitions = Transitions::new(Segments::from_lengths([7]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 2).expect("valid");
+        let groups = Groups::new(&Sources::new(&states, &transitions, &blocks).expect("valid"));
+        let all: Vec<&[u32]> = (0..groups.len()).map(|g| groups.transitions(g)).collect();
+        assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
+    }
+
+    #[test]
+    fn large_groups_offer_the_first_admissible_rows() {
+        let states = States::new(vec![0.5; 1000], 1000, 1).expect("valid");
+        let transitions = Transitions::new(Segments::from_lengths([1000]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 5).expect("valid");
+        let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+        let groups = Groups::new(&sources);
+        assert_eq!(groups.len(), 1);
+        let mut lists = MemberLists::new(5, 2);
+        lists.reset([0, 3].into_iter());
+        groups.offer(0, 0.0, &(1..700), &mut lists, &sources);
+        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!(of(0), [700, 701]);
+        assert_eq!(of(3), [0, blocks.dropped(3).end]);
+    }
+}

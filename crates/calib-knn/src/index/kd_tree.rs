@@ -1,0 +1,147 @@
+use std::num::NonZero;
+
+use calib_core::Monitor;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+use super::{NeighborIndex, Queries, Sink, Sources};
+use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
+
+/// Queries of one task.
+const QUERIES: usize = 64;
+/// Queries between two looks at the monitor.
+const GROUP: usize = 64 * QUERIES;
+
+/// A k-d tree (the kiddo crate) over the different source states, for few columns.
+///
+/// The tree is asked for the `n` nearest states; everything that it left out is at least as far as the last
+/// one it gave. If every list of the query is filled from states that are strictly nearer than that, the
+/// lists are exact, else `n` grows. Distances are computed again by the definition.
+#[derive(Debug)]
+pub struct KdTree<'a> {
+    sources: Sources<'a>,
+    groups: Groups,
+    tree: Box<dyn Tree>,
+}
+
+impl<'a> KdTree<'a> {
+    /// The most columns that the tree supports.
+    pub const MAX_COLUMNS: usize = 16;
+
+    /// Build the tree.
+    ///
+    /// # Errors
+    /// If the states have more than [`MAX_COLUMNS`](Self::MAX_COLUMNS) columns.
+    pub fn new(sources: Sources<'a>) -> Result<Self, KnnError> {
+        let groups = Groups::new(&sources);
+        let tree: Box<dyn Tree> = match sources.columns() {
+            0 | 1 => Fixed::<1>::boxed(&sources, &groups),
+            2 => Fixed::<2>::boxed(&sources, &groups),
+            3 => Fixed::<3>::boxed(&sources, &groups),
+            4 => Fixed::<4>::boxed(&sources, &groups),
+            5 => Fixed::<5>::boxed(&sources, &groups),
+            6 => Fixed::<6>::boxed(&sources, &groups),
+            7 => Fixed::<7>::boxed(&sources, &groups),
+            8 => Fixed::<8>::boxed(&sources, &groups),
+            9..=10 => Fixed::<10>::boxed(&sources, &groups),
+            11..=12 => Fixed::<12>::boxed(&sources, &groups),
+            13..=16 => Fixed::<16>::boxed(&sources, &groups),
+            columns => return Err(KnnError::Dimensions { columns, max: Self::MAX_COLUMNS }),
+        };
+        Ok(Self { sources, groups, tree })
+    }
+
+    fn fill(&self, queries: &Queries<'_>, query: usize, k: usize) -> MemberLists {
+        let blocks = self.sources.blocks();
+        let state = queries.states().row(queries.row(query));
+        let forbidden = queries.forbidden(query);
+        let rows = self.sources.transitions().sources();
+        let mut lists = MemberLists::new(blocks.members(), k);
+        let mut asked = k + 1;
+        loop {
+            lists.reset(queries.wanted(query));
+            let found = self.tree.nearest(state, asked);
+            for &(_, group) in &found {
+                let source = rows[self.groups.first(group as usize) as usize] as usize;
+                let squared = squared(state, self.sources.states().row(source));
+                self.groups.offer(group as usize, squared, &forbidden, &mut lists, &self.sources);
+            }
+            // The tree computes in f64 without cancellation: far less than this relative error.
+            let beyond = found.last().map_or(f64::INFINITY, |&(last, _)| last * (1.0 - 1e-12));
+            if found.len() == self.groups.len() || lists.radius() < beyond {
+                return lists;
+            }
+            asked = (4 * asked).min(self.groups.len());
+        }
+    }
+}
+
+impl NeighborIndex for KdTree<'_> {
+    fn search(
+        &self,
+        queries: &Queries<'_>,
+        k: usize,
+        sink: &mut Sink<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), KnnError> {
+        let total = queries.len();
+        for group in (0..total).step_by(GROUP) {
+            if monitor.interrupted() {
+                return Err(KnnError::Interrupted);
+            }
+            let end = total.min(group + GROUP);
+            let found: Vec<MemberLists> = (group..end)
+                .into_par_iter()
+                .with_min_len(QUERIES)
+                .map(|query| self.fill(queries, query, k))
+                .collect();
+            for (query, lists) in (group..).zip(&found) {
+                sink(query, lists);
+            }
+            monitor.advance((end - group) as u64);
+        }
+        Ok(())
+    }
+}
+
+/// A tree of any compiled dimension.
+trait Tree: Send + Sync + std::fmt::Debug {
+    /// The `count` nearest groups with their squared distances, nearest first.
+    fn nearest(&self, state: &[f32], count: usize) -> Vec<(f64, u32)>;
+}
+
+/// A tree of `K` dimensions; columns beyond those of the states are zero.
+#[derive(Debug)]
+struct Fixed<const K: usize>(ImmutableKdTree<f32, K>);
+
+impl<const K: usize> Fixed<K> {
+    fn boxed(sources: &Sources<'_>, groups: &Groups) -> Box<dyn Tree>
+    where
+        Self: Tree + 'static,
+    {
+        let rows = sources.transitions().sources();
+        let points: Vec<[f32; K]> = (0..groups.len())
+            .map(|group| pad(sources.states().row(rows[groups.first(group) as usize] as usize)))
+            .collect();
+        let tree = ImmutableKdTree::new_from_slice(&points)
+            .expect("different points can be split, and transitions are counted in 32 bits");
+        Box::new(Self(tree))
+    }
+}
+
+fn pad<const K: usize>(state: &[f32]) -> [f32; K] {
+    std::array::from_fn(|column| state.get(column).map_or(0.0, |value| value + 0.0))
+}
+
+impl<const K: usize> Tree for Fixed<K> {
+    fn nearest(&self, state: &[f32], count: usize) -> Vec<(f64, u32)> {
+        let Some(count) = NonZero::new(count) else { return Vec::new() };
+        self.0
+            .query(&pad(state))
+            .nearest_n::<SquaredEuclidean<f64>>(count)
+            .execute()
+            .into_iter()
+            .map(|found| (found.distance, found.item))
+            .collect()
+    }
+}
