@@ -1,1 +1,32 @@
 //! Typed rows to figures and pages: SVG, PNG, HTML. Reads no files.
+//!
+//! - [`Sensitivity`], [`RolloutFigure`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
+//! - [`Report`]: everything a study found; [`Report::html`] makes one self-contained page of it.
+//! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
+//! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers as people read them.
+//!
+//! Curves are laid out here and painted as SVG here; kuva, with its embedded font, turns the same layout into
+//! pixels. Nothing depends on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
+
+mod chart;
+mod downsample;
+mod error;
+mod figures;
+mod number;
+mod page;
+mod report;
+mod setting;
+
+pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
+pub use downsample::min_max_indices;
+pub use error::ReportError;
+pub use figures::{
+    ErrorCurve, ErrorSource, Figure, MAX_POINTS, RankCurve, RolloutFigure, Score, Sensitivity,
+    Trajectory,
+};
+pub use number::{count, duration, number, percent, setting};
+pub use report::{
+    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
+    Report, Reproduction, Table, TopK, Verdict,
+};
+pub use setting::Setting;

@@ -27,7 +27,7 @@ pub struct Selection {
 /// Chooses the value with the smallest worst rank from `mean_errors` `[members, values]`:
 /// the mean score over runs of each value in each member.
 ///
-/// W(λ) = max over members m of rank_m(λ), 1 = best; the choice is argmin W (the paper's rule).
+/// W(λ) = max over members m of `rank_m(λ)`, 1 = best; the choice is argmin W (the paper's rule).
 /// Ties in W go to the lower mean rank, then to the better mean score, then to the earlier value (our choice).
 ///
 /// # Errors

@@ -1,0 +1,302 @@
+//! Made-up numbers that look like those of a study.
+
+use calib_report::{
+    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
+    ErrorSource, JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score,
+    Sensitivity, Setting, Table, TopK, Trajectory, Verdict,
+};
+use calib_stats::{
+    Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
+};
+
+const MEMBERS: usize = 5;
+/// The value one would use without calib: 1e-3.
+const DEFAULT: usize = 6;
+
+const RATES: [f64; 9] = [1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
+
+/// Noise without a generator: the fractional part of a large sine, from −1 to 1.
+fn noise(index: usize) -> f64 {
+    let value = ((index as f64 + 1.0) * 12.9898).sin() * 43_758.547;
+    2.0 * (value - value.floor()) - 1.0
+}
+
+/// A valley around `best`, as learning-rate curves have; the largest rates may diverge.
+fn error_at(rate: f64, best: f64, floor: f64) -> f64 {
+    let away = (rate / best).log10();
+    floor + if away < 0.0 { 0.05 * away * away } else { 0.11 * away * away }
+}
+
+fn runs(rate: f64, best: f64, floor: f64, seed: usize, diverges: bool) -> Summary {
+    let runs: Vec<f64> = (0..30)
+        .map(|run| {
+            if diverges && rate >= 9e-3 && run % 3 == 0 {
+                return f64::INFINITY;
+            }
+            error_at(rate, best, floor) * (1.0 + 0.08 * noise(seed * 1000 + run))
+        })
+        .collect();
+    summarise(&runs).expect("runs are numbers")
+}
+
+fn selection(best: f64, seed: usize) -> Selection {
+    let members: Vec<Vec<f64>> = (0..MEMBERS)
+        .map(|member| {
+            let shift = best * 10f64.powf(0.35 * noise(seed + member));
+            RATES.iter().map(|&rate| error_at(rate, shift, 0.1)).collect()
+        })
+        .collect();
+    select(&members, Direction::LowerIsBetter).expect("errors are numbers")
+}
+
+/// One sensor: where its best learning rate lies, its smallest error, and whether large rates diverge.
+struct Sensor {
+    name: &'static str,
+    best: f64,
+    floor: f64,
+    diverges: bool,
+    seed: usize,
+}
+
+fn sensors() -> Vec<Sensor> {
+    [("PIT300", 1.6e-4, 0.12, false), ("TIT101", 4e-5, 0.04, false), ("TUIT101", 6e-4, 0.3, true)]
+        .into_iter()
+        .enumerate()
+        .map(|(seed, (name, best, floor, diverges))| Sensor { name, best, floor, diverges, seed })
+        .collect()
+}
+
+impl Sensor {
+    fn curve(&self, label: &str, source: ErrorSource, best: f64) -> ErrorCurve {
+        let seed = 10 * self.seed + if source == ErrorSource::Online { 0 } else { 500 };
+        let summary = |(place, &rate): (usize, &f64)| {
+            Some(runs(rate, best, self.floor, seed + place, self.diverges))
+        };
+        ErrorCurve {
+            label: label.to_owned(),
+            source,
+            summaries: RATES.iter().enumerate().map(summary).collect(),
+        }
+    }
+
+    fn online(&self) -> ErrorCurve {
+        self.curve("Online", ErrorSource::Online, self.best)
+    }
+
+    fn log_replay(&self) -> ErrorCurve {
+        self.curve("Log replay", ErrorSource::LogReplay, self.best / 5.0)
+    }
+
+    /// The calibration models by name, with what they select.
+    fn models(&self) -> [(&'static str, Selection); 2] {
+        [
+            ("kNN, Euclidean", selection(self.best * 0.8, self.seed)),
+            ("kNN, Laplacian", selection(self.best * 2.5, self.seed + 50)),
+        ]
+    }
+
+    fn sensitivity(&self) -> Sensitivity {
+        let models = self.models();
+        Sensitivity {
+            sensor: self.name.to_owned(),
+            field: "learning_rate".to_owned(),
+            score: Score::nrmse(),
+            values: RATES.into_iter().map(Setting::from).collect(),
+            errors: vec![self.online(), self.log_replay()],
+            chosen: Some(models[0].1.chosen),
+            worst_ranks: models
+                .map(|(label, selection)| RankCurve {
+                    label: label.to_owned(),
+                    worst_ranks: selection.worst_ranks,
+                })
+                .into(),
+            default: Some(DEFAULT),
+        }
+    }
+
+    fn verdicts(&self) -> Vec<Verdict> {
+        let direction = Direction::LowerIsBetter;
+        let means = |curve: &ErrorCurve| -> Vec<f64> {
+            curve.summaries.iter().flatten().map(|summary| summary.mean).collect()
+        };
+        let online = means(&self.online());
+        let cost = |index| regret(&online, index, direction).expect("online errors are numbers");
+        let argmin =
+            |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
+        let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
+        let alternative =
+            |index: usize| Some(Alternative { value: RATES[index].into(), regret: cost(index) });
+        self.models()
+            .into_iter()
+            .map(|(model, selection)| {
+                let ranks: Vec<f64> =
+                    selection.worst_ranks.iter().map(|&rank| rank as f64).collect();
+                let chosen = selection.chosen;
+                Verdict {
+                    sensor: self.name.to_owned(),
+                    field: "learning_rate".to_owned(),
+                    model: model.to_owned(),
+                    chosen: RATES[chosen].into(),
+                    tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
+                    worst_rank: selection.worst_ranks[chosen],
+                    values: RATES.len(),
+                    members: MEMBERS,
+                    online: Some(Agreement {
+                        chosen_error: online[chosen],
+                        best: RATES[best].into(),
+                        best_error: online[best],
+                        regret: cost(chosen),
+                        spearman: spearman(&ranks, &online).expect("equally long"),
+                        kendall: kendall_tau_b(&ranks, &online).expect("equally long"),
+                        top_k: Some(TopK {
+                            k: 3,
+                            hit: top_k_hit(&online, chosen, 3, direction)
+                                .expect("chosen is in the grid"),
+                        }),
+                    }),
+                    default: alternative(DEFAULT),
+                    log_replay: alternative(replayed),
+                    notes: vec![],
+                }
+            })
+            .collect()
+    }
+}
+
+/// A sensitivity figure for each sensor.
+pub(crate) fn sensitivities() -> Vec<Sensitivity> {
+    sensors().iter().map(Sensor::sensitivity).collect()
+}
+
+fn trajectory(label: &str, steps: usize, level: f64, size: f64, seed: usize) -> Trajectory {
+    let mut wander = 0.0;
+    let values = (0..steps)
+        .map(|step| {
+            wander = 0.999 * wander + 0.02 * noise(seed * 100_000 + step);
+            let phase = (step + 337 * seed) % 1800;
+            // A filtration cycle with a short backwash.
+            let cycle = if phase > 1710 { -2.0 } else { phase as f64 / 1800.0 };
+            if seed == 0 && (12_000..12_600).contains(&step) {
+                return f64::NAN;
+            }
+            level + size * (cycle + wander + 0.08 * noise(step + seed))
+        })
+        .collect();
+    Trajectory { label: label.to_owned(), period_secs: 1.0, values }
+}
+
+/// A rollout figure for each sensor.
+pub(crate) fn rollouts() -> Vec<RolloutFigure> {
+    [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
+        .into_iter()
+        .map(|(sensor, unit, level, size)| RolloutFigure {
+            sensor: sensor.to_owned(),
+            unit: Some(unit.to_owned()),
+            truth: Some(trajectory("True trajectory", 30_000, level, size, 0)),
+            rollouts: vec![
+                trajectory("kNN, Euclidean (member 0)", 30_000, level, size, 1),
+                trajectory("kNN, Laplacian (member 0)", 30_000, level, size * 0.9, 2),
+            ],
+        })
+        .collect()
+}
+
+/// The whole report.
+pub(crate) fn report() -> Report {
+    Report {
+        title: "Learning rates for the filtration pilot".to_owned(),
+        subtitle: Some("Made-up sample data · one week, 1 Hz · TD(0) nexting of three sensors".to_owned()),
+        score: Score::nrmse(),
+        verdicts: sensors().iter().flat_map(Sensor::verdicts).collect(),
+        warnings: vec![
+            "TUIT101: the mean return is small beside its spread, so NRMSE is hard to read; compare RMSE/std as well."
+                .to_owned(),
+        ],
+        sensitivities: sensitivities(),
+        rollouts: rollouts(),
+        jumps: jumps(),
+        tables: vec![dtw()],
+        data: Some(data()),
+        reproduction: Reproduction {
+            command: "calib evaluate study.toml --out report".to_owned(),
+            study_toml: "[data]\nfiles = \"logs/*.parquet\"\ntime = \"timestamp\"\n\n[model]\nmembers = 5\nneighbors = 3\n\n\
+                         [sweep]\nfield = \"learning_rate\"\nvalues = [1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2]\n"
+                .to_owned(),
+            versions: vec![("calib".to_owned(), "0.1.0".to_owned())],
+            seeds: vec![("study".to_owned(), 7)],
+            fingerprint: "b3:5d41402abc4b2a76b9719d911017c592".to_owned(),
+        },
+    }
+}
+
+/// What the report looks like when no data was held out.
+pub(crate) fn without_online(report: &mut Report) {
+    for verdict in &mut report.verdicts {
+        verdict.online = None;
+        for alternative in [&mut verdict.default, &mut verdict.log_replay].into_iter().flatten() {
+            alternative.regret = None;
+        }
+    }
+    for sensitivity in &mut report.sensitivities {
+        sensitivity.errors.clear();
+    }
+}
+
+fn jumps() -> Vec<JumpStatistics> {
+    let member = |member: usize| JumpStatistics {
+        model: "kNN, Euclidean".to_owned(),
+        member,
+        steps: 30_000,
+        jump_rate: if member == 3 { 0.002 } else { 0.08 + 0.01 * noise(member) },
+        mean_run_length: if member == 3 { 480.0 } else { 12.3 + noise(member) },
+        note: (member == 3).then(|| "nearly a verbatim replay of the log".to_owned()),
+    };
+    (0..MEMBERS).map(member).collect()
+}
+
+fn dtw() -> Table {
+    let row = |pattern: &str, distances: [f64; 3]| {
+        let mut cells = vec![Cell::Text(pattern.to_owned())];
+        cells.extend(distances.map(Cell::Number));
+        cells
+    };
+    Table {
+        title: "DTW distance to the true trajectory, PIT300".to_owned(),
+        caption: "Normalised distance, by step pattern; lower is better and the best of each row is bold.".to_owned(),
+        columns: ["Step pattern", "kNN, Euclidean", "kNN, Laplacian", "NN"].map(ToOwned::to_owned).to_vec(),
+        rows: vec![
+            row("symmetric2", [0.0213, 0.0187, 0.0941]),
+            row("asymmetric", [0.0302, 0.0311, 0.128]),
+            row("symmetricP1", [0.0267, 0.0251, f64::INFINITY]),
+            row("Rabiner–Juang VI c", [0.0284, 0.0284, 0.117]),
+        ],
+        best: Some(Best::OfRow(Direction::LowerIsBetter)),
+    }
+}
+
+fn data() -> DataProfile {
+    let channel = |name: &str, unit: &str, min, max, missing, status| Channel {
+        name: name.to_owned(),
+        unit: (!unit.is_empty()).then(|| unit.to_owned()),
+        min,
+        max,
+        missing,
+        status,
+    };
+    let dropped = |reason: &str| ChannelStatus::Dropped(reason.to_owned());
+    DataProfile {
+        rows: 604_800,
+        segments: 14,
+        period_secs: 1.0,
+        first: "2022-10-03 00:00:00".to_owned(),
+        last: "2022-10-09 23:59:59".to_owned(),
+        facts: vec![("Held-out rows".to_owned(), "30,000".to_owned())],
+        channels: vec![
+            channel("PIT300", "kPa", Some(-36.2), Some(-4.1), 0.0003, ChannelStatus::Kept),
+            channel("TIT101", "°C", Some(11.8), Some(16.4), 0.0, ChannelStatus::Kept),
+            channel("TUIT101", "NTU", Some(0.02), Some(412.0), 0.011, ChannelStatus::Kept),
+            channel("FIT402 <spare>", "m³/h", Some(0.0), Some(0.0), 0.0, dropped("constant")),
+            channel("AIT900", "", None, None, 1.0, dropped("missing in 100 % of rows, limit 50 %")),
+        ],
+    }
+}

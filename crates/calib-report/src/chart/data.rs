@@ -1,0 +1,89 @@
+//! The numbers behind a chart, for the page's script.
+
+use serde_json::{Value, json};
+
+use super::scene::Scene;
+use super::{Axis, Chart, ScaleKind, Side};
+
+/// Significant digits of values; horizontal positions keep more, so that long series stay in order.
+const VALUE_DIGITS: usize = 5;
+const POSITION_DIGITS: usize = 8;
+
+/// Plot rectangle, scales and points of `chart` as laid out in `scene`, as JSON that is safe inside a script element.
+///
+/// Points are `null` where a value is missing and `"diverged"` where it is infinite.
+pub(crate) fn chart_data(chart: &Chart, scene: &Scene) -> String {
+    let plot = scene.plot;
+    let rect = [plot.x, plot.y, plot.width, plot.height].map(|side| (side * 10.0).round() / 10.0);
+    let series: Vec<Value> = chart
+        .series
+        .iter()
+        .map(|series| {
+            let points = &series.points;
+            let mut value = json!({
+                "label": series.label,
+                "side": match series.side { Side::Left => "left", Side::Right => "right" },
+                "x": points.iter().map(|p| rounded(p.x, POSITION_DIGITS)).collect::<Vec<_>>(),
+                "y": points.iter().map(|p| rounded(p.y, VALUE_DIGITS)).collect::<Vec<_>>(),
+            });
+            if points.iter().any(|point| point.interval.is_some()) {
+                let end = |pick: fn((f64, f64)) -> f64| -> Vec<Value> {
+                    points
+                        .iter()
+                        .map(|p| {
+                            p.interval.map_or(Value::Null, |ends| rounded(pick(ends), VALUE_DIGITS))
+                        })
+                        .collect()
+                };
+                value["low"] = json!(end(|ends| ends.0));
+                value["high"] = json!(end(|ends| ends.1));
+            }
+            value
+        })
+        .collect();
+    let data = json!({
+        "plot": rect,
+        "x": axis(&chart.x),
+        "left": axis(&chart.left),
+        "right": chart.right.as_ref().map(axis),
+        "series": series,
+    });
+    // "</script>" inside a label must not end the element; JSON allows the escaped form.
+    data.to_string().replace('<', "\\u003c")
+}
+
+fn axis(axis: &Axis) -> Value {
+    let scale = &axis.scale;
+    let (kind, names) = match &scale.kind {
+        ScaleKind::Linear => ("linear", None),
+        ScaleKind::Whole => ("whole", None),
+        ScaleKind::Log => ("log", None),
+        ScaleKind::Names(names) => ("names", Some(names)),
+    };
+    json!({ "label": axis.label, "kind": kind, "min": scale.min, "max": scale.max, "names": names })
+}
+
+fn rounded(value: f64, digits: usize) -> Value {
+    if value.is_nan() {
+        return Value::Null;
+    }
+    if value.is_infinite() {
+        return json!("diverged");
+    }
+    let short: f64 = format!("{value:.*e}", digits - 1).parse().unwrap_or(value);
+    // Whole numbers without ".0": there are thousands of them.
+    if short.fract() == 0.0 && short.abs() < 1e15 { json!(short as i64) } else { json!(short) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short_and_special_ones_are_named() {
+        assert_eq!(rounded(0.123_456_789, 5), json!(0.12346));
+        assert_eq!(rounded(30_000.0, 5), json!(30_000));
+        assert_eq!(rounded(f64::NAN, 5), Value::Null);
+        assert_eq!(rounded(f64::INFINITY, 5), json!("diverged"));
+    }
+}

@@ -1,0 +1,105 @@
+//! Axes, grid and labels around the plot.
+
+use super::scene::{Anchor, Mark, Rect, Text, Turn, text_width};
+use super::ticks::{Tick, ticks};
+use super::{Axis, Colour, Dash, ScaleKind};
+
+const TICK_SIZE: u32 = 13;
+const LABEL_SIZE: u32 = 14;
+/// Labelled ticks wanted on a horizontal and on a vertical axis.
+const X_TICKS: usize = 9;
+const Y_TICKS: usize = 6;
+
+/// Which side of the plot a vertical axis is on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Edge {
+    Left,
+    Right,
+}
+
+/// Room a vertical axis needs beside the plot.
+pub(crate) fn vertical_axis_width(axis: &Axis) -> f64 {
+    let widest = ticks(&axis.scale, Y_TICKS)
+        .iter()
+        .filter_map(|tick| tick.label.as_deref())
+        .map(|label| text_width(label, TICK_SIZE))
+        .fold(0.0, f64::max);
+    widest + 46.0
+}
+
+/// The horizontal axis below `plot`, and its grid lines.
+pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
+    let mut marks =
+        vec![rule((plot.x, plot.bottom()), (plot.right(), plot.bottom()), Colour::Muted)];
+    let mut free_from = f64::MIN;
+    for Tick { value, label } in ticks(&axis.scale, X_TICKS) {
+        let x = plot.x + axis.scale.fraction(value) * plot.width;
+        let length = if label.is_some() { 6.0 } else { 3.0 };
+        marks.push(rule((x, plot.bottom()), (x, plot.bottom() + length), Colour::Muted));
+        if let Some(label) = label {
+            if axis.scale.kind == ScaleKind::Linear || axis.scale.kind == ScaleKind::Log {
+                marks.extend(grid_line(
+                    (x, plot.y),
+                    (x, plot.bottom()),
+                    x - plot.x,
+                    plot.right() - x,
+                ));
+            }
+            // Leave labels out rather than print them over each other.
+            let half = text_width(&label, TICK_SIZE) / 2.0;
+            if x - half >= free_from {
+                marks.push(tick_text(x, plot.bottom() + 21.0, label, Anchor::Middle));
+                free_from = x + half + 6.0;
+            }
+        }
+    }
+    if !axis.label.is_empty() {
+        let centre = plot.x + plot.width / 2.0;
+        let label =
+            Text::new(centre, plot.bottom() + 45.0, &*axis.label, LABEL_SIZE, Anchor::Middle);
+        marks.push(Mark::Text(label));
+    }
+    marks
+}
+
+/// A vertical axis at one edge of `plot`; the left one brings the grid lines.
+pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
+    let (x, outwards, anchor, turn) = match edge {
+        Edge::Left => (plot.x, -1.0, Anchor::End, Turn::Upwards),
+        Edge::Right => (plot.right(), 1.0, Anchor::Start, Turn::Downwards),
+    };
+    let mut marks = Vec::new();
+    for Tick { value, label } in ticks(&axis.scale, Y_TICKS) {
+        let y = plot.bottom() - axis.scale.fraction(value) * plot.height;
+        let length = if label.is_some() { 6.0 } else { 3.0 };
+        if edge == Edge::Left && label.is_some() {
+            marks.extend(grid_line((plot.x, y), (plot.right(), y), y - plot.y, plot.bottom() - y));
+        }
+        marks.push(rule((x, y), (x + outwards * length, y), Colour::Muted));
+        if let Some(label) = label {
+            marks.push(tick_text(x + outwards * 10.0, y + 4.5, label, anchor));
+        }
+    }
+    marks.push(rule((x, plot.y), (x, plot.bottom()), Colour::Muted));
+    let beside = x + outwards * (vertical_axis_width(axis) - 14.0);
+    let centre = plot.y + plot.height / 2.0;
+    let mut label = Text::new(beside, centre, &*axis.label, LABEL_SIZE, Anchor::Middle);
+    label.turn = turn;
+    marks.push(Mark::Text(label));
+    marks
+}
+
+/// A grid line, unless it would lie on an axis.
+fn grid_line(from: (f64, f64), to: (f64, f64), before: f64, after: f64) -> Option<Mark> {
+    (before > 1.0 && after > 1.0).then(|| rule(from, to, Colour::Grid))
+}
+
+fn tick_text(x: f64, y: f64, label: String, anchor: Anchor) -> Mark {
+    let mut text = Text::new(x, y, label, TICK_SIZE, anchor);
+    text.colour = Colour::Muted;
+    Mark::Text(text)
+}
+
+fn rule(from: (f64, f64), to: (f64, f64), colour: Colour) -> Mark {
+    Mark::Line { points: vec![from, to], colour, width: 1.0, dash: Dash::Solid }
+}

@@ -1,0 +1,222 @@
+//! From a chart to marks at pixel positions.
+
+use super::frame::{Edge, horizontal_axis, vertical_axis, vertical_axis_width};
+use super::legend;
+use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, text_width};
+use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
+
+const WIDTH: f64 = 960.0;
+const PLOT_HEIGHT: f64 = 360.0;
+const MARGIN: f64 = 14.0;
+const PANEL_HEIGHT: f64 = 210.0;
+/// Room for tick labels, and for the label of the horizontal axis as well.
+const BELOW_UNLABELLED: f64 = 34.0;
+const BELOW: f64 = 58.0;
+const RULE_SIZE: u32 = 12;
+const RULE_ROW: f64 = 17.0;
+/// Curves with more intervals than this get a band instead of whiskers.
+const BAND_ABOVE_POINTS: usize = 40;
+
+/// Where title and legend go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LegendPlace {
+    /// Into the picture, which stands alone.
+    Inside,
+    /// Nowhere: the page around the picture has them.
+    Outside,
+}
+
+/// Lays `chart` out.
+pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace) -> Scene {
+    let side = Sides::of(std::slice::from_ref(chart));
+    let mut scene =
+        Scene { width: WIDTH, height: MARGIN, plot: Rect::default(), groups: Vec::new() };
+    if legend_place == LegendPlace::Inside {
+        scene.height = heading(&mut scene.groups, chart, &chart.title, side);
+    }
+    panel(&mut scene, chart, side, PLOT_HEIGHT);
+    scene
+}
+
+/// Lays `panels` out below each other, with one heading (title, and the keys of `legend_of`) and one horizontal scale.
+pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
+    let sides = Sides::of(panels);
+    let mut scene = Scene { width: WIDTH, height: 0.0, plot: Rect::default(), groups: Vec::new() };
+    scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, sides);
+    for chart in panels {
+        panel(&mut scene, chart, sides, PANEL_HEIGHT);
+    }
+    scene
+}
+
+/// Left end and width of the plots.
+#[derive(Clone, Copy)]
+struct Sides {
+    left: f64,
+    width: f64,
+}
+
+impl Sides {
+    /// Room for the widest axis labels of `charts`.
+    fn of(charts: &[Chart]) -> Self {
+        let widest = |widths: &mut dyn Iterator<Item = f64>| widths.fold(0.0, f64::max);
+        let left =
+            MARGIN + widest(&mut charts.iter().map(|chart| vertical_axis_width(&chart.left)));
+        let right = widest(
+            &mut charts.iter().filter_map(|chart| chart.right.as_ref()).map(vertical_axis_width),
+        );
+        Self { left, width: WIDTH - left - MARGIN - right.max(8.0) }
+    }
+}
+
+/// Title and legend; returns where the picture goes on below them.
+fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides: Sides) -> f64 {
+    let mut title = Text::new(sides.left, MARGIN + 16.0, title, 17, Anchor::Start);
+    title.weight = Weight::Bold;
+    let top = MARGIN + 28.0;
+    let entries = legend::place(legend::keys(chart), sides.left, top, sides.width);
+    let bottom = top + legend::height(&entries, top) + 6.0;
+    let marks = std::iter::once(Mark::Text(title)).chain(legend::marks(&entries)).collect();
+    groups.push(Group { kind: GroupKind::Heading, plot: Rect::default(), marks });
+    bottom
+}
+
+/// Adds one plot with its axes below what `scene` already has.
+fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
+    let rule_labels = rule_rows(chart, left, width);
+    let rows = rule_labels.iter().map(|label| label.row + 1).max().unwrap_or(0);
+    let top = scene.height + rows as f64 * RULE_ROW + 6.0;
+    let plot = Rect { x: left, y: top, width, height };
+    let mut add = |kind, marks| scene.groups.push(Group { kind, plot, marks });
+    add(GroupKind::Axis("x"), horizontal_axis(&chart.x, plot));
+    add(GroupKind::Axis("left"), vertical_axis(&chart.left, plot, Edge::Left));
+    if let Some(axis) = &chart.right {
+        add(GroupKind::Axis("right"), vertical_axis(axis, plot, Edge::Right));
+    }
+    add(GroupKind::Rules, rules(chart, &rule_labels, plot));
+    let mut diverging = 0;
+    for (index, series) in chart.series.iter().enumerate() {
+        let y = match (series.side, &chart.right) {
+            (Side::Right, Some(axis)) => &axis.scale,
+            _ => &chart.left.scale,
+        };
+        let placing = Placing {
+            x: &chart.x.scale,
+            y,
+            plot,
+            diverged_y: plot.y + 9.0 + 11.0 * f64::from(diverging),
+        };
+        diverging += i32::from(series.points.iter().any(|point| point.y.is_infinite()));
+        add(GroupKind::Series(index), placing.marks(series));
+    }
+    scene.plot = plot;
+    scene.height = plot.bottom() + if chart.x.label.is_empty() { BELOW_UNLABELLED } else { BELOW };
+}
+
+/// The text above a vertical line, in a row where it does not cover another one; row 0 is nearest to the plot.
+struct RuleLabel {
+    x: f64,
+    row: usize,
+}
+
+fn rule_rows(chart: &Chart, left: f64, width: f64) -> Vec<RuleLabel> {
+    let mut placed: Vec<(f64, f64, usize)> = Vec::new();
+    let mut labels = Vec::with_capacity(chart.rules.len());
+    for rule in &chart.rules {
+        let half = text_width(&rule.label, RULE_SIZE) / 2.0;
+        let line = left + chart.x.scale.fraction(rule.x) * width;
+        let x =
+            line.clamp((left + half).min(WIDTH / 2.0), (WIDTH - MARGIN - half).max(WIDTH / 2.0));
+        let free = |row: usize| {
+            !placed.iter().any(|&(from, to, taken)| {
+                taken == row && x - half < to + 8.0 && from - 8.0 < x + half
+            })
+        };
+        let row = (0..chart.rules.len()).find(|&row| free(row)).unwrap_or(0);
+        placed.push((x - half, x + half, row));
+        labels.push(RuleLabel { x, row });
+    }
+    labels
+}
+
+fn rules(chart: &Chart, labels: &[RuleLabel], plot: Rect) -> Vec<Mark> {
+    let mut marks = Vec::with_capacity(2 * labels.len());
+    for (rule, label) in chart.rules.iter().zip(labels) {
+        let x = plot.x + chart.x.scale.fraction(rule.x) * plot.width;
+        let baseline = plot.y - 6.0 - label.row as f64 * RULE_ROW;
+        marks.push(Mark::Line {
+            points: vec![(x, plot.y - 3.0 - label.row as f64 * RULE_ROW), (x, plot.bottom())],
+            colour: Colour::Muted,
+            width: 1.3,
+            dash: rule.dash,
+        });
+        marks.push(Mark::Text(Text::new(
+            label.x,
+            baseline,
+            &*rule.label,
+            RULE_SIZE,
+            Anchor::Middle,
+        )));
+    }
+    marks
+}
+
+/// What turns the points of a curve into pixels.
+struct Placing<'a> {
+    x: &'a Scale,
+    y: &'a Scale,
+    plot: Rect,
+    /// Where diverged values go: each curve has its own row at the upper edge.
+    diverged_y: f64,
+}
+
+impl Placing<'_> {
+    fn pixel(&self, x: f64, y: f64) -> (f64, f64) {
+        // Far outside is far enough: huge coordinates upset viewers, and the plot is clipped anyway.
+        let up = self.y.fraction(y).clamp(-2.0, 3.0);
+        (
+            self.plot.x + self.x.fraction(x) * self.plot.width,
+            self.plot.bottom() - up * self.plot.height,
+        )
+    }
+
+    fn marks(&self, series: &Series) -> Vec<Mark> {
+        let Series { colour, width, dash, .. } = *series;
+        let mut marks = Vec::new();
+        for run in series.points.split(|point| !point.y.is_finite()).filter(|run| !run.is_empty()) {
+            marks.extend(self.intervals(run, colour));
+            let points = run.iter().map(|point| self.pixel(point.x, point.y)).collect();
+            marks.push(Mark::Line { points, colour, width, dash });
+        }
+        for point in &series.points {
+            if point.y.is_infinite() {
+                let x = self.plot.x + self.x.fraction(point.x) * self.plot.width;
+                let marker = Marker::Cross;
+                marks.push(Mark::Symbol { x, y: self.diverged_y, marker, colour });
+            } else if let (Some(marker), false) = (series.marker, point.y.is_nan()) {
+                let (x, y) = self.pixel(point.x, point.y);
+                marks.push(Mark::Symbol { x, y, marker, colour });
+            }
+        }
+        marks
+    }
+
+    /// Whiskers with caps for a sparse curve; a band for a dense one.
+    fn intervals(&self, run: &[Point], colour: Colour) -> Vec<Mark> {
+        let ends: Vec<(f64, f64, f64)> =
+            run.iter().filter_map(|p| p.interval.map(|(low, high)| (p.x, low, high))).collect();
+        if ends.len() > BAND_ABOVE_POINTS {
+            let lower = ends.iter().map(|&(x, low, _)| self.pixel(x, low));
+            let upper = ends.iter().rev().map(|&(x, _, high)| self.pixel(x, high));
+            return vec![Mark::Area { points: lower.chain(upper).collect(), colour }];
+        }
+        let line = |points| Mark::Line { points, colour, width: 1.4, dash: Dash::Solid };
+        ends.iter()
+            .flat_map(|&(x, low, high)| {
+                let ((x, bottom), (_, top)) = (self.pixel(x, low), self.pixel(x, high));
+                let cap = |y| line(vec![(x - 4.0, y), (x + 4.0, y)]);
+                [line(vec![(x, bottom), (x, top)]), cap(bottom), cap(top)]
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,182 @@
+//! A chart as data, laid out once and painted as SVG, as PNG, or into the page.
+//!
+//! [`Chart`] says what is shown; [`layout`] turns it into marks at pixel positions ([`scene`]);
+//! [`svg`] and [`png`] paint the marks; [`data`] gives the page's script the same numbers for hovering.
+//! The layout is our own because one layout has to serve all three, with twin axes and a legend that
+//! never covers the curves; the drawing library only turns marks into pixels.
+
+mod data;
+mod frame;
+mod layout;
+mod legend;
+mod png;
+mod scale;
+mod scene;
+mod svg;
+mod ticks;
+
+pub(crate) use data::chart_data;
+pub(crate) use layout::{LegendPlace, draw, draw_panels};
+pub(crate) use legend::{Key, keys};
+pub(crate) use png::png;
+pub use scale::{Scale, ScaleKind};
+pub(crate) use scene::Scene;
+pub(crate) use svg::{sample_svg, svg};
+
+/// A chart: curves over a common horizontal axis, on one or two vertical axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Title above the figure.
+    pub title: String,
+    /// One sentence for those who cannot see it.
+    pub description: String,
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Left vertical axis.
+    pub left: Axis,
+    /// Right vertical axis, if any curve uses one.
+    pub right: Option<Axis>,
+    /// The curves, drawn in this order.
+    pub series: Vec<Series>,
+    /// Vertical lines that mark values of the horizontal axis.
+    pub rules: Vec<Rule>,
+}
+
+/// One axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it shows, with its unit.
+    pub label: String,
+    /// Range and spacing.
+    pub scale: Scale,
+}
+
+/// A labelled vertical line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rule {
+    /// Position on the horizontal axis.
+    pub x: f64,
+    /// Text above the line.
+    pub label: String,
+    /// Look of the line.
+    pub dash: Dash,
+}
+
+/// One curve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Name in the legend.
+    pub label: String,
+    /// Which vertical axis it is read on.
+    pub side: Side,
+    /// Colour by its role, so that light and dark pages can differ.
+    pub colour: Colour,
+    /// Line pattern.
+    pub dash: Dash,
+    /// Line width in pixels.
+    pub width: f64,
+    /// Shape at each point; none for dense curves.
+    pub marker: Option<Marker>,
+    /// The points, left to right. A value that is NaN breaks the line; an infinite one is marked as diverged.
+    pub points: Vec<Point>,
+}
+
+/// One point of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Horizontal position.
+    pub x: f64,
+    /// Value.
+    pub y: f64,
+    /// Ends of its interval, if it has one.
+    pub interval: Option<(f64, f64)>,
+}
+
+/// The vertical axis a curve is read on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+/// Line patterns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dash {
+    /// Unbroken.
+    Solid,
+    /// Long dashes.
+    Dashed,
+    /// Dots.
+    Dotted,
+}
+
+/// Shapes of points; every curve has its own, so that colour is never the only difference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Marker {
+    /// ●
+    Circle,
+    /// ■
+    Square,
+    /// ▲
+    Triangle,
+    /// ▼
+    TriangleDown,
+    /// ◆
+    Diamond,
+    /// ✕, for diverged values.
+    Cross,
+}
+
+/// Colours by role. The hues are those of Okabe & Ito (2008), which the common kinds of colour blindness keep apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Colour {
+    /// Text.
+    Ink,
+    /// True trajectories, beneath what is compared with them.
+    Truth,
+    /// Axis text and baselines.
+    Muted,
+    /// Grid lines.
+    Grid,
+    /// Curve colour 0 to 5; larger numbers start again.
+    Curve(usize),
+}
+
+impl Colour {
+    /// Light-page colour, `#rrggbb`. The page's style sheet overrides it by [`class`](Self::class).
+    pub(crate) const fn hex(self) -> &'static str {
+        match self {
+            Self::Ink => "#1b2733",
+            Self::Truth => "#8b97a4",
+            Self::Muted => "#5b6875",
+            Self::Grid => "#e3e8ed",
+            Self::Curve(index) => {
+                ["#0072b2", "#d55e00", "#009e73", "#a8479a", "#8a6d1d", "#3d8fc4"][index % 6]
+            }
+        }
+    }
+
+    /// Name of the colour in the page's style sheet.
+    pub(crate) const fn class(self) -> &'static str {
+        match self {
+            Self::Ink => "ink",
+            Self::Truth => "truth",
+            Self::Muted => "muted",
+            Self::Grid => "grid",
+            Self::Curve(index) => ["c0", "c1", "c2", "c3", "c4", "c5"][index % 6],
+        }
+    }
+}
+
+impl Dash {
+    /// Lengths of ink and of gap in pixels; `None` for an unbroken line.
+    pub(crate) const fn lengths(self) -> Option<(f64, f64)> {
+        match self {
+            Self::Solid => None,
+            Self::Dashed => Some((7.0, 4.0)),
+            Self::Dotted => Some((2.0, 3.0)),
+        }
+    }
+}

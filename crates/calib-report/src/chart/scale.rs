@@ -1,0 +1,156 @@
+//! From values to positions along an axis.
+
+/// How values are spaced.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ScaleKind {
+    /// Evenly.
+    Linear,
+    /// Evenly, with ticks at whole numbers only.
+    Whole,
+    /// By their logarithm.
+    Log,
+    /// Value i stands for name i.
+    Names(Vec<String>),
+}
+
+/// Range and spacing of an axis. `min` < `max`, and both are positive on a logarithmic scale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    /// Spacing.
+    pub kind: ScaleKind,
+    /// Value at the left or lower end.
+    pub min: f64,
+    /// Value at the right or upper end.
+    pub max: f64,
+}
+
+/// Values that span more than this factor are shown on a logarithmic scale.
+const LOG_ABOVE: f64 = 30.0;
+
+impl Scale {
+    /// A linear scale from `min` to `max` exactly, widened if they are equal.
+    pub fn linear(min: f64, max: f64) -> Self {
+        let (min, max) = if min < max { (min, max) } else { widened(min) };
+        Self { kind: ScaleKind::Linear, min, max }
+    }
+
+    /// A logarithmic scale that holds `values` with a margin; linear if any of them is not positive.
+    pub fn log_around(values: &[f64]) -> Self {
+        match extent(values) {
+            Some((low, high)) if low > 0.0 => {
+                let margin = if low < high { (high / low).powf(0.05) } else { 2.0 };
+                Self { kind: ScaleKind::Log, min: low / margin, max: high * margin }
+            }
+            _ => Self::linear_around(values),
+        }
+    }
+
+    /// A linear scale that holds the finite `values` with a margin, or a logarithmic one
+    /// where they are positive and span more than a factor of 30.
+    pub fn around(values: &[f64]) -> Self {
+        match extent(values) {
+            Some((low, high)) if low > 0.0 && high / low > LOG_ABOVE => {
+                let margin = (high / low).powf(0.06);
+                Self { kind: ScaleKind::Log, min: low / margin, max: high * margin }
+            }
+            _ => Self::linear_around(values),
+        }
+    }
+
+    /// A linear scale that holds the finite `values` with a margin.
+    pub fn linear_around(values: &[f64]) -> Self {
+        match extent(values) {
+            Some((low, high)) if low < high => {
+                let margin = 0.07 * (high - low);
+                // A margin must not suggest that a positive quantity can be negative.
+                let min = if low >= 0.0 { (low - margin).max(0.0) } else { low - margin };
+                Self::linear(min, high + margin)
+            }
+            Some((low, _)) => Self::linear(low, low),
+            None => Self::linear(0.0, 1.0),
+        }
+    }
+
+    /// Ranks 1 to `worst`.
+    pub fn ranks(worst: usize) -> Self {
+        let worst = worst.max(2) as f64;
+        let margin = 0.07 * (worst - 1.0);
+        Self { kind: ScaleKind::Whole, min: 1.0 - margin, max: worst + margin }
+    }
+
+    /// One place for each name.
+    pub fn names(names: Vec<String>) -> Self {
+        let max = names.len().max(1) as f64 - 0.5;
+        Self { kind: ScaleKind::Names(names), min: -0.5, max }
+    }
+
+    /// Where `value` lies: 0 at `min`, 1 at `max`, outside beyond them.
+    pub fn fraction(&self, value: f64) -> f64 {
+        match self.kind {
+            ScaleKind::Log => {
+                let (min, max) = (self.min.ln(), self.max.ln());
+                // What cannot be shown on a logarithmic scale lies far below it.
+                if value > 0.0 { (value.ln() - min) / (max - min) } else { -1.0 }
+            }
+            _ => (value - self.min) / (self.max - self.min),
+        }
+    }
+}
+
+/// Smallest and largest finite value.
+pub(crate) fn extent(values: &[f64]) -> Option<(f64, f64)> {
+    values.iter().filter(|value| value.is_finite()).fold(None, |extent, &value| match extent {
+        None => Some((value, value)),
+        Some((low, high)) => Some((low.min(value), high.max(value))),
+    })
+}
+
+fn widened(value: f64) -> (f64, f64) {
+    let margin = if value == 0.0 { 1.0 } else { 0.1 * value.abs() };
+    (value - margin, value + margin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fractions_run_from_end_to_end() {
+        let linear = Scale::linear(2.0, 4.0);
+        assert_eq!(
+            (linear.fraction(2.0), linear.fraction(3.0), linear.fraction(4.0)),
+            (0.0, 0.5, 1.0)
+        );
+        let log = Scale { kind: ScaleKind::Log, min: 1e-6, max: 1e-2 };
+        assert!((log.fraction(1e-4) - 0.5).abs() < 1e-12);
+        assert!(log.fraction(0.0) < 0.0);
+    }
+
+    #[test]
+    fn wide_ranges_are_logarithmic_and_narrow_ones_are_not() {
+        assert_eq!(Scale::around(&[0.1, 0.2, f64::INFINITY]).kind, ScaleKind::Linear);
+        assert_eq!(Scale::around(&[0.1, 12.0]).kind, ScaleKind::Log);
+        assert_eq!(Scale::around(&[-0.1, 12.0]).kind, ScaleKind::Linear);
+    }
+
+    #[test]
+    fn degenerate_ranges_still_have_a_width() {
+        for scale in [
+            Scale::around(&[]),
+            Scale::around(&[3.0]),
+            Scale::around(&[0.0, 0.0]),
+            Scale::log_around(&[1e-4]),
+            Scale::log_around(&[0.0, 0.0]),
+            Scale::ranks(1),
+            Scale::names(vec![]),
+        ] {
+            assert!(scale.min < scale.max, "{scale:?}");
+        }
+    }
+
+    #[test]
+    fn a_positive_quantity_keeps_a_positive_axis() {
+        assert_eq!(Scale::around(&[0.01, 0.25]).min, 0.0);
+        assert!(Scale::around(&[-1.0, 1.0]).min < -1.0);
+    }
+}

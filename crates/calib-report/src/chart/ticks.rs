@@ -1,0 +1,132 @@
+//! Where an axis is marked, and with what.
+
+use super::{Scale, ScaleKind};
+use crate::number::{count, number, setting};
+
+/// One mark on an axis; minor ones have no label.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tick {
+    pub(crate) value: f64,
+    pub(crate) label: Option<String>,
+}
+
+/// The ticks of `scale`, about `wanted` of them labelled.
+pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
+    match &scale.kind {
+        ScaleKind::Linear => linear(scale, wanted, 0.0),
+        // Up to ten ranks are all named.
+        ScaleKind::Whole => linear(scale, wanted.max(10), 1.0),
+        ScaleKind::Log => log(scale, wanted),
+        ScaleKind::Names(names) => names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| Tick { value: i as f64, label: Some(name.clone()) })
+            .collect(),
+    }
+}
+
+/// Multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
+fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
+    let rough = (scale.max - scale.min) / wanted.max(1) as f64;
+    let power = 10f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|factor| factor * power)
+        .find(|step| *step >= rough * 0.999)
+        .unwrap_or(10.0 * power)
+        .max(smallest_step);
+    let first = (scale.min / step).ceil() as i64;
+    let last = (scale.max / step).floor() as i64;
+    let tick = |i: i64| {
+        let value = i as f64 * step;
+        Tick { value, label: Some(label(value, step)) }
+    };
+    // Ranks start at 1, which is no multiple of a larger step.
+    if smallest_step > 0.0 && step > 1.0 {
+        let best = Tick { value: 1.0, label: Some("1".to_owned()) };
+        return std::iter::once(best).chain((first.max(1)..=last).map(tick)).collect();
+    }
+    (first..=last).map(tick).collect()
+}
+
+/// Powers of ten with a label and their multiples without; multiples by 2 and 5 get one where there is room.
+fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
+    let (first, last) = (scale.min.log10().floor() as i32, scale.max.log10().ceil() as i32);
+    let decades = scale.max.log10() - scale.min.log10();
+    let every = (decades / wanted.max(1) as f64).ceil().max(1.0) as i32;
+    let labelled: &[u32] = match decades {
+        few if few < 1.0 => &[1, 2, 3, 5, 7],
+        some if some < 2.0 => &[1, 2, 5],
+        _ => &[1],
+    };
+    let mut ticks = Vec::new();
+    for exponent in first..=last {
+        for digit in 1..10u32 {
+            // Parsing gives the nearest number to what is printed; multiplying would not.
+            let value: f64 = format!("{digit}e{exponent}").parse().unwrap_or(f64::NAN);
+            if scale.min <= value && value <= scale.max {
+                let shown = labelled.contains(&digit) && exponent.rem_euclid(every) == 0;
+                // One style on one axis: 1e-2 beside 1e-3, but 0.01 beside 0.1.
+                let style = if scale.min < 5e-3 && exponent < 0 {
+                    format!("{digit}e{exponent}")
+                } else {
+                    setting(value)
+                };
+                ticks.push(Tick { value, label: shown.then_some(style) });
+            }
+        }
+    }
+    ticks
+}
+
+/// `value` with as many decimals as a `step` needs.
+fn label(value: f64, step: f64) -> String {
+    let decimals = (-(step * 1.0001).log10().floor()).max(0.0) as usize;
+    if decimals > 4 || value.abs() >= 1e6 {
+        return number(value);
+    }
+    if decimals == 0 && value.abs() >= 1e3 {
+        let whole = count(value.abs() as u64);
+        return if value < 0.0 { format!("-{whole}") } else { whole };
+    }
+    let text = format!("{value:.decimals$}");
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        "0".to_owned()
+    } else {
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(scale: &Scale) -> Vec<String> {
+        ticks(scale, 6).into_iter().filter_map(|tick| tick.label).collect()
+    }
+
+    #[test]
+    fn linear_ticks_are_round_numbers() {
+        assert_eq!(labels(&Scale::linear(0.0, 1.0)), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(
+            labels(&Scale::linear(-30.0, 30.0)),
+            ["-30", "-20", "-10", "0", "10", "20", "30"]
+        );
+        assert_eq!(labels(&Scale::linear(0.0, 30_000.0)).last().unwrap(), "30,000");
+    }
+
+    #[test]
+    fn ranks_are_whole_and_start_at_the_best() {
+        assert_eq!(labels(&Scale::ranks(5)), ["1", "2", "3", "4", "5"]);
+        assert_eq!(labels(&Scale::ranks(30))[..3], ["1", "5", "10"]);
+    }
+
+    #[test]
+    fn logarithmic_ticks_are_powers_of_ten() {
+        let scale = Scale { kind: ScaleKind::Log, min: 5e-7, max: 2e-2 };
+        assert_eq!(labels(&scale), ["1e-6", "1e-5", "1e-4", "1e-3", "1e-2"]);
+        let narrow = Scale { kind: ScaleKind::Log, min: 0.9, max: 12.0 };
+        assert_eq!(labels(&narrow), ["1", "2", "5", "10"]);
+        assert!(ticks(&scale, 6).iter().any(|tick| tick.label.is_none()));
+    }
+}

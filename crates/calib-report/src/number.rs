@@ -1,0 +1,167 @@
+//! Numbers as people read them.
+
+/// `value` with three significant digits: `0.0123`, `1.5`, `28,800`, `3.16e-4`; `diverged` if it is not finite.
+pub fn number(value: f64) -> String {
+    significant(value, 1e-3)
+}
+
+/// A hyperparameter value as one would type it: `1e-4`, `0.05`, `256`, `3.16e-4`.
+///
+/// Powers of ten below 0.01 are written with an exponent, and whole numbers up to a million in full.
+pub fn setting(value: f64) -> String {
+    if value.fract() == 0.0 && value.abs() < 1e6 {
+        return format!("{value:.0}");
+    }
+    significant(value, 1e-2)
+}
+
+/// A share as a percentage: `3.1 %`, `24 %`, `<0.1 %`; `diverged` if it is not finite.
+pub fn percent(share: f64) -> String {
+    let percent = share * 100.0;
+    match percent.abs() {
+        size if !size.is_finite() => "diverged".to_owned(),
+        0.0 => "0 %".to_owned(),
+        size if size < 0.1 => "<0.1 %".to_owned(),
+        size if size < 9.95 => format!("{} %", trimmed(format!("{percent:.1}"))),
+        size if size < 1e4 => format!("{percent:.0} %"),
+        _ => format!("{} times", number(share)),
+    }
+}
+
+/// A count with thousands separators: `30,000`.
+pub fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A span in the largest unit that keeps it above one: `30 s`, `8.33 h`, `14 d`.
+pub fn duration(secs: f64) -> String {
+    let (unit, name) = time_unit(secs);
+    format!("{} {name}", number(secs / unit))
+}
+
+/// Seconds in, and name of, the unit in which `secs` reads best.
+pub(crate) fn time_unit(secs: f64) -> (f64, &'static str) {
+    match secs.abs() {
+        size if size >= 3.0 * 86_400.0 => (86_400.0, "d"),
+        size if size >= 2.0 * 3_600.0 => (3_600.0, "h"),
+        size if size >= 3.0 * 60.0 => (60.0, "min"),
+        _ => (1.0, "s"),
+    }
+}
+
+fn significant(value: f64, smallest_plain: f64) -> String {
+    if !value.is_finite() {
+        return "diverged".to_owned();
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    // Round first, so that 9.999e-4 is judged as the 1e-3 it will be shown as.
+    let scientific = format!("{value:.2e}");
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let rounded = 10f64.powi(exponent);
+    if rounded < smallest_plain * 0.999 || exponent >= 6 {
+        return format!("{}e{exponent}", trimmed(mantissa.to_owned()));
+    }
+    if exponent >= 3 {
+        let whole = count(value.abs().round() as u64);
+        return if value < 0.0 { format!("-{whole}") } else { whole };
+    }
+    let decimals = (2 - exponent).max(0) as usize;
+    trimmed(format!("{value:.decimals$}"))
+}
+
+fn trimmed(text: String) -> String {
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_significant_digits() {
+        let cases = [
+            (0.0, "0"),
+            (0.012_345, "0.0123"),
+            (0.1, "0.1"),
+            (1.0, "1"),
+            (12.345, "12.3"),
+            (-123.45, "-123"),
+            (999.6, "1,000"),
+            (28_800.0, "28,800"),
+            (-28_800.4, "-28,800"),
+            (1.234e7, "1.23e7"),
+            (1e-4, "1e-4"),
+            (3.162_277e-4, "3.16e-4"),
+            (9.999e-4, "0.001"),
+            (f64::INFINITY, "diverged"),
+            (f64::NAN, "diverged"),
+        ];
+        for (value, expected) in cases {
+            assert_eq!(number(value), expected, "{value}");
+        }
+    }
+
+    #[test]
+    fn settings_look_as_they_are_typed() {
+        let cases = [
+            (1e-3, "1e-3"),
+            (1e-5, "1e-5"),
+            (0.05, "0.05"),
+            (0.01, "0.01"),
+            (0.1, "0.1"),
+            (1.0, "1"),
+            (256.0, "256"),
+            (65_536.0, "65536"),
+            (0.99, "0.99"),
+            (0.003, "3e-3"),
+        ];
+        for (value, expected) in cases {
+            assert_eq!(setting(value), expected, "{value}");
+        }
+    }
+
+    #[test]
+    fn shares_as_percentages() {
+        let cases = [
+            (0.0, "0 %"),
+            (0.0004, "<0.1 %"),
+            (0.031, "3.1 %"),
+            (0.02, "2 %"),
+            (0.0999, "10 %"),
+            (0.24, "24 %"),
+            (-0.05, "-5 %"),
+            (18.0, "1800 %"),
+            (180.0, "180 times"),
+            (f64::INFINITY, "diverged"),
+        ];
+        for (share, expected) in cases {
+            assert_eq!(percent(share), expected, "{share}");
+        }
+    }
+
+    #[test]
+    fn counts_and_durations() {
+        assert_eq!(
+            (count(7), count(1_000), count(1_234_567)),
+            ("7".into(), "1,000".into(), "1,234,567".into())
+        );
+        assert_eq!(duration(30.0), "30 s");
+        assert_eq!(duration(30_000.0), "8.33 h");
+        assert_eq!(duration(14.0 * 86_400.0), "14 d");
+    }
+}

@@ -1,0 +1,170 @@
+//! Tables, the data profile, and what is needed to reproduce the report.
+
+use maud::{Markup, html};
+
+use crate::number::{count, duration, number, percent};
+use crate::{
+    Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Table,
+};
+
+/// Text up to this length stays on one line.
+const SHORT: usize = 16;
+
+/// A table with a title, a caption and a copy button.
+pub(super) fn table(table: &Table) -> Markup {
+    html! {
+        div.table {
+            div.table-head {
+                h3 { (table.title) }
+                button.copy type="button" { "Copy table" }
+            }
+            @if !table.caption.is_empty() { p.caption { (table.caption) } }
+            (rows(table))
+        }
+    }
+}
+
+/// The table alone, in a box that scrolls sideways.
+pub(super) fn rows(table: &Table) -> Markup {
+    html! {
+        div.scroll tabindex="0" role="region" aria-label=(table.title) {
+            table {
+                caption.hidden { (table.title) }
+                thead { tr { @for column in &table.columns { th scope="col" { (column) } } } }
+                tbody {
+                    @for (row, cells) in table.rows.iter().enumerate() {
+                        tr { @for column in 0..table.columns.len() { (cell(table, cells, row, column)) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
+    let cell = cells.get(column).unwrap_or(&Cell::Missing);
+    let text = match cell {
+        Cell::Text(text) => text.clone(),
+        Cell::Number(value) => number(*value),
+        Cell::Percent(share) => percent(*share),
+        Cell::Count(value) => count(*value),
+        Cell::Setting(setting) => setting.to_string(),
+        Cell::Missing => "–".to_owned(),
+    };
+    let class = match cell {
+        Cell::Text(text) if text.len() > SHORT => "text",
+        Cell::Text(_) => "short",
+        _ => "number",
+    };
+    html! {
+        @if column == 0 {
+            th scope="row" class=(class) { (text) }
+        } @else if table.is_best(row, column) {
+            td class=(class) { strong { (text) } }
+        } @else {
+            td class=(class) { (text) }
+        }
+    }
+}
+
+/// Jump statistics, and the tables that came with the report.
+pub(super) fn statistics(report: &Report) -> Markup {
+    html! {
+        @if !report.jumps.is_empty() { (table(&jumps(&report.jumps))) }
+        @for other in &report.tables { (table(other)) }
+    }
+}
+
+fn jumps(jumps: &[JumpStatistics]) -> Table {
+    let columns = ["Model", "Member", "Steps", "Jump rate", "Mean run length (steps)", "Note"];
+    let row = |jump: &JumpStatistics| {
+        vec![
+            Cell::Text(jump.model.clone()),
+            Cell::Text(jump.member.to_string()),
+            Cell::Count(jump.steps),
+            Cell::Percent(jump.jump_rate),
+            Cell::Number(jump.mean_run_length),
+            jump.note.clone().map_or(Cell::Missing, Cell::Text),
+        ]
+    };
+    Table {
+        title: "Jump statistics".to_owned(),
+        caption: "Share of rollout steps that did not simply go to the next row of the log. \
+                  A model that hardly ever jumps replays the log and tells nothing new."
+            .to_owned(),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: jumps.iter().map(row).collect(),
+        best: None,
+    }
+}
+
+/// The data profile.
+pub(super) fn data(data: &DataProfile) -> Markup {
+    let kept = data.channels.iter().filter(|channel| channel.status == ChannelStatus::Kept).count();
+    html! {
+        dl.facts {
+            (fact("Rows", &count(data.rows)))
+            (fact("Segments", &count(data.segments)))
+            (fact("Sample period", &duration(data.period_secs)))
+            (fact("From", &data.first))
+            (fact("To", &data.last))
+            @if !data.channels.is_empty() {
+                (fact("Channels", &format!("{kept} of {} kept", data.channels.len())))
+            }
+            @for (name, value) in &data.facts { (fact(name, value)) }
+        }
+        @if !data.channels.is_empty() { (table(&channels(&data.channels))) }
+    }
+}
+
+fn fact(name: &str, value: &str) -> Markup {
+    html! { div { dt { (name) } dd { (value) } } }
+}
+
+fn channels(channels: &[Channel]) -> Table {
+    let columns = ["Channel", "Unit", "Smallest", "Largest", "Missing", "Use"];
+    let row = |channel: &Channel| {
+        let bound = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
+        vec![
+            Cell::Text(channel.name.clone()),
+            channel.unit.clone().map_or(Cell::Missing, Cell::Text),
+            bound(channel.min),
+            bound(channel.max),
+            Cell::Percent(channel.missing),
+            Cell::Text(match &channel.status {
+                ChannelStatus::Kept => "kept".to_owned(),
+                ChannelStatus::Dropped(reason) => format!("dropped: {reason}"),
+            }),
+        ]
+    };
+    Table {
+        title: "Channels".to_owned(),
+        caption: "Ranges are in physical units, over the training rows.".to_owned(),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: channels.iter().map(row).collect(),
+        best: None,
+    }
+}
+
+/// Command, study file, versions, seeds and fingerprint.
+pub(super) fn reproduction(reproduction: &Reproduction) -> Markup {
+    html! {
+        p { "The same command on the same data with the same versions gives the same numbers, to the byte." }
+        (block("Command", &reproduction.command))
+        dl.facts {
+            (fact("Data fingerprint", &reproduction.fingerprint))
+            @for (name, version) in &reproduction.versions { (fact(name, version)) }
+            @for (name, seed) in &reproduction.seeds { (fact(&format!("Seed, {name}"), &seed.to_string())) }
+        }
+        (block("Study file, resolved", &reproduction.study_toml))
+    }
+}
+
+fn block(title: &str, text: &str) -> Markup {
+    html! {
+        div.block {
+            div.table-head { h3 { (title) } button.copy type="button" { "Copy" } }
+            pre tabindex="0" { code { (text) } }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! The opening of the report.
+
+use maud::{Markup, html};
+
+use super::tables::table;
+use crate::number::{number, percent};
+use crate::report::{recommendations, summary};
+use crate::{Alternative, Cell, Report, Setting, Table, Verdict};
+
+/// One card for each sensor, warnings, and a table of all verdicts.
+pub(super) fn verdicts(report: &Report) -> Markup {
+    html! {
+        @if report.verdicts.is_empty() {
+            p.empty { "There is no verdict: nothing was swept." }
+        }
+        @if let Some(summary) = summary(report) { p.summary { (summary) } }
+        div.cards {
+            @for verdict in recommendations(&report.verdicts) { (card(verdict, report)) }
+        }
+        @if !report.warnings.is_empty() {
+            div.warnings role="note" {
+                h3 { "Before you rely on this" }
+                ul { @for warning in &report.warnings { li { (warning) } } }
+            }
+        }
+        @if !report.verdicts.is_empty() { (table(&comparison(report).without_empty_columns())) }
+    }
+}
+
+fn card(verdict: &Verdict, report: &Report) -> Markup {
+    let grade = verdict.grade();
+    html! {
+        article class={ "card " (grade.class()) } {
+            p.badge { (grade.label()) }
+            h3 { (verdict.headline()) }
+            ul { @for reason in verdict.reasons(&report.score) { li { (reason) } } }
+            dl.costs {
+                @if let Some(regret) = verdict.online.as_ref().and_then(|online| online.regret) {
+                    (cost("This choice", &verdict.chosen, Some(regret)))
+                }
+                @if let Some(Alternative { value, regret }) = &verdict.default { (cost("Default", value, *regret)) }
+                @if let Some(Alternative { value, regret }) = &verdict.log_replay { (cost("Log replay", value, *regret)) }
+            }
+        }
+    }
+}
+
+/// One way to choose, with its cost as a number and as a bar that is full at 50 %.
+fn cost(name: &str, value: &Setting, regret: Option<f64>) -> Markup {
+    let width = regret.map(|regret| (regret / 0.5).clamp(0.0, 1.0) * 100.0);
+    html! {
+        div {
+            dt { (name) " " code { (value) } }
+            dd {
+                @match regret {
+                    Some(regret) => { (percent(regret)) " regret" }
+                    None => { "not checked" }
+                }
+            }
+            @if let Some(width) = width {
+                span.bar aria-hidden="true" { span style={ "width:" (format!("{width:.0}")) "%" } {} }
+            }
+        }
+    }
+}
+
+/// How a choice is written: alone where the column names the hyperparameter.
+#[derive(Clone, Copy)]
+enum Choice {
+    Value,
+    FieldAndValue,
+}
+
+fn comparison(report: &Report) -> Table {
+    let field = common_field(&report.verdicts);
+    let columns = [
+        "Sensor",
+        "Model",
+        field.unwrap_or("Choice"),
+        "Tied with",
+        "Worst rank",
+        "Online",
+        "Best Online",
+        "Regret",
+        "Default",
+        "Log replay",
+        "Spearman",
+        "Kendall",
+        "Top k",
+    ];
+    Table {
+        title: "All verdicts".to_owned(),
+        caption: format!(
+            "Online is the mean {} of the choice on held-out data. Regret is how much worse that is than the best value \
+             of the grid; the columns Default and Log replay show it for these two other ways to choose. \
+             The first model of each sensor is the recommendation.",
+            report.score.name
+        ),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: report
+            .verdicts
+            .iter()
+            .map(|verdict| row(verdict, field.map_or(Choice::FieldAndValue, |_| Choice::Value)))
+            .collect(),
+        best: None,
+    }
+}
+
+/// The hyperparameter, if all verdicts are about the same.
+fn common_field(verdicts: &[Verdict]) -> Option<&str> {
+    let first = &verdicts.first()?.field;
+    verdicts.iter().all(|verdict| verdict.field == *first).then_some(first)
+}
+
+fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
+    let online = verdict.online.as_ref();
+    let ties: Vec<String> = verdict
+        .tie_set
+        .iter()
+        .filter(|value| **value != verdict.chosen)
+        .map(ToString::to_string)
+        .collect();
+    let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
+    let correlation =
+        |value: Option<f64>| value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")));
+    let alternative =
+        |other: &Option<Alternative>| share(other.as_ref().and_then(|other| other.regret));
+    vec![
+        Cell::Text(verdict.sensor.clone()),
+        Cell::Text(verdict.model.clone()),
+        match choice {
+            Choice::Value => Cell::Setting(verdict.chosen.clone()),
+            Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
+        },
+        if ties.is_empty() { Cell::Missing } else { Cell::Text(ties.join(", ")) },
+        Cell::Text(format!("{} of {}", verdict.worst_rank, verdict.values)),
+        online.map_or(Cell::Missing, |online| Cell::Number(online.chosen_error)),
+        online.map_or(Cell::Missing, |online| {
+            Cell::Text(format!("{} ({})", number(online.best_error), online.best))
+        }),
+        share(online.and_then(|online| online.regret)),
+        alternative(&verdict.default),
+        alternative(&verdict.log_replay),
+        correlation(online.and_then(|online| online.spearman)),
+        correlation(online.and_then(|online| online.kendall)),
+        online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
+            Cell::Text(format!("{} top {}", if top.hit { "in" } else { "not in" }, top.k))
+        }),
+    ]
+}

@@ -1,0 +1,55 @@
+//! What a report says, before it is a page.
+
+mod data;
+mod sentence;
+mod summary;
+mod table;
+mod verdict;
+
+use serde::{Deserialize, Serialize};
+
+pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
+pub(crate) use summary::{recommendations, summary};
+pub use table::{Best, Cell, Table};
+pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
+
+use crate::{ReportError, RolloutFigure, Score, Sensitivity, page};
+
+/// Everything the report shows. Empty lists and `None` leave their section out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the study.
+    pub title: String,
+    /// One line below it: the plant, the period, who ran it.
+    pub subtitle: Option<String>,
+    /// What runs are judged by.
+    pub score: Score,
+    /// What to deploy. The first verdict of each sensor is the recommendation;
+    /// further ones of the same sensor, from other models, are compared with it in a table.
+    pub verdicts: Vec<Verdict>,
+    /// What the reader must know before trusting the verdict.
+    pub warnings: Vec<String>,
+    /// Sensitivity curves.
+    pub sensitivities: Vec<Sensitivity>,
+    /// Rollouts over the true trajectory.
+    pub rollouts: Vec<RolloutFigure>,
+    /// How often rollouts left the log.
+    pub jumps: Vec<JumpStatistics>,
+    /// Further tables: DTW distances, representation scores.
+    pub tables: Vec<Table>,
+    /// What the data looked like.
+    pub data: Option<DataProfile>,
+    /// How to make the report again.
+    pub reproduction: Reproduction,
+}
+
+impl Report {
+    /// The report as one self-contained HTML document: no network, styles, script and figures inline.
+    ///
+    /// # Errors
+    ///
+    /// A figure cannot be drawn; see [`Sensitivity::figure`] and [`RolloutFigure::figure`].
+    pub fn html(&self) -> Result<String, ReportError> {
+        page::html(self)
+    }
+}

@@ -1,0 +1,142 @@
+//! A table of any content.
+
+use calib_stats::Direction;
+use serde::{Deserialize, Serialize};
+
+/// Rows and columns with a title; the first column names the rows.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Table {
+    /// Title above it.
+    pub title: String,
+    /// How to read it, in one or two sentences.
+    pub caption: String,
+    /// Column headings.
+    pub columns: Vec<String>,
+    /// Cells, `[rows, columns]`; missing ones at the end of a row stay empty.
+    pub rows: Vec<Vec<Cell>>,
+    /// Which cells are printed bold.
+    pub best: Option<Best>,
+}
+
+/// One cell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cell {
+    /// Text.
+    Text(String),
+    /// A number, shown with three significant digits; "diverged" if it is not finite.
+    Number(f64),
+    /// A share, shown as a percentage.
+    Percent(f64),
+    /// A count, shown in full.
+    Count(u64),
+    /// A value of a hyperparameter.
+    Setting(crate::Setting),
+    /// Nothing.
+    Missing,
+}
+
+/// Where to look for the best number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Best {
+    /// The best number of each row is bold.
+    OfRow(Direction),
+    /// The best number of each column is bold.
+    OfColumn(Direction),
+}
+
+impl Cell {
+    /// The number in the cell that "best" is decided by.
+    const fn score(&self) -> Option<f64> {
+        match self {
+            Self::Number(value) | Self::Percent(value) if value.is_finite() => Some(*value),
+            _ => None,
+        }
+    }
+}
+
+impl Table {
+    /// Whether cell (`row`, `column`) is the best of its row or column; ties are all best.
+    pub fn is_best(&self, row: usize, column: usize) -> bool {
+        let Some(own) = self.cell(row, column).and_then(Cell::score) else { return false };
+        let better = |direction: Direction, other: Option<&Cell>| {
+            other.and_then(Cell::score).is_some_and(|other| direction.compare(other, own).is_lt())
+        };
+        match self.best {
+            None => false,
+            Some(Best::OfRow(direction)) => {
+                !(0..self.columns.len()).any(|other| better(direction, self.cell(row, other)))
+            }
+            Some(Best::OfColumn(direction)) => {
+                !(0..self.rows.len()).any(|other| better(direction, self.cell(other, column)))
+            }
+        }
+    }
+
+    /// The table without columns that hold nothing in any row.
+    #[must_use]
+    pub fn without_empty_columns(mut self) -> Self {
+        let used: Vec<bool> = (0..self.columns.len())
+            .map(|column| {
+                let is_used =
+                    |row| self.cell(row, column).is_some_and(|cell| *cell != Cell::Missing);
+                (0..self.rows.len()).any(is_used)
+            })
+            .collect();
+        let keep = |column: usize| used.get(column).copied().unwrap_or(false);
+        self.columns = retained(self.columns, keep);
+        self.rows = self.rows.into_iter().map(|row| retained(row, keep)).collect();
+        self
+    }
+
+    fn cell(&self, row: usize, column: usize) -> Option<&Cell> {
+        self.rows.get(row)?.get(column)
+    }
+}
+
+fn retained<T>(items: Vec<T>, keep: impl Fn(usize) -> bool) -> Vec<T> {
+    items.into_iter().enumerate().filter(|(place, _)| keep(*place)).map(|(_, item)| item).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_without_content_go() {
+        let table = Table {
+            columns: ["a", "b", "c"].map(ToOwned::to_owned).to_vec(),
+            rows: vec![
+                vec![Cell::Count(1), Cell::Missing, Cell::Missing],
+                vec![Cell::Count(2), Cell::Missing, Cell::Count(3)],
+            ],
+            ..Table::default()
+        };
+        let table = table.without_empty_columns();
+        assert_eq!(table.columns, ["a", "c"]);
+        assert_eq!(table.rows[1], [Cell::Count(2), Cell::Count(3)]);
+    }
+
+    #[test]
+    fn the_best_of_a_row_or_column_is_found_and_ties_share() {
+        let row = |cells: [f64; 3]| cells.map(Cell::Number).to_vec();
+        let mut table = Table {
+            columns: vec![String::new(); 3],
+            rows: vec![row([1.0, 2.0, 1.0]), row([f64::NAN, 0.5, 3.0])],
+            best: Some(Best::OfRow(Direction::LowerIsBetter)),
+            ..Table::default()
+        };
+        let best = |table: &Table| {
+            (0..2)
+                .flat_map(|r| (0..3).map(move |c| (r, c)))
+                .filter(|&(r, c)| table.is_best(r, c))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(best(&table), [(0, 0), (0, 2), (1, 1)]);
+        table.best = Some(Best::OfColumn(Direction::HigherIsBetter));
+        assert_eq!(best(&table), [(0, 0), (0, 1), (1, 2)]);
+        table.best = None;
+        assert_eq!(best(&table), []);
+    }
+}
