@@ -47,7 +47,7 @@ impl MlpValues {
             Agent {
                 target: clock.is_on().then(|| network.clone()),
                 clock,
-                optimiser: optimiser(config, network.len()),
+                optimiser: optimiser(config, network.parameter_count()),
                 network: network.clone(),
             }
         };

@@ -21,7 +21,7 @@ fn training_step(criterion: &mut Criterion) {
     let mut network = Mlp::new(&SIZES, Seed::new(1));
     let rows = 2 * BATCH + 1;
     let mut workspace = Workspace::new(&network, rows);
-    let mut adam = Adam::new(AdamRule::default(), network.len());
+    let mut adam = Adam::new(AdamRule::default(), network.parameter_count());
     let input = values(rows * SIZES[0]);
     let gradient = values(BATCH);
     let mut group = criterion.benchmark_group("mlp 142-256-256-1");
@@ -31,7 +31,7 @@ fn training_step(criterion: &mut Criterion) {
     group.bench_function("backward, 256 rows", |bencher| {
         bencher.iter(|| black_box(network.backward(&input, &gradient, &mut workspace)[0]));
     });
-    let gradients = values(network.len());
+    let gradients = values(network.parameter_count());
     group.bench_function("adam", |bencher| {
         bencher.iter(|| adam.step(network.parameters_mut(), &gradients));
     });

@@ -17,13 +17,7 @@ pub struct AdamRule {
 
 impl Default for AdamRule {
     fn default() -> Self {
-        Self {
-            learning_rate: 1e-3,
-            beta1: 0.9,
-            beta2: 0.999,
-            epsilon: 1e-8,
-            weight_decay: 0.0,
-        }
+        Self { learning_rate: 1e-3, beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: 0.0 }
     }
 }
 
@@ -134,11 +128,7 @@ mod tests {
 
     #[test]
     fn follows_the_algorithm() {
-        let rule = AdamRule {
-            learning_rate: 0.05,
-            weight_decay: 0.1,
-            ..AdamRule::default()
-        };
+        let rule = AdamRule { learning_rate: 0.05, weight_decay: 0.1, ..AdamRule::default() };
         let mut adam = Adam::new(rule, 3);
         let mut parameters = [1.0_f32, -2.0, 0.5];
         for (t, expected) in GOLDEN.lines().enumerate() {
@@ -150,10 +140,7 @@ mod tests {
             adam.step(&mut parameters, &gradients);
             for (got, expected) in parameters.iter().zip(expected.split(' ')) {
                 let expected: f64 = expected.parse().expect("a number");
-                assert!(
-                    (f64::from(*got) - expected).abs() < 2e-6,
-                    "step {t}: {parameters:?}"
-                );
+                assert!((f64::from(*got) - expected).abs() < 2e-6, "step {t}: {parameters:?}");
             }
         }
     }

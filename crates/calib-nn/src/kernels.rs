@@ -99,11 +99,7 @@ impl NullaryFnOnce for Mask<'_> {
 /// sums (the gradient of the bias) in the same pass.
 pub(crate) fn mask_and_sum_rows(deltas: &mut [f32], activations: &[f32], sums: &mut [f32]) {
     assert_eq!(deltas.len(), activations.len());
-    Arch::new().dispatch(Mask {
-        deltas,
-        activations,
-        sums,
-    });
+    Arch::new().dispatch(Mask { deltas, activations, sums });
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@
 //!
 //! let mut network = Mlp::new(&[1, 16, 1], Seed::new(3));
 //! let mut workspace = Workspace::new(&network, 4);
-//! let mut adam = Adam::new(AdamRule { learning_rate: 1e-2, ..AdamRule::default() }, network.len());
+//! let mut adam = Adam::new(AdamRule { learning_rate: 1e-2, ..AdamRule::default() }, network.parameter_count());
 //! let (inputs, targets) = ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 4.0, 9.0]);
 //! for _ in 0..2_000 {
 //!     let outputs = network.forward(&inputs, &mut workspace);

@@ -53,7 +53,7 @@ impl Mlp {
     pub fn new(sizes: &[usize], seed: Seed) -> Self {
         let layers = layout(sizes);
         let mut rng = seed.rng();
-        let mut parameters = Vec::with_capacity(parameter_count(&layers));
+        let mut parameters = Vec::with_capacity(count_of(&layers));
         for layer in &layers {
             let bound = 1.0 / (layer.inputs as f64).sqrt();
             let count = layer.weights.len() + layer.bias.len();
@@ -74,15 +74,11 @@ impl Mlp {
         parameters: Vec<f32>,
     ) -> Result<Self, ParameterCountError> {
         let layers = layout(sizes);
-        let expected = parameter_count(&layers);
+        let expected = count_of(&layers);
         if parameters.len() == expected {
             Ok(Self { layers, parameters })
         } else {
-            Err(ParameterCountError {
-                sizes: sizes.to_vec(),
-                expected,
-                got: parameters.len(),
-            })
+            Err(ParameterCountError { sizes: sizes.to_vec(), expected, got: parameters.len() })
         }
     }
 
@@ -102,13 +98,8 @@ impl Mlp {
     }
 
     /// Number of parameters.
-    pub fn len(&self) -> usize {
+    pub fn parameter_count(&self) -> usize {
         self.parameters.len()
-    }
-
-    /// Never: a network has at least one layer.
-    pub fn is_empty(&self) -> bool {
-        self.parameters.is_empty()
     }
 
     /// All parameters.
@@ -130,15 +121,9 @@ impl Mlp {
         let last = self.layers.len() - 1;
         for (index, layer) in self.layers.iter().enumerate() {
             let (before, after) = workspace.activations.split_at_mut(index);
-            let input = before
-                .last()
-                .map_or(input, |values| &values[..rows * layer.inputs]);
+            let input = before.last().map_or(input, |values| &values[..rows * layer.inputs]);
             let output = &mut after[0][..rows * layer.outputs];
-            multiply(
-                output,
-                Matrix::new(input, rows, layer.inputs),
-                self.weights(layer),
-            );
+            multiply(output, Matrix::new(input, rows, layer.inputs), self.weights(layer));
             let bias = &self.parameters[layer.bias.clone()];
             if index == last {
                 add_bias(output, bias);
@@ -169,12 +154,7 @@ impl Mlp {
             input.len() >= rows * self.inputs(),
             "a gradient covers at most the rows of its forward pass"
         );
-        let Workspace {
-            activations,
-            deltas: [delta, previous],
-            gradients,
-            ..
-        } = workspace;
+        let Workspace { activations, deltas: [delta, previous], gradients, .. } = workspace;
         delta[..output_gradient.len()].copy_from_slice(output_gradient);
         for (index, layer) in self.layers.iter().enumerate().rev() {
             let layer_delta = &mut delta[..rows * layer.outputs];
@@ -206,53 +186,35 @@ impl Mlp {
     }
 
     fn weights(&self, layer: &Layer) -> Matrix<'_> {
-        Matrix::new(
-            &self.parameters[layer.weights.clone()],
-            layer.inputs,
-            layer.outputs,
-        )
+        Matrix::new(&self.parameters[layer.weights.clone()], layer.inputs, layer.outputs)
     }
 }
 
 fn layout(sizes: &[usize]) -> Vec<Layer> {
     assert!(sizes.len() >= 2, "a network has an input and an output");
-    assert!(
-        sizes.iter().all(|&size| size > 0),
-        "a layer has at least one unit"
-    );
+    assert!(sizes.iter().all(|&size| size > 0), "a layer has at least one unit");
     let mut start = 0;
     sizes
         .windows(2)
         .map(|pair| {
             let (inputs, outputs) = (pair[0], pair[1]);
             let middle = start + inputs * outputs;
-            let layer = Layer {
-                inputs,
-                outputs,
-                weights: start..middle,
-                bias: middle..middle + outputs,
-            };
+            let layer =
+                Layer { inputs, outputs, weights: start..middle, bias: middle..middle + outputs };
             start = layer.bias.end;
             layer
         })
         .collect()
 }
 
-fn parameter_count(layers: &[Layer]) -> usize {
+fn count_of(layers: &[Layer]) -> usize {
     layers.last().map_or(0, |layer| layer.bias.end)
 }
 
 fn rows_of(values: &[f32], width: usize, capacity: usize) -> usize {
     let rows = values.len() / width;
-    assert_eq!(
-        values.len(),
-        rows * width,
-        "values come in whole rows of {width}"
-    );
-    assert!(
-        rows <= capacity,
-        "the workspace holds {capacity} rows, got {rows}"
-    );
+    assert_eq!(values.len(), rows * width, "values come in whole rows of {width}");
+    assert!(rows <= capacity, "the workspace holds {capacity} rows, got {rows}");
     rows
 }
 

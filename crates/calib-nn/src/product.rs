@@ -14,13 +14,7 @@ impl<'a> Matrix<'a> {
     /// `values` as `[rows, columns]`, row after row.
     pub(crate) fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
         assert_eq!(values.len(), rows * columns, "a matrix covers its values");
-        Self {
-            values,
-            rows,
-            columns,
-            row_stride: columns,
-            column_stride: 1,
-        }
+        Self { values, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
     pub(crate) fn transposed(self) -> Self {
@@ -76,9 +70,7 @@ mod tests {
     use super::*;
 
     fn operand(rows: usize, columns: usize, salt: usize) -> Vec<f32> {
-        (0..rows * columns)
-            .map(|i| ((i * 37 + salt * 11) % 19) as f32 - 9.0)
-            .collect()
+        (0..rows * columns).map(|i| ((i * 37 + salt * 11) % 19) as f32 - 9.0).collect()
     }
 
     proptest! {

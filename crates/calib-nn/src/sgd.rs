@@ -26,11 +26,7 @@ impl Sgd {
     /// # Panics
     /// If there is not one gradient a parameter.
     pub fn step(&self, parameters: &mut [f32], gradients: &[f32]) {
-        assert_eq!(
-            parameters.len(),
-            gradients.len(),
-            "one gradient a parameter"
-        );
+        assert_eq!(parameters.len(), gradients.len(), "one gradient a parameter");
         Arch::new().dispatch(Step {
             parameters,
             gradients,
@@ -69,11 +65,8 @@ mod tests {
     #[test]
     fn steps_against_the_gradient_and_decays() {
         let mut parameters = [1.0, -2.0];
-        Sgd::new(SgdRule {
-            learning_rate: 0.5,
-            weight_decay: 0.1,
-        })
-        .step(&mut parameters, &[0.5, 1.0]);
+        Sgd::new(SgdRule { learning_rate: 0.5, weight_decay: 0.1 })
+            .step(&mut parameters, &[0.5, 1.0]);
         assert_eq!(parameters, [0.95 - 0.25, -1.9 - 0.5]);
     }
 }

@@ -21,12 +21,9 @@ impl Workspace {
         let widest = layers.iter().map(|layer| layer.outputs).max().unwrap_or(0);
         Self {
             capacity: rows,
-            activations: layers
-                .iter()
-                .map(|layer| vec![0.0; rows * layer.outputs])
-                .collect(),
+            activations: layers.iter().map(|layer| vec![0.0; rows * layer.outputs]).collect(),
             deltas: [vec![0.0; rows * widest], vec![0.0; rows * widest]],
-            gradients: vec![0.0; network.len()],
+            gradients: vec![0.0; network.parameter_count()],
         }
     }
 

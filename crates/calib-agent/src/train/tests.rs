@@ -152,6 +152,20 @@ fn a_population_changes_nothing_about_its_agents() {
 }
 
 #[test]
+fn threads_beside_it_change_nothing_about_a_run() {
+    let stream = waves(200);
+    let agents = [linear(), mlp()];
+    let alone = run(&stream, &agents, Scoring::WholeRun);
+    std::thread::scope(|scope| {
+        let start = || run(&stream, &agents, Scoring::WholeRun);
+        let runs: Vec<_> = (0..3).map(|_| scope.spawn(start)).collect();
+        for beside in runs {
+            assert_eq!(beside.join().expect("finishes"), alone);
+        }
+    });
+}
+
+#[test]
 fn divergence_is_an_outcome() {
     let stream = waves(500);
     let agents = [AgentConfig { learning_rate: 50.0, ..linear() }, linear()];

@@ -5,9 +5,8 @@ use super::*;
 /// The same network in f64 by its definition: the loss Σ gᵣⱼ outputᵣⱼ for fixed g.
 fn reference_loss(network: &Mlp, parameters: &[f64], input: &[f32], gradient: &[f32]) -> f64 {
     let mut loss = 0.0;
-    for (row, gradient) in input
-        .chunks_exact(network.inputs())
-        .zip(gradient.chunks_exact(network.outputs()))
+    for (row, gradient) in
+        input.chunks_exact(network.inputs()).zip(gradient.chunks_exact(network.outputs()))
     {
         let mut values: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
         for (index, layer) in network.layers().iter().enumerate() {
@@ -17,19 +16,11 @@ fn reference_loss(network: &Mlp, parameters: &[f64], input: &[f32], gradient: &[
                     let weight = |i: usize| parameters[layer.weights.start + i * layer.outputs + j];
                     let sum = products.map(|(i, x)| x * weight(i)).sum::<f64>()
                         + parameters[layer.bias.start + j];
-                    if index + 1 < network.layers().len() {
-                        sum.max(0.0)
-                    } else {
-                        sum
-                    }
+                    if index + 1 < network.layers().len() { sum.max(0.0) } else { sum }
                 })
                 .collect();
         }
-        loss += values
-            .iter()
-            .zip(gradient)
-            .map(|(value, &g)| value * f64::from(g))
-            .sum::<f64>();
+        loss += values.iter().zip(gradient).map(|(value, &g)| value * f64::from(g)).sum::<f64>();
     }
     loss
 }
@@ -53,17 +44,11 @@ fn outputs_and_gradients_agree_with_the_definition_in_f64() {
         let gradient = uniform(&mut rng, rows * network.outputs());
         let mut workspace = Workspace::new(&network, rows + 3);
         let output = network.forward(&input, &mut workspace);
-        let loss: f64 = output
-            .iter()
-            .zip(&gradient)
-            .map(|(&o, &g)| f64::from(o) * f64::from(g))
-            .sum();
+        let loss: f64 =
+            output.iter().zip(&gradient).map(|(&o, &g)| f64::from(o) * f64::from(g)).sum();
         let mut parameters: Vec<f64> = network.parameters().iter().map(|&p| f64::from(p)).collect();
         let expected = reference_loss(&network, &parameters, &input, &gradient);
-        assert!(
-            (loss - expected).abs() < 1e-5,
-            "{sizes:?}: {loss} {expected}"
-        );
+        assert!((loss - expected).abs() < 1e-5, "{sizes:?}: {loss} {expected}");
 
         let gradients = network.backward(&input, &gradient, &mut workspace).to_vec();
         for (index, got) in gradients.into_iter().enumerate() {
@@ -102,7 +87,7 @@ fn a_gradient_may_cover_the_first_rows_only() {
 #[test]
 fn weights_start_inside_pytorchs_bounds_and_depend_on_the_seed() {
     let network = Mlp::new(&[100, 50, 3], Seed::new(1));
-    assert_eq!(network.len(), 100 * 50 + 50 + 50 * 3 + 3);
+    assert_eq!(network.parameter_count(), 100 * 50 + 50 + 50 * 3 + 3);
     assert_eq!((network.inputs(), network.outputs()), (100, 3));
     for layer in network.layers() {
         let bound = 1.0 / (layer.inputs as f32).sqrt();
@@ -120,10 +105,7 @@ fn parameters_can_be_restored() {
     let copy = Mlp::from_parameters(&[4, 3, 1], network.parameters().to_vec());
     assert_eq!(copy.as_ref(), Ok(&network));
     let error = Mlp::from_parameters(&[4, 3, 1], vec![0.0; 18]).expect_err("one too few");
-    assert_eq!(
-        error.to_string(),
-        "a network of layer sizes [4, 3, 1] has 19 parameters, got 18"
-    );
+    assert_eq!(error.to_string(), "a network of layer sizes [4, 3, 1] has 19 parameters, got 18");
 }
 
 #[test]
