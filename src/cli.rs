@@ -1,0 +1,172 @@
+//! The command line, and nothing else: what may be typed and what it means.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+
+/// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
+#[derive(Debug, Parser)]
+#[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
+#[command(after_help = "Start with `calib quickstart`: it simulates a plant, runs the whole chain and ends with a verdict.")]
+pub struct Cli {
+    #[command(flatten)]
+    pub(crate) global: GlobalArgs,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Clone, Debug, Args)]
+pub(crate) struct GlobalArgs {
+    /// Print results and errors only
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+    /// When to use colour; NO_COLOR is obeyed
+    #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto)]
+    pub(crate) color: ColorChoice,
+    /// Threads to work with (default: one per core); results do not depend on it
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColorChoice {
+    Auto,
+    Always,
+    Never,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Simulate a small plant, run the whole chain, and print the verdict
+    Quickstart(QuickstartArgs),
+    /// Write Parquet logs of a simulated membrane-filtration pilot plant
+    Simulate(SimulateArgs),
+    /// Show what is in a log and what preprocessing would keep
+    Inspect(InspectArgs),
+    /// Build the ensemble of nearest-neighbour calibration models
+    BuildModel(BuildModelArgs),
+    /// Roll the model out and compare with the recorded trajectory
+    Rollout(StudyArgs),
+    /// Train agents for every value of the grid in the model, Online and on the replayed log
+    Sweep(StudyArgs),
+    /// Choose a value, say how well the choice agrees with Online, and write the report
+    Evaluate(StudyArgs),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Write man pages
+    Man {
+        /// The directory to write to
+        directory: PathBuf,
+    },
+}
+
+/// What every command on a study takes.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// The study file (TOML)
+    pub(crate) study: PathBuf,
+    /// Override a key of the study; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Where results go (default: beside the study file)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// Redo everything, also what is up to date
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Say what would be done, and stop
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BuildModelArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Check this many random rows of the tables against brute force in double precision
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) verify: usize,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct QuickstartArgs {
+    /// Where the data, the study file and the report go
+    #[arg(default_value = "calib-quickstart")]
+    pub(crate) directory: PathBuf,
+    /// Root of all randomness
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Print the verdict as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SimulateArgs {
+    /// Where the day files go
+    pub(crate) directory: PathBuf,
+    /// Days to simulate; the last may be a part of one
+    #[arg(long, default_value_t = 7.0)]
+    pub(crate) days: f64,
+    /// Sensor channels (at least 3)
+    #[arg(long, default_value_t = 480)]
+    pub(crate) channels: usize,
+    /// Seconds between samples
+    #[arg(long, value_name = "SECS", default_value_t = 1.0)]
+    pub(crate) period: f64,
+    /// First day, such as 2022-11-01
+    #[arg(long, value_name = "DATE", default_value = "2022-11-01")]
+    pub(crate) start: String,
+    /// Root of all randomness
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Factor on the slow drift of the instruments
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    pub(crate) drift: f64,
+    /// Factor on the white noise of the instruments
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    pub(crate) noise: f64,
+    /// Mean rate of turbidity bursts
+    #[arg(long, default_value_t = 6.0, value_name = "RATE")]
+    pub(crate) storms_per_day: f64,
+    /// Expected share of missing values of a healthy channel
+    #[arg(long, default_value_t = 0.001, value_name = "SHARE")]
+    pub(crate) missing_fraction: f64,
+    /// Mean rate of outages of the whole historian
+    #[arg(long, default_value_t = 0.5, value_name = "RATE")]
+    pub(crate) gaps_per_day: f64,
+    /// Mean rate, per channel, of periods with a frozen value
+    #[arg(long, default_value_t = 0.02, value_name = "RATE")]
+    pub(crate) stuck_per_day: f64,
+    /// Mean rate of rows written twice
+    #[arg(long, default_value_t = 0.0, value_name = "RATE")]
+    pub(crate) duplicates_per_day: f64,
+    /// Write all days again, also those that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InspectArgs {
+    /// A study file, or a Parquet file, folder or glob
+    pub(crate) data: PathBuf,
+    /// Override a key of the study, such as preprocess.max_missing=0.2
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Show all channels, not only the first of a long list
+    #[arg(long)]
+    pub(crate) all: bool,
+    /// Print the profile as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}

@@ -1,0 +1,208 @@
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, bail};
+use calib_core::{Seed, Transitions};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, fingerprint_file, write_json};
+use calib_knn::{KnnModel, verify};
+use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+use serde::Serialize;
+
+use super::{
+    artefact::{self, TOOL},
+    load_study,
+    model_files::{self, MemberSummary, ModelManifest, model_key},
+};
+use crate::{
+    cli::BuildModelArgs,
+    clock::Stopwatch,
+    exit::ExitStatus,
+    output::{Printer, bytes, count, duration, percent},
+    study::Study,
+};
+
+/// Steps of the rollout that shows how often each member jumps.
+const PROBE_STEPS: usize = 10_000;
+
+/// Build the model of a study.
+pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let (study, paths) = load_study(&args.study)?;
+    let directory = paths.model();
+    printer.say(&format!("build-model: reading {}", study.data.path.0.join(", ")));
+    let dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
+    check_sensors(&study, &dataset)?;
+    let key = model_key(&dataset.fingerprint, &study.model)?;
+    announce(&study, &dataset, printer);
+    if args.study.dry_run {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(ExitStatus::Done);
+    }
+    let existing = artefact::read::<ModelManifest>(&directory).filter(|found| found.key == key);
+    let (manifest, built) = match existing {
+        Some(manifest) if !args.study.force => (manifest, false),
+        _ => (build(&study, &dataset, key, &directory, clock, printer)?, true),
+    };
+    let status = if args.verify > 0 {
+        check_against_brute_force(&directory, &study, args.verify, printer)?
+    } else {
+        ExitStatus::Done
+    };
+    if args.study.json {
+        printer.json(&manifest)?;
+    } else {
+        summarise(&manifest, &directory, built, clock, printer)?;
+    }
+    printer.say(&format!("next: calib rollout {0}  or  calib sweep {0}", args.study.study.display()));
+    Ok(status)
+}
+
+/// Say what is going to be done, and what it needs.
+fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let rows = dataset.train.rows();
+    let columns = dataset.train.states().columns();
+    let (members, k) = (study.model.members, study.model.neighbors);
+    let states = (rows * columns * 4) as u64;
+    let tables = (rows * k * 8 * members) as u64;
+    printer.say(&format!(
+        "{} rows x {} columns in {} segments; {members} members, k = {k}; \
+         expecting {} of memory and {} on disk",
+        count(rows),
+        columns,
+        count(dataset.train.segments().len()),
+        bytes(2 * states + 2 * tables),
+        bytes(states + tables),
+    ));
+}
+
+fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
+    for sensor in &study.sweep.sensors {
+        model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
+            .context("sweep.sensors")?;
+    }
+    Ok(())
+}
+
+fn build(
+    study: &Study,
+    dataset: &Dataset,
+    key: String,
+    directory: &std::path::Path,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<ModelManifest> {
+    artefact::begin(directory)?;
+    let read = clock.elapsed();
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let states = dataset.train.states().clone();
+    let knn = KnnModel::build(states, transitions, &study.model, &printer.progress())?;
+    let searched = clock.elapsed();
+    model_files::write(directory, dataset, &knn)?;
+    let members = (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    let manifest = ModelManifest {
+        format: <ModelManifest as artefact::Manifest>::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions: knn.transitions().len(),
+        segments: dataset.train.segments().len(),
+        normaliser: dataset.normaliser.clone(),
+        members,
+        files: fingerprints(directory, knn.members())?,
+    };
+    write_json(
+        &directory.join("timings.json"),
+        &Timings {
+            reading_secs: read.as_secs_f64(),
+            searching_secs: (searched - read).as_secs_f64(),
+            writing_secs: (clock.elapsed() - searched).as_secs_f64(),
+        },
+    )?;
+    artefact::complete(directory, &manifest)?;
+    Ok(manifest)
+}
+
+/// Wall times: the only file of a model that differs from one build to the next.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    searching_secs: f64,
+    writing_secs: f64,
+}
+
+fn summary(study: &Study, knn: &KnnModel, member: usize) -> anyhow::Result<MemberSummary> {
+    let of = knn.member(member);
+    let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
+    let starts = start_states(&of, StartSource::Random, 1, seed)?;
+    let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    Ok(MemberSummary { transitions: of.len(), jumps: JumpStatistics::of([probe.rows()]) })
+}
+
+fn fingerprints(
+    directory: &std::path::Path,
+    members: usize,
+) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
+    let mut names = vec!["states.npy".to_owned(), "rows.parquet".to_owned(), "profile.json".to_owned()];
+    for member in 0..members {
+        names.push(format!("members/{member}/neighbors.npy"));
+        names.push(format!("members/{member}/distances.npy"));
+    }
+    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
+    names.into_iter().map(fingerprint).collect()
+}
+
+fn check_against_brute_force(
+    directory: &std::path::Path,
+    study: &Study,
+    sample: usize,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
+    let model = model_files::open(directory, study)?;
+    let seed = Seed::new(study.seed).child("verify");
+    let verification = verify(&model.knn, sample, seed);
+    if !verification.agrees() {
+        bail!(
+            "{} of {} checked rows differ from brute force: this is a bug in calib, please report it",
+            verification.different.len(),
+            verification.rows
+        );
+    }
+    printer.say(&format!("verified: {} rows agree with brute force", count(verification.rows)));
+    Ok(ExitStatus::Done)
+}
+
+fn summarise(
+    manifest: &ModelManifest,
+    directory: &std::path::Path,
+    built: bool,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let verb = if built { "wrote" } else { "up to date:" };
+    printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
+    let mut near_verbatim = Vec::new();
+    for (number, member) in manifest.members.iter().enumerate() {
+        let jumps = &member.jumps;
+        printer.result(&format!(
+            "  member {number}: {} transitions, jump rate {}, mean run {:.1} steps",
+            count(member.transitions),
+            percent(jumps.jump_rate),
+            jumps.mean_run_length,
+        ))?;
+        if jumps.near_verbatim() {
+            near_verbatim.push(number.to_string());
+        }
+    }
+    if !near_verbatim.is_empty() {
+        printer.warn(&format!(
+            "members {} replay the log nearly verbatim; consider model.exclude_self = true, \
+             model.theiler, or preprocess.subsample",
+            near_verbatim.join(", ")
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,119 @@
+use anyhow::{Context as _, bail};
+use calib_files::write_json;
+use calib_sweep::{SensorVerdict, verdict};
+use serde::Serialize;
+
+use super::{
+    artefact::{self, TOOL},
+    load_study,
+    model_files::ModelManifest,
+    report,
+    sweep::{SweepManifest, unit_store},
+    verdict_text,
+};
+use crate::{
+    cli::StudyArgs,
+    exit::ExitStatus,
+    output::Printer,
+    study::{Study, StudyPaths},
+};
+
+/// `summary.json`: the verdict for machines.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary {
+    pub(super) format: u32,
+    pub(super) tool: &'static str,
+    pub(super) title: String,
+    /// The advice in words, one list of lines a sensor.
+    pub(super) advice: Vec<Vec<String>>,
+    /// Labels of the candidates that the verdicts count.
+    pub(super) candidates: Vec<String>,
+    pub(super) verdicts: Vec<SensorVerdict>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Judge a finished sweep and write the report.
+pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let (study, paths) = load_study(args)?;
+    let manifest = finished_sweep(&study, &paths)?;
+    if args.dry_run {
+        printer.say(&format!("dry run: would write {}", paths.report().display()));
+        return Ok(ExitStatus::Done);
+    }
+    let results = unit_store(&paths.sweep())
+        .collect(&manifest.units)
+        .context("the sweep is not complete; run `calib sweep` again")?;
+    let verdicts = study
+        .sweep
+        .sensors
+        .iter()
+        .map(|sensor| Ok(verdict(sensor, &manifest.candidates, &results, study.evaluate.top_k)?))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let advice: Vec<Vec<String>> = verdicts
+        .iter()
+        .map(|verdict| verdict_text::lines(verdict, &manifest.candidates, study.evaluate.top_k))
+        .collect();
+    let summary = Summary {
+        format: 1,
+        tool: TOOL,
+        title: title(&study, args),
+        advice,
+        candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
+        verdicts,
+        notes: manifest.notes.clone(),
+    };
+    write_json(&paths.evaluate().join("summary.json"), &summary)?;
+    report::write(&study, &paths, &manifest, &summary)?;
+    if args.json {
+        printer.json(&summary)?;
+    } else {
+        print(&summary, &paths, printer)?;
+    }
+    let told_apart = |verdict: &SensorVerdict| {
+        let selection = &verdict.selection;
+        selection.worst_ranks.len() == 1 || selection.tie_set.len() < selection.worst_ranks.len()
+    };
+    Ok(if summary.verdicts.iter().all(told_apart) { ExitStatus::Done } else { ExitStatus::Negative })
+}
+
+/// The manifest of a sweep that was made with this study and the model as it is now.
+fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepManifest> {
+    let manifest: SweepManifest = artefact::require(&paths.sweep(), "sweep STUDY")?;
+    let made = &manifest.study;
+    let changed = [
+        ("[sweep]", made.sweep == study.sweep),
+        ("[agent]", made.agent == study.agent),
+        ("[rollout]", made.rollout == study.rollout),
+        ("[model]", made.model == study.model),
+        ("[data]", made.data == study.data),
+        ("[preprocess]", made.preprocess == study.preprocess),
+        ("seed", made.seed == study.seed),
+    ];
+    if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
+        bail!(
+            "the sweep in {} was made with another {section}; run `calib sweep` again",
+            paths.sweep().display()
+        );
+    }
+    if artefact::read::<ModelManifest>(&paths.model()).is_some_and(|model| model.key != manifest.model) {
+        bail!("the model was built again after the sweep; run `calib sweep` again");
+    }
+    Ok(manifest)
+}
+
+fn title(study: &Study, args: &StudyArgs) -> String {
+    let stem = args.study.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    study.evaluate.title.clone().or(stem).unwrap_or_default()
+}
+
+fn print(summary: &Summary, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<()> {
+    for lines in &summary.advice {
+        for (position, line) in lines.iter().enumerate() {
+            printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
+        }
+    }
+    for note in &summary.notes {
+        printer.result(&format!("note: {note}"))?;
+    }
+    printer.result(&format!("report: {}", paths.report().display()))
+}

@@ -1,0 +1,150 @@
+//! The model directory: what `build-model` writes and the later commands read.
+
+use std::{collections::BTreeMap, path::Path, sync::Arc};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions};
+use calib_data::{Dataset, Profile, table::{Table, read_parquet_columns}};
+use calib_files::{Fingerprint, map_npy, read_json, write_json, write_npy};
+use calib_knn::{KnnModel, ModelConfig};
+use calib_rollout::JumpStatistics;
+use serde::{Deserialize, Serialize};
+
+use super::artefact::{self, Manifest};
+use crate::study::Study;
+
+/// `manifest.json` of a model directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct ModelManifest {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    /// Fingerprint of data and configuration.
+    pub(super) key: String,
+    /// The study as it was resolved.
+    pub(super) study: Study,
+    /// Fingerprint of the states, timestamps and columns that the model was built from.
+    pub(super) data: Fingerprint,
+    pub(super) period: Period,
+    pub(super) rows: usize,
+    pub(super) transitions: usize,
+    pub(super) segments: usize,
+    pub(super) normaliser: Normaliser,
+    pub(super) members: Vec<MemberSummary>,
+    /// Fingerprint of every other file.
+    pub(super) files: BTreeMap<String, Fingerprint>,
+}
+
+/// One member of the ensemble.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct MemberSummary {
+    pub(super) transitions: usize,
+    /// Of one rollout from a random start.
+    pub(super) jumps: JumpStatistics,
+}
+
+impl Manifest for ModelManifest {
+    const FORMAT: u32 = 1;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// Fingerprint of what a model follows from.
+pub(super) fn model_key(data: &Fingerprint, model: &ModelConfig) -> anyhow::Result<String> {
+    // The search structure does not change the tables, and the weights only what is drawn from them.
+    let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
+    artefact::key(&(ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler))
+}
+
+/// A model that was opened from its directory.
+pub(super) struct OpenModel {
+    pub(super) manifest: ModelManifest,
+    pub(super) frames: Frames,
+    pub(super) knn: KnnModel,
+}
+
+/// Write states, rows, profile and members; the manifest is the caller's to write last.
+pub(super) fn write(directory: &Path, dataset: &Dataset, knn: &KnnModel) -> anyhow::Result<()> {
+    let frames = &dataset.train;
+    let states = frames.states();
+    write_npy(&directory.join("states.npy"), states.as_slice(), states.rows(), states.columns())?;
+    rows_table(frames, knn)?.write_parquet(&directory.join("rows.parquet"))?;
+    write_json(&directory.join("profile.json"), &dataset.profile)?;
+    Ok(knn.write_members(directory)?)
+}
+
+/// Row → timestamp, segment, block; the columns of the states in the metadata.
+fn rows_table(frames: &Frames, knn: &KnnModel) -> anyhow::Result<Table> {
+    let mut segments = Vec::with_capacity(frames.rows());
+    for (number, segment) in frames.segments().iter().enumerate() {
+        segments.extend(std::iter::repeat_n(number as u32, segment.len()));
+    }
+    let transitions = knn.transitions();
+    let block = |row: usize| {
+        let row = calib_core::RowIndex::new(row);
+        let transition: Option<TransitionIndex> =
+            transitions.starting_at(row).or_else(|| transitions.ending_in(row));
+        transition.map(|transition| knn.blocks().block_of(transition) as u32)
+    };
+    Ok(Table::new()
+        .with("timestamp", frames.timestamps().to_vec())
+        .with("segment", segments)
+        .with_optional("block", (0..frames.rows()).map(block).collect()))
+}
+
+/// Open the model of `study` in `directory`; tables and states are mapped, and checked.
+pub(super) fn open(directory: &Path, study: &Study) -> anyhow::Result<OpenModel> {
+    let manifest: ModelManifest = artefact::require(directory, "build-model STUDY")?;
+    if model_key(&manifest.data, &study.model)? != manifest.key {
+        bail!(
+            "the model in {} was built with other [model] settings; run `calib build-model` again",
+            directory.display()
+        );
+    }
+    let again = || format!("the model in {} is damaged; run `calib build-model --force`", directory.display());
+    let mapped = map_npy::<f32>(&directory.join("states.npy")).with_context(again)?;
+    let (rows, columns) = (mapped.rows(), mapped.columns());
+    let states = States::from_shared(Arc::new(mapped), rows, columns).with_context(again)?;
+    let table = read_parquet_columns(&directory.join("rows.parquet"), &["timestamp", "segment"])
+        .with_context(again)?;
+    let timestamps = table.column::<Timestamp>("timestamp").with_context(again)?.to_vec();
+    let lengths = table.column::<u32>("segment")?.chunk_by(|a, b| a == b).map(<[u32]>::len);
+    let segments = Segments::from_lengths(lengths).with_context(again)?;
+    let transitions = Transitions::new(segments.clone());
+    let frames = Frames::new(timestamps, segments, states.clone()).with_context(again)?;
+    let members = manifest.study.model.members;
+    let exclusion = manifest.study.model.exclusion();
+    let knn = KnnModel::open(directory, states, transitions, members, exclusion).with_context(again)?;
+    Ok(OpenModel { manifest, frames, knn })
+}
+
+/// The profile of the data that the model was built from.
+pub(super) fn read_profile(directory: &Path) -> anyhow::Result<Profile> {
+    Ok(read_json(&directory.join("profile.json"))?)
+}
+
+/// The column of a sensor in the states, or why it has none.
+pub(super) fn sensor_column(
+    sensor: &str,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> anyhow::Result<usize> {
+    if let Some(column) = normaliser.position(sensor) {
+        return Ok(column);
+    }
+    if let Some(channel) = profile.channels.iter().find(|channel| channel.name == sensor) {
+        bail!(
+            "sensor {sensor} was dropped by preprocessing: {}; see `calib inspect`",
+            channel.reason.as_deref().unwrap_or("no reason was recorded")
+        );
+    }
+    let names: Vec<&str> = normaliser.columns().iter().map(|column| column.name.as_str()).collect();
+    let hint = crate::study::nearest(sensor, &names)
+        .map_or_else(String::new, |name| format!("; did you mean {name}?"));
+    bail!("there is no sensor {sensor} in the data{hint} (`calib inspect` lists all)")
+}

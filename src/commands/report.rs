@@ -1,0 +1,212 @@
+//! The report: results as typed rows for the page.
+
+use std::io::Write as _;
+
+use calib_data::{Profile, table::read_parquet_columns};
+use calib_files::write_atomically;
+use calib_report::{
+    Agreement, Alternative, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
+    JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting,
+    TopK, Verdict,
+};
+use calib_stats::Summary as ScoreSummary;
+use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
+
+use super::{
+    artefact,
+    evaluate::Summary,
+    figures,
+    model_files::{self, ModelManifest},
+    rollout::RolloutManifest,
+    sweep::SweepManifest,
+};
+use crate::study::{Study, StudyPaths};
+
+/// The name of the model in figures and tables.
+const MODEL: &str = "Euclidean kNN";
+
+/// Write `report.html` and the figures.
+pub(super) fn write(
+    study: &Study,
+    paths: &StudyPaths,
+    sweep: &SweepManifest,
+    summary: &Summary,
+) -> anyhow::Result<()> {
+    let report = assemble(study, paths, sweep, summary)?;
+    let directory = paths.evaluate().join("figures");
+    for sensitivity in &report.sensitivities {
+        let name = format!("sensitivity-{}", sensitivity.sensor);
+        figures::write(&directory, &name, &sensitivity.figure()?)?;
+    }
+    for rollout in &report.rollouts {
+        figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
+    }
+    let html = report.html()?;
+    Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
+}
+
+fn assemble(
+    study: &Study,
+    paths: &StudyPaths,
+    sweep: &SweepManifest,
+    summary: &Summary,
+) -> anyhow::Result<Report> {
+    let candidates = &sweep.candidates;
+    let model: ModelManifest = artefact::require(&paths.model(), "build-model STUDY")?;
+    let profile = model_files::read_profile(&paths.model())?;
+    Ok(Report {
+        title: summary.title.clone(),
+        subtitle: None,
+        score: Score::nrmse(),
+        verdicts: summary
+            .verdicts
+            .iter()
+            .map(|verdict| verdict_row(verdict, candidates, study.evaluate.top_k))
+            .collect(),
+        warnings: summary.notes.clone(),
+        sensitivities: summary
+            .verdicts
+            .iter()
+            .map(|verdict| sensitivity(verdict, candidates))
+            .collect(),
+        rollouts: rollout_figures(paths, &model)?,
+        jumps: jumps(&model),
+        tables: Vec::new(),
+        data: Some(data_profile(&profile, &model)),
+        reproduction: reproduction(study, sweep)?,
+    })
+}
+
+/// The swept field, or all of them where there are several.
+fn field(candidates: &[Candidate]) -> String {
+    let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
+    fields.collect::<Vec<_>>().join(", ")
+}
+
+/// The value of a candidate: a number where one numeric field is swept, else its label.
+fn setting(candidate: &Candidate) -> Setting {
+    match candidate.values.as_slice() {
+        [(_, value)] => value
+            .as_f64()
+            .map_or_else(|| Setting::Name(crate::output::value(value)), Setting::Number),
+        _ => Setting::Name(candidate.label()),
+    }
+}
+
+fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) -> Verdict {
+    let of = |index: usize| setting(&candidates[index]);
+    let selection = &verdict.selection;
+    let online = verdict.model_agreement.as_ref().zip(verdict.best_online).map(|(model, best)| {
+        let best_error =
+            verdict.online.as_ref().map_or(f64::NAN, |online| online.candidates[best].mean);
+        Agreement {
+            chosen_error: model.online_error,
+            best: of(best),
+            best_error,
+            regret: model.regret,
+            spearman: model.spearman,
+            kendall: model.kendall,
+            top_k: Some(TopK { k: top_k, hit: model.top_k_hit }),
+        }
+    });
+    let alternative = |agreement: &calib_sweep::Agreement| Alternative {
+        value: of(agreement.chosen),
+        regret: agreement.regret,
+    };
+    Verdict {
+        sensor: verdict.sensor.clone(),
+        field: field(candidates),
+        model: MODEL.to_owned(),
+        chosen: of(selection.chosen),
+        tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
+        worst_rank: selection.worst_ranks[selection.chosen],
+        values: selection.worst_ranks.len(),
+        members: verdict.members.len(),
+        online,
+        default: verdict.default_agreement.as_ref().map(alternative),
+        log_replay: verdict.log_replay_agreement.as_ref().map(alternative),
+        notes: verdict.warnings.clone(),
+    }
+}
+
+fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate]) -> Sensitivity {
+    let grid: Vec<&Candidate> =
+        candidates.iter().filter(|candidate| candidate.role == Role::Grid).collect();
+    let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
+        label: label.to_owned(),
+        source,
+        summaries: scores.candidates[..grid.len()]
+            .iter()
+            .cloned()
+            .map(Some)
+            .collect::<Vec<Option<ScoreSummary>>>(),
+    };
+    let mut errors = Vec::new();
+    if let Some(online) = &verdict.online {
+        errors.push(curve(online, "Online (held-out)", ErrorSource::Online));
+    }
+    if let Some(replay) = &verdict.log_replay {
+        errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
+    }
+    Sensitivity {
+        sensor: verdict.sensor.clone(),
+        field: field(candidates),
+        score: Score::nrmse(),
+        values: grid.iter().map(|candidate| setting(candidate)).collect(),
+        errors,
+        worst_ranks: vec![RankCurve {
+            label: format!("{MODEL}, worst rank"),
+            worst_ranks: verdict.selection.worst_ranks.clone(),
+        }],
+        chosen: Some(verdict.selection.chosen),
+        default: grid.iter().position(|candidate| candidate.is_default),
+    }
+}
+
+/// Rollout figures, if the rollouts are of this model.
+fn rollout_figures(
+    paths: &StudyPaths,
+    model: &ModelManifest,
+) -> anyhow::Result<Vec<RolloutFigure>> {
+    let Some(manifest) = artefact::read::<RolloutManifest>(&paths.rollout())
+        .filter(|manifest| manifest.model == model.key)
+    else {
+        return Ok(Vec::new());
+    };
+    let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "row".to_owned()];
+    for sensor in &manifest.sensors {
+        columns.extend([sensor.clone(), format!("{sensor}.recorded")]);
+    }
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let path = paths.rollout().join("trajectories.parquet");
+    let trajectories = read_parquet_columns(&path, &columns)?;
+    figures::rollouts(&trajectories, &manifest.sensors, manifest.period_secs)
+}
+
+fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
+    let members = model.members.iter().enumerate();
+    members
+        .map(|(member, summary)| JumpStatistics {
+            model: MODEL.to_owned(),
+            member,
+            steps: summary.jumps.steps as u64,
+            jump_rate: summary.jumps.jump_rate,
+            mean_run_length: summary.jumps.mean_run_length,
+            note: summary.jumps.near_verbatim().then(|| "nearly a replay of the log".to_owned()),
+        })
+        .collect()
+}
+
+fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
+    todo_profile(profile, model)
+}
+
+fn reproduction(study: &Study, sweep: &SweepManifest) -> anyhow::Result<Reproduction> {
+    Ok(Reproduction {
+        command: "calib build-model STUDY; calib rollout STUDY; calib sweep STUDY; calib evaluate STUDY".to_owned(),
+        study_toml: toml::to_string(study)?,
+        versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
+        seeds: vec![("study".to_owned(), study.seed)],
+        fingerprint: sweep.data.to_string(),
+    })
+}

@@ -1,0 +1,258 @@
+use std::path::Path;
+
+use anyhow::Context as _;
+use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_data::{Dataset, table::Table};
+use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, StartKind, rollouts};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    artefact::{self, Manifest, TOOL},
+    figures, load_study,
+    model_files::{self, OpenModel},
+    starts::starts,
+};
+use crate::{
+    cli::StudyArgs,
+    clock::Stopwatch,
+    exit::ExitStatus,
+    output::{Printer, bytes, count, duration, percent},
+    study::Study,
+};
+
+/// `manifest.json` of a rollout directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct RolloutManifest {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    pub(super) key: String,
+    pub(super) model: String,
+    pub(super) rollout: RolloutConfig,
+    pub(super) sensors: Vec<String>,
+    pub(super) period_secs: f64,
+    /// One entry a member.
+    pub(super) members: Vec<MemberRollouts>,
+}
+
+/// What the rollouts of one member were like.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct MemberRollouts {
+    pub(super) jumps: JumpStatistics,
+    /// Rollouts whose start state the member lacks, so that it was replaced by a near one.
+    pub(super) replaced_starts: usize,
+}
+
+impl Manifest for RolloutManifest {
+    const FORMAT: u32 = 1;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// Roll every member out and set the trajectories beside the recorded ones.
+pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let (study, paths) = load_study(args)?;
+    let model = model_files::open(&paths.model(), &study)?;
+    let sensors = sensors(&study, &model, &paths.model())?;
+    let directory = paths.rollout();
+    let key = artefact::key(&(
+        RolloutManifest::FORMAT,
+        &model.manifest.key,
+        study.model,
+        &study.rollout,
+        study.seed,
+        &sensors,
+    ))?;
+    announce(&study, &model, sensors.len(), printer);
+    if args.dry_run {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(ExitStatus::Done);
+    }
+    let existing = artefact::read::<RolloutManifest>(&directory)
+        .filter(|found| found.key == key && !args.force);
+    let (manifest, verb) = match existing {
+        Some(manifest) => (manifest, "up to date:"),
+        None => (roll_out(&study, &model, sensors, key, &directory, printer)?, "wrote"),
+    };
+    if args.json {
+        printer.json(&manifest)?;
+    } else {
+        printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
+        summarise(&manifest, printer)?;
+    }
+    printer.say(&format!("next: calib sweep {}", args.study.display()));
+    Ok(ExitStatus::Done)
+}
+
+/// The sensors of the sweep, or all, with their columns.
+fn sensors(
+    study: &Study,
+    model: &OpenModel,
+    directory: &Path,
+) -> anyhow::Result<Vec<(String, usize)>> {
+    let normaliser = &model.manifest.normaliser;
+    if study.sweep.sensors.is_empty() {
+        let columns = normaliser.columns().iter().enumerate();
+        return Ok(columns.map(|(column, of)| (of.name.clone(), column)).collect());
+    }
+    let profile = model_files::read_profile(directory)?;
+    let column = |sensor: &String| {
+        let column = model_files::sensor_column(sensor, normaliser, &profile)
+            .context("sweep.sensors")?;
+        Ok((sensor.clone(), column))
+    };
+    study.sweep.sensors.iter().map(column).collect()
+}
+
+fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) {
+    let RolloutConfig { steps, rollouts, .. } = study.rollout;
+    let members = model.knn.members();
+    let rows = (members * rollouts * (steps + 1)) as u64;
+    printer.say(&format!(
+        "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
+        count(steps),
+        bytes(rows * (8 + 32 * sensors as u64)),
+    ));
+}
+
+fn roll_out(
+    study: &Study,
+    model: &OpenModel,
+    sensors: Vec<(String, usize)>,
+    key: String,
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<RolloutManifest> {
+    let held_out = held_out(study, printer)?;
+    artefact::begin(directory)?;
+    let weights = study.model.weights()?;
+    let seed = Seed::new(study.seed).child("rollout");
+    let progress = printer.progress();
+    let config = &study.rollout;
+    let mut all = Vec::with_capacity(model.knn.members());
+    for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
+        let held_out = held_out.as_ref();
+        let starts = starts(&member, config, &model.frames, held_out, config.rollouts, seed)?;
+        all.push(rollouts(&member, &starts, config.steps, weights, seed, &progress)?);
+    }
+    drop(progress);
+    let trajectories = trajectories(model, &all, &sensors);
+    trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
+    let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
+    let period_secs = model.manifest.period.as_secs();
+    for figure in figures::rollouts(&trajectories, &names, period_secs)? {
+        figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
+    }
+    let manifest = RolloutManifest {
+        format: RolloutManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        model: model.manifest.key.clone(),
+        rollout: config.clone(),
+        sensors: names,
+        period_secs,
+        members: all.iter().map(|rollouts| member_rollouts(rollouts)).collect(),
+    };
+    artefact::complete(directory, &manifest)?;
+    Ok(manifest)
+}
+
+/// The held-out frames, where the start states come from them.
+fn held_out(study: &Study, printer: &Printer) -> anyhow::Result<Option<Frames>> {
+    if !matches!(study.rollout.start, StartKind::Nearest | StartKind::CalendarMonth) {
+        return Ok(None);
+    }
+    let dataset: Dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
+    Ok(dataset.held_out)
+}
+
+fn member_rollouts(rollouts: &[Rollout]) -> MemberRollouts {
+    MemberRollouts {
+        jumps: JumpStatistics::of(rollouts.iter().map(Rollout::rows)),
+        replaced_starts: rollouts.iter().filter(|of| of.start().replaced.is_some()).count(),
+    }
+}
+
+/// The recorded rows after `start`, as far as its segment goes: the true trajectory.
+pub(super) fn recorded(model: &OpenModel, start: RowIndex, steps: usize) -> Vec<RowIndex> {
+    let segments = model.frames.segments();
+    let end = segments
+        .position_of(start.get())
+        .map_or(start.get(), |position| segments.as_slice()[position].end as usize);
+    (start.get()..end.min(start.get() + steps + 1)).map(RowIndex::new).collect()
+}
+
+/// One row a step: member, rollout, step, the recorded row and its time; per sensor the value in
+/// physical and in normalised units, and the recorded trajectory from the same start.
+fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usize)]) -> Table {
+    let flat = || {
+        all.iter().enumerate().flat_map(|(member, rollouts)| {
+            rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
+        })
+    };
+    let mut visited: Vec<RowIndex> = Vec::new();
+    let mut truth: Vec<Option<RowIndex>> = Vec::new();
+    let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    for (member, number, rollout) in flat() {
+        let rows = rollout.rows();
+        let recorded = recorded(model, rows[0], rollout.steps());
+        for (step, &row) in rows.iter().enumerate() {
+            members.push(member as u32);
+            numbers.push(number as u32);
+            steps.push(step as u32);
+            visited.push(row);
+            truth.push(recorded.get(step).copied());
+        }
+    }
+    let timestamps: Vec<Timestamp> =
+        visited.iter().map(|row| model.frames.timestamps()[row.get()]).collect();
+    let states = model.frames.states();
+    let mut table = Table::new()
+        .with("member", members)
+        .with("rollout", numbers)
+        .with("step", steps)
+        .with("row", visited.iter().map(|row| row.0).collect())
+        .with("timestamp", timestamps);
+    for (sensor, column) in sensors {
+        let normalised = |row: &RowIndex| states.row(row.get())[*column];
+        let physical =
+            |row: &RowIndex| model.manifest.normaliser.physical(*column, Normalised(normalised(row))).0;
+        table = table
+            .with(sensor, visited.iter().map(physical).collect::<Vec<f64>>())
+            .with(format!("{sensor}.normalised"), visited.iter().map(normalised).collect::<Vec<f32>>())
+            .with_optional(
+                format!("{sensor}.recorded"),
+                truth.iter().map(|row| row.as_ref().map(physical)).collect::<Vec<Option<f64>>>(),
+            );
+    }
+    table
+}
+
+fn summarise(manifest: &RolloutManifest, printer: &Printer) -> anyhow::Result<()> {
+    for (number, member) in manifest.members.iter().enumerate() {
+        let jumps = &member.jumps;
+        let replaced = match member.replaced_starts {
+            0 => String::new(),
+            starts => format!("; {starts} start states replaced by their nearest"),
+        };
+        printer.result(&format!(
+            "  member {number}: jump rate {}, mean run {:.1} steps, {} distinct rows{replaced}",
+            percent(jumps.jump_rate),
+            jumps.mean_run_length,
+            count(jumps.distinct_rows),
+        ))?;
+    }
+    if manifest.members.iter().any(|member| member.jumps.near_verbatim()) {
+        printer.warn(
+            "some members replay the log nearly verbatim; consider model.exclude_self = true, \
+             model.theiler, or preprocess.subsample",
+        );
+    }
+    Ok(())
+}

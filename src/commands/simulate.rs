@@ -1,0 +1,182 @@
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Monitor as _, Period, Seed, Timestamp};
+use calib_data::{Moment, table::write_log};
+use calib_files::{read_json, write_json};
+use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
+use serde::{Deserialize, Serialize};
+
+use super::artefact::TOOL;
+use crate::{
+    cli::SimulateArgs,
+    clock::Stopwatch,
+    exit::{ExitStatus, Interrupted},
+    output::{Printer, bytes, count, duration},
+};
+
+/// `simulation.json`: what the day files beside it were made from, and the truth about each channel.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Simulation {
+    tool: String,
+    options: PlantOptions,
+    channels: Vec<ChannelInfo>,
+}
+
+/// What was written, for `--json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Simulated {
+    directory: PathBuf,
+    channels: usize,
+    files: Vec<PathBuf>,
+    written: usize,
+}
+
+/// Simulate a plant and write one Parquet file a day.
+pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let simulated = simulate(&args.directory, options(args)?, args.force, printer)?;
+    if args.json {
+        printer.json(&simulated)?;
+    } else {
+        printer.result(&format!(
+            "{} day files of {} channels in {} ({} written, {} already there) in {}",
+            simulated.files.len(),
+            count(simulated.channels),
+            simulated.directory.display(),
+            simulated.written,
+            simulated.files.len() - simulated.written,
+            duration(clock.elapsed()),
+        ))?;
+    }
+    printer.say(&format!("next: calib inspect {}", args.directory.display()));
+    Ok(ExitStatus::Done)
+}
+
+fn options(args: &SimulateArgs) -> anyhow::Result<PlantOptions> {
+    let start = Moment::new(&args.start).map_err(|reason| anyhow::anyhow!("--start: {reason}"))?;
+    let period = Period::from_secs(args.period)
+        .with_context(|| format!("--period must be a positive number of seconds, got {}", args.period))?;
+    let options = PlantOptions {
+        channels: args.channels,
+        days: args.days,
+        period,
+        start: start.instant(),
+        seed: Seed::new(args.seed),
+        drift: args.drift,
+        noise: args.noise,
+        storms_per_day: args.storms_per_day,
+        missing_fraction: args.missing_fraction,
+        gaps_per_day: args.gaps_per_day,
+        stuck_per_day: args.stuck_per_day,
+        duplicates_per_day: args.duplicates_per_day,
+    };
+    options.validate()?;
+    Ok(options)
+}
+
+/// Write the days of a plant that are not there yet. A day file is there as a whole or not at all,
+/// so an interrupted simulation goes on where it stopped.
+pub(super) fn simulate(
+    directory: &Path,
+    options: PlantOptions,
+    force: bool,
+    printer: &Printer,
+) -> anyhow::Result<Simulated> {
+    let mut plant = Plant::new(options.clone())?;
+    let simulation =
+        Simulation { tool: TOOL.to_owned(), options, channels: plant.schema().to_vec() };
+    claim(directory, &simulation, force)?;
+    let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
+    let per_day = plant.instants() * (4 * names.len() as u64 + 8) / u64::from(plant.days()).max(1);
+    printer.say(&format!(
+        "simulate: {} days x {} channels, {} rows; about {} of memory, at most {} on disk",
+        plant.days(),
+        count(names.len()),
+        count(plant.instants() as usize),
+        bytes(3 * per_day),
+        bytes(per_day * u64::from(plant.days())),
+    ));
+    let progress = printer.progress();
+    progress.begin("simulating", u64::from(plant.days()));
+    let mut simulated = Simulated {
+        directory: directory.to_owned(),
+        channels: names.len(),
+        files: Vec::new(),
+        written: 0,
+    };
+    while plant.day() < plant.days() {
+        if progress.interrupted() {
+            return Err(Interrupted.into());
+        }
+        let path = directory.join(file_name(simulation.options.start, plant.day()));
+        if path.exists() && !force {
+            if plant.skip_day().is_none() {
+                break;
+            }
+        } else {
+            let Some(DayLog { timestamps, columns, .. }) = plant.next() else { break };
+            let channels: Vec<_> = names.iter().zip(columns).collect();
+            write_log(&path, &timestamps, &channels)?;
+            simulated.written += 1;
+        }
+        simulated.files.push(path);
+        progress.advance(1);
+    }
+    Ok(simulated)
+}
+
+/// Make the directory this simulation's, unless it is another one's.
+fn claim(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<()> {
+    let path = directory.join("simulation.json");
+    match read_json::<Simulation>(&path) {
+        Ok(found) if found == *simulation => return Ok(()),
+        Ok(_) if !force => bail!(
+            "{} holds another simulation; choose another directory, or replace it with --force",
+            directory.display()
+        ),
+        Err(error) if !error.is_not_found() && !force => return Err(error.into()),
+        Err(_) if !force && has_parquet(directory) => bail!(
+            "{} holds Parquet files that calib did not simulate; choose another directory",
+            directory.display()
+        ),
+        _ => {}
+    }
+    if force {
+        remove_days(directory)?;
+    }
+    Ok(write_json(&path, simulation)?)
+}
+
+fn parquet_files(directory: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    paths.filter(|path| path.extension().is_some_and(|extension| extension == "parquet")).collect()
+}
+
+fn has_parquet(directory: &Path) -> bool {
+    !parquet_files(directory).is_empty()
+}
+
+/// Remove the days of the simulation that is being replaced; other Parquet files stay.
+fn remove_days(directory: &Path) -> anyhow::Result<()> {
+    let Ok(previous) = read_json::<Simulation>(&directory.join("simulation.json")) else {
+        return Ok(());
+    };
+    for day in 0..previous.options.days.ceil() as u32 {
+        let path = directory.join(file_name(previous.options.start, day));
+        if path.exists() {
+            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The date of a day of the plant, as a file name.
+fn file_name(start: Timestamp, day: u32) -> String {
+    let micros = start.as_micros() + i64::from(day) * 86_400_000_000;
+    let date = jiff::Timestamp::from_microsecond(micros)
+        .map(|instant| instant.to_zoned(jiff::tz::TimeZone::UTC).date().to_string());
+    // The options were checked to lie between 1900 and 2200, which every calendar can name.
+    format!("{}.parquet", date.unwrap_or_else(|_| format!("day-{day}")))
+}

@@ -1,0 +1,354 @@
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use calib_core::{Period, Seed};
+use calib_data::{Dataset, table::Table};
+use calib_files::{Fingerprint, write_json};
+use calib_sweep::{
+    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
+    ReplayEnvironment, RolloutOptions, UnitResult, UnitStore, candidates,
+};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    artefact::{self, Manifest, TOOL},
+    load_study,
+    model_files::{self, OpenModel},
+    starts::starts,
+};
+use crate::{
+    cli::StudyArgs,
+    clock::Stopwatch,
+    exit::ExitStatus,
+    output::{Printer, count, duration},
+    study::{Study, StudyPaths},
+};
+
+/// `manifest.json` of a sweep directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SweepManifest {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    /// Fingerprint of all units.
+    pub(super) key: String,
+    pub(super) study: Study,
+    pub(super) data: Fingerprint,
+    pub(super) model: String,
+    pub(super) period: Period,
+    /// Steps of every stream.
+    pub(super) steps: usize,
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) units: Vec<PlannedUnit>,
+    /// What the reader of the results should know.
+    pub(super) notes: Vec<String>,
+}
+
+impl Manifest for SweepManifest {
+    const FORMAT: u32 = 1;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// Where a sweep keeps its finished units.
+pub(super) fn unit_store(directory: &Path) -> UnitStore {
+    UnitStore::new(directory.join("units"))
+}
+
+/// Train every candidate in every environment.
+pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let (study, paths) = load_study(args)?;
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    let candidates = candidates(&study.sweep, &study.agent)?;
+    let model = model_files::open(&paths.model(), &study)?;
+    printer.say(&format!("sweep: reading {}", study.data.path.0.join(", ")));
+    let dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
+    if dataset.fingerprint != model.manifest.data {
+        bail!(
+            "the model in {} was built from other data (fingerprint {}, the study's data has {}); \
+             run `calib build-model` again",
+            paths.model().display(),
+            model.manifest.data.short(),
+            dataset.fingerprint.short(),
+        );
+    }
+    let lengths = Lengths::of(&study, &dataset, printer);
+    let environments = environments(&study, &model, &dataset, lengths.steps)?;
+    let sensors = study
+        .sweep
+        .sensors
+        .iter()
+        .map(|sensor| {
+            let column = model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
+                .context("sweep.sensors")?;
+            Ok((sensor.clone(), column))
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let options = PlanOptions {
+        scored: study.sweep.scored,
+        steps: lengths.steps,
+        curve_points: study.sweep.curve_points,
+        seed: Seed::new(study.seed).child("agent"),
+    };
+    let as_dyn = environments.iter().map(|environment| &**environment).collect();
+    let plan = Plan::new(&candidates, as_dyn, sensors, options);
+    let directory = paths.sweep();
+    let store = unit_store(&directory);
+    let units = plan.units();
+    let missing = if args.force {
+        units.len()
+    } else {
+        units.par_iter().filter(|planned| store.get(&planned.unit, &planned.key).is_none()).count()
+    };
+    announce(&study, &candidates, &units, missing, &lengths, printer);
+    if args.dry_run {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(ExitStatus::Done);
+    }
+    artefact::begin(&directory)?;
+    if args.force {
+        remove_units(&store)?;
+    }
+    let results = plan.run(&store, &printer.progress())?;
+    let manifest = SweepManifest {
+        format: SweepManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key: artefact::key(&units)?,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        model: model.manifest.key.clone(),
+        period: dataset.period,
+        steps: lengths.steps,
+        candidates,
+        units,
+        notes: lengths.notes,
+    };
+    write_tables(&directory, &manifest, &results)?;
+    if missing > 0 {
+        write_json(
+            &directory.join("timings.json"),
+            &Timings { units: missing, wall_secs: clock.elapsed().as_secs_f64() },
+        )?;
+    }
+    artefact::complete(&directory, &manifest)?;
+    finish(args, &paths, &manifest, missing, clock, printer)?;
+    Ok(ExitStatus::Done)
+}
+
+#[derive(Serialize)]
+struct Timings {
+    units: usize,
+    wall_secs: f64,
+}
+
+/// Steps of every stream, and why they are not what the study says.
+struct Lengths {
+    steps: usize,
+    notes: Vec<String>,
+}
+
+impl Lengths {
+    fn of(study: &Study, dataset: &Dataset, printer: &Printer) -> Self {
+        let mut steps = study.sweep.steps;
+        let mut notes = Vec::new();
+        let mut shorten = |to: usize, what: &str| {
+            if to < steps {
+                notes.push(format!(
+                    "streams have {} steps, not {}: the {what} range has no more",
+                    count(to),
+                    count(study.sweep.steps)
+                ));
+                steps = to;
+            }
+        };
+        shorten(dataset.train.rows().saturating_sub(1), "training");
+        match &dataset.held_out {
+            Some(held_out) => shorten(held_out.rows().saturating_sub(1), "held-out"),
+            None => notes.push("no held-out range: the choice cannot be compared with Online".to_owned()),
+        }
+        for note in &notes {
+            printer.warn(note);
+        }
+        Self { steps, notes }
+    }
+}
+
+fn environments<'a>(
+    study: &'a Study,
+    model: &'a OpenModel,
+    dataset: &'a Dataset,
+    steps: usize,
+) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
+    let seed = Seed::new(study.seed);
+    let sweep = &study.sweep;
+    let weights = study.model.weights()?;
+    let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
+    let inputs = Fingerprint::of(&serde_json::to_vec(&(
+        &model.manifest.key,
+        study.model,
+        &study.rollout,
+        &dataset.fingerprint,
+    ))?);
+    let rollout_seed = seed.child("rollout");
+    for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
+        let held_out = dataset.held_out.as_ref();
+        let runs = sweep.member_runs;
+        let starts = starts(&member, &study.rollout, &model.frames, held_out, runs, rollout_seed)?;
+        let options =
+            RolloutOptions { steps, weights, seed: rollout_seed, inputs: inputs.clone() };
+        let states = model.frames.states();
+        environments.push(Box::new(MemberEnvironment::new(member, states, starts, options)));
+    }
+    if let Some(held_out) = &dataset.held_out {
+        let inputs = dataset.fingerprint.clone();
+        let online = ReplayEnvironment::online(held_out, steps, sweep.online_runs, inputs);
+        environments.push(Box::new(online));
+    }
+    if sweep.log_replay_runs > 0 {
+        let inputs = dataset.fingerprint.clone();
+        environments.push(Box::new(ReplayEnvironment::log_replay(
+            &dataset.train,
+            steps,
+            sweep.log_replay_runs,
+            seed.child("log replay"),
+            inputs,
+        )));
+    }
+    Ok(environments)
+}
+
+fn announce(
+    study: &Study,
+    candidates: &[Candidate],
+    units: &[PlannedUnit],
+    missing: usize,
+    lengths: &Lengths,
+    printer: &Printer,
+) {
+    printer.say(&format!(
+        "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads",
+        candidates.len(),
+        count(units.len()),
+        count(lengths.steps),
+        study.sweep.sensors.join(", "),
+        if missing == units.len() { "all units are".to_owned() } else { format!("{} units are", count(missing)) },
+        rayon::current_num_threads(),
+    ));
+}
+
+fn remove_units(store: &UnitStore) -> anyhow::Result<()> {
+    match std::fs::remove_dir_all(store.directory()) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error)
+            .with_context(|| format!("cannot remove {}", store.directory().display())),
+        _ => Ok(()),
+    }
+}
+
+/// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
+fn write_tables(
+    directory: &Path,
+    manifest: &SweepManifest,
+    results: &[UnitResult],
+) -> anyhow::Result<()> {
+    runs_table(&manifest.candidates, results)?.write_parquet(&directory.join("runs.parquet"))?;
+    curves_table(&manifest.candidates, results).write_parquet(&directory.join("curves.parquet"))?;
+    Ok(())
+}
+
+fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Result<Table> {
+    let rows: Vec<_> =
+        results.iter().flat_map(|result| result.rows.iter().map(move |row| (result, row))).collect();
+    let mut table = Table::new()
+        .with("environment", rows.iter().map(|(r, _)| r.unit.environment.to_string()).collect())
+        .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())
+        .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
+        .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect());
+    table = with_agent_columns(table, candidates, rows.iter().map(|(_, row)| row.candidate))?;
+    Ok(table
+        .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
+        .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
+        .with("steps", rows.iter().map(|(_, row)| row.steps as u32).collect())
+        .with("scored_steps", rows.iter().map(|(_, row)| row.scored_steps as u32).collect())
+        .with("updates", rows.iter().map(|(_, row)| row.updates).collect())
+        .with("rmse", rows.iter().map(|(_, row)| row.rmse).collect())
+        .with("nrmse", rows.iter().map(|(_, row)| row.nrmse).collect())
+        .with("rmse_over_std", rows.iter().map(|(_, row)| row.rmse_over_std).collect())
+        .with("mean_return", rows.iter().map(|(_, row)| row.mean_return).collect())
+        .with("return_std", rows.iter().map(|(_, row)| row.return_std).collect())
+        .with("diverged", rows.iter().map(|(_, row)| row.diverged_at.is_some()).collect()))
+}
+
+/// Every field of the agent as a column of its own.
+fn with_agent_columns(
+    mut table: Table,
+    candidates: &[Candidate],
+    rows: impl Iterator<Item = usize> + Clone,
+) -> anyhow::Result<Table> {
+    let agents: Vec<serde_json::Map<String, serde_json::Value>> = candidates
+        .iter()
+        .map(|candidate| Ok(serde_json::from_value(serde_json::to_value(&candidate.agent)?)?))
+        .collect::<anyhow::Result<_>>()?;
+    let fields: Vec<String> =
+        agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
+    for field in fields {
+        let of = |candidate: usize| &agents[candidate][&field];
+        table = if agents.iter().all(|agent| agent[&field].is_number()) {
+            let values = rows.clone().map(|row| of(row).as_f64().unwrap_or(f64::NAN));
+            table.with(&field, values.collect())
+        } else {
+            let values = rows.clone().map(|row| crate::output::value(of(row)));
+            table.with(&field, values.collect::<Vec<String>>())
+        };
+    }
+    Ok(table)
+}
+
+fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
+    let mut points = Vec::new();
+    for result in results {
+        for row in &result.rows {
+            points.extend(row.curve.iter().map(|point| (result, row.candidate, *point)));
+        }
+    }
+    let label = |candidate: usize| candidates[candidate].label();
+    Table::new()
+        .with("environment", points.iter().map(|(r, ..)| r.unit.environment.to_string()).collect())
+        .with("sensor", points.iter().map(|(r, ..)| r.unit.sensor.clone()).collect())
+        .with("run", points.iter().map(|(r, ..)| r.unit.run as u32).collect())
+        .with("candidate", points.iter().map(|(_, candidate, _)| *candidate as u32).collect())
+        .with("label", points.iter().map(|(_, candidate, _)| label(*candidate)).collect())
+        .with("step", points.iter().map(|(.., point)| point.step as u32).collect())
+        .with("rmse", points.iter().map(|(.., point)| point.rmse).collect())
+}
+
+fn finish(
+    args: &StudyArgs,
+    paths: &StudyPaths,
+    manifest: &SweepManifest,
+    ran: usize,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    if args.json {
+        printer.json(manifest)?;
+    } else {
+        let did = if ran == 0 {
+            "up to date".to_owned()
+        } else {
+            format!("{} units run in {}", count(ran), duration(clock.elapsed()))
+        };
+        let runs = paths.sweep().join("runs.parquet");
+        printer.result(&format!("{did}; results in {}", runs.display()))?;
+    }
+    printer.say(&format!("next: calib evaluate {}", args.study.display()));
+    Ok(())
+}

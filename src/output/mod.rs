@@ -1,0 +1,9 @@
+//! What a person or a machine reads: results on stdout, talk and progress on stderr.
+
+mod format;
+mod printer;
+mod progress;
+
+pub(crate) use format::{bytes, count, duration, percent, significant, table, value};
+pub(crate) use printer::Printer;
+pub(crate) use progress::{ProgressMonitor, watch_for_interrupts};

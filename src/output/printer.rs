@@ -1,0 +1,103 @@
+use std::io::{IsTerminal as _, Write as _};
+
+use anyhow::Context as _;
+use serde::Serialize;
+
+use crate::{
+    cli::{ColorChoice, GlobalArgs},
+    output::ProgressMonitor,
+};
+
+/// Decides what goes where: results to stdout, talk, warnings and progress to stderr.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Printer {
+    quiet: bool,
+    color: bool,
+    results: Results,
+}
+
+/// Where results go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Results {
+    /// To stdout: they are what the command was run for.
+    Stdout,
+    /// To stderr, as talk: they are a step on the way to another result.
+    Talk,
+}
+
+impl Printer {
+    /// The printer that these arguments ask for.
+    pub(crate) fn new(global: &GlobalArgs) -> Self {
+        let color = match global.color {
+            ColorChoice::Always => true,
+            ColorChoice::Never => false,
+            ColorChoice::Auto => {
+                std::io::stderr().is_terminal()
+                    && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+            }
+        };
+        Self { quiet: global.quiet, color, results: Results::Stdout }
+    }
+
+    /// The same printer for a step on the way: its results are talk.
+    pub(crate) fn talking(self) -> Self {
+        Self { results: Results::Talk, ..self }
+    }
+
+    /// A line of the result.
+    pub(crate) fn result(&self, text: &str) -> anyhow::Result<()> {
+        if self.results == Results::Talk {
+            self.say(text);
+            return Ok(());
+        }
+        let written = writeln!(std::io::stdout().lock(), "{}", text.trim_end_matches('\n'));
+        match written {
+            // `calib … | head` is no failure.
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            other => other.context("cannot write to stdout"),
+        }
+    }
+
+    /// The result for machines.
+    pub(crate) fn json(&self, value: &impl Serialize) -> anyhow::Result<()> {
+        self.result(&serde_json::to_string_pretty(value)?)
+    }
+
+    /// What calib is doing; silent with `-q`.
+    pub(crate) fn say(&self, text: &str) {
+        if !self.quiet {
+            eprint_line(text);
+        }
+    }
+
+    /// Something that the user should look at.
+    pub(crate) fn warn(&self, text: &str) {
+        if !self.quiet {
+            eprint_line(&format!("{} {text}", self.paint("warning:", "33")));
+        }
+    }
+
+    /// Why the command failed; never silent.
+    pub(crate) fn error(&self, text: &str) {
+        eprint_line(&format!("{} {text}", self.paint("error:", "31")));
+    }
+
+    /// Emphasis for a heading on stderr.
+    pub(crate) fn heading(&self, text: &str) {
+        self.say(&self.paint(text, "1"));
+    }
+
+    /// Progress of long work: a bar on a terminal, a line now and then elsewhere.
+    pub(crate) fn progress(&self) -> ProgressMonitor {
+        ProgressMonitor::new(self.quiet)
+    }
+
+    fn paint(&self, text: &str, code: &str) -> String {
+        if self.color { format!("\x1b[{code};1m{text}\x1b[0m") } else { text.to_owned() }
+    }
+}
+
+fn eprint_line(text: &str) {
+    // A closed stderr is no reason to stop working.
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}

@@ -1,0 +1,117 @@
+use std::{
+    io::IsTerminal as _,
+    sync::{
+        Mutex, Once,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use calib_core::Monitor;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::{clock::Stopwatch, output::duration};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// From now on Ctrl-C asks the work to stop at its next safe point; a second Ctrl-C ends at once.
+pub(crate) fn watch_for_interrupts() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // Without a handler Ctrl-C ends the process at once; that is safe too, only less polite.
+        let _ = ctrlc::set_handler(|| {
+            if INTERRUPTED.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        });
+    });
+}
+
+/// Shows progress with an ETA and passes interrupts on.
+#[derive(Debug)]
+pub(crate) struct ProgressMonitor {
+    bar: ProgressBar,
+    /// Off a terminal: when the last line was printed. `None` where a bar is drawn or in silence.
+    plain: Option<Mutex<PlainLines>>,
+}
+
+#[derive(Debug)]
+struct PlainLines {
+    task: String,
+    since_line: Stopwatch,
+    since_start: Stopwatch,
+}
+
+/// Time between two lines where no bar can be drawn.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+impl ProgressMonitor {
+    pub(crate) fn new(quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let target = if quiet || !terminal {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(10)
+        };
+        let plain = (!quiet && !terminal).then(|| {
+            let now = Stopwatch::start();
+            Mutex::new(PlainLines { task: String::new(), since_line: now, since_start: now })
+        });
+        let bar = ProgressBar::with_draw_target(Some(0), target);
+        let style = "{prefix:>14} [{bar:32}] {percent:>3}%  {human_pos}/{human_len}  {elapsed} elapsed, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(style) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Self { bar, plain }
+    }
+
+    fn plain_line(&self) {
+        let Some(plain) = &self.plain else { return };
+        let Ok(mut plain) = plain.lock() else { return };
+        let done = self.bar.position();
+        let total = self.bar.length().unwrap_or(0);
+        if plain.since_line.elapsed() < LINE_EVERY || total == 0 {
+            return;
+        }
+        plain.since_line = Stopwatch::start();
+        let share = done as f64 / total as f64;
+        let left = plain.since_start.elapsed().mul_f64((1.0 - share).max(0.0) / share.max(1e-9));
+        let left = if done == 0 { "unknown time".to_owned() } else { duration(left) };
+        eprintln_quietly(&format!("  {}: {:.0} %, {left} left", plain.task, 100.0 * share));
+    }
+}
+
+fn eprintln_quietly(text: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+impl Monitor for ProgressMonitor {
+    fn begin(&self, task: &str, total: u64) {
+        self.bar.reset();
+        self.bar.set_length(total);
+        self.bar.set_position(0);
+        self.bar.set_prefix(task.to_owned());
+        if let Some(plain) = &self.plain
+            && let Ok(mut plain) = plain.lock()
+        {
+            task.clone_into(&mut plain.task);
+            plain.since_start = Stopwatch::start();
+        }
+    }
+
+    fn advance(&self, units: u64) {
+        self.bar.inc(units);
+        self.plain_line();
+    }
+
+    fn interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for ProgressMonitor {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

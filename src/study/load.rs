@@ -1,0 +1,179 @@
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context as _, anyhow, bail};
+use serde::Deserialize as _;
+use toml::{Table, Value};
+
+use super::{Study, StudyPaths, message::friendly};
+
+impl Study {
+    /// Read the study file `path`, apply `overrides` (`section.key=value`), check every section,
+    /// and resolve relative paths against the file's directory.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a key that does not exist, a value that is not valid:
+    /// each named with file, line and key.
+    pub fn load(path: &Path, overrides: &[String]) -> anyhow::Result<(Self, StudyPaths)> {
+        let text = fs::read_to_string(path).with_context(|| {
+            format!("cannot read the study {}; expected a TOML file such as configs/quickstart.toml", path.display())
+        })?;
+        // The text is read for its own sake first, because only then a mistake has a line number.
+        let mut table = parse(path, &text)?;
+        for text in overrides {
+            apply(&mut table, text)?;
+        }
+        let mut study = Self::deserialize(Value::Table(table)).map_err(|error| {
+            anyhow!("{}: {}", with_overrides(path, overrides), located(&error))
+        })?;
+        let directory = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+            _ => PathBuf::from("."),
+        };
+        study.check().with_context(|| with_overrides(path, overrides))?;
+        study.expand_environment().with_context(|| path.display().to_string())?;
+        study.data.resolve(&directory);
+        let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
+        let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
+        Ok((study, StudyPaths::new(directory.join(output))))
+    }
+
+    /// Check what the types alone do not.
+    fn check(&self) -> anyhow::Result<()> {
+        self.data.check()?;
+        self.preprocess.check()?;
+        self.model.check().context("[model]")?;
+        self.agent.check().context("[agent]")?;
+        if self.sweep.steps < 2 {
+            bail!("sweep.steps must be at least 2, got {}", self.sweep.steps);
+        }
+        Ok(())
+    }
+
+    /// Replace `${NAME}` in the data's paths by the environment variable's value.
+    fn expand_environment(&mut self) -> anyhow::Result<()> {
+        for path in &mut self.data.path.0 {
+            *path = expand(path)?;
+        }
+        Ok(())
+    }
+}
+
+fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
+    let place = |span: Option<std::ops::Range<usize>>| {
+        let before = &text[..span.map_or(0, |span| span.start.min(text.len()))];
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
+        format!("{}:{line}:{column}", path.display())
+    };
+    let table: Table = toml::from_str(text)
+        .map_err(|error| anyhow!("{}: {}", place(error.span()), error.message()))?;
+    // The typed reading finds unknown keys and wrong types, with their place in the text.
+    toml::from_str::<Study>(text)
+        .map_err(|error| anyhow!("{}: {}", place(error.span()), friendly(error.message())))?;
+    Ok(table)
+}
+
+/// Apply one `section.key=value`; the value is TOML, or else plain text.
+fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
+    let expected = "expected section.key=value, such as agent.gamma=0.9";
+    let (keys, value) = text.split_once('=').with_context(|| format!("--set {text}: {expected}"))?;
+    let value = value.trim();
+    let parsed = toml::from_str::<Table>(&format!("value = {value}"))
+        .ok()
+        .and_then(|mut parsed| parsed.remove("value"))
+        .unwrap_or_else(|| Value::String(value.to_owned()));
+    let keys: Vec<&str> = keys.trim().split('.').map(str::trim).collect();
+    let (last, sections) = keys.split_last().with_context(|| format!("--set {text}: {expected}"))?;
+    if keys.iter().any(|key| key.is_empty()) {
+        bail!("--set {text}: {expected}");
+    }
+    let mut place = table;
+    for section in sections {
+        let entry = place.entry(*section).or_insert_with(|| Value::Table(Table::new()));
+        place = entry
+            .as_table_mut()
+            .with_context(|| format!("--set {text}: `{section}` is a value, not a section"))?;
+    }
+    place.insert((*last).to_owned(), parsed);
+    Ok(())
+}
+
+fn with_overrides(path: &Path, overrides: &[String]) -> String {
+    if overrides.is_empty() {
+        return path.display().to_string();
+    }
+    let set: Vec<String> = overrides.iter().map(|text| format!("--set {text}")).collect();
+    format!("{} with {}", path.display(), set.join(" "))
+}
+
+/// The message of an error in a table, with the key that it is about.
+fn located(error: &toml::de::Error) -> String {
+    let text = error.to_string();
+    let key = text.lines().find_map(|line| line.trim().strip_prefix("in `"));
+    let message = friendly(error.message());
+    match key {
+        Some(key) => format!("{}: {message}", key.trim_end_matches('`')),
+        None => message,
+    }
+}
+
+fn expand(text: &str) -> anyhow::Result<String> {
+    let Some(start) = text.find("${") else { return Ok(text.to_owned()) };
+    let Some(length) = text[start..].find('}') else {
+        bail!("data.path = \"{text}\": `${{` without `}}`");
+    };
+    let name = &text[start + 2..start + length];
+    let value = std::env::var(name).map_err(|_| {
+        anyhow!(
+            "data.path = \"{text}\": the environment variable {name} is not set; \
+             set it to the folder of the data, or say --set data.path=FOLDER"
+        )
+    })?;
+    Ok(format!("{}{value}{}", &text[..start], expand(&text[start + length + 1..])?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(text: &str, overrides: &[&str]) -> anyhow::Result<(Study, StudyPaths)> {
+        let directory = tempfile::tempdir()?;
+        let path = directory.path().join("study.toml");
+        fs::write(&path, text)?;
+        let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+        Study::load(&path, &overrides)
+    }
+
+    #[test]
+    fn overrides_win_and_may_be_any_toml_or_text() {
+        let text = "seed = 1\n[data]\npath = \"logs\"\n[agent]\ngamma = 0.5\n";
+        let set = ["agent.gamma=0.9", "sweep.sensors=[\"A\"]", "agent.optimiser=sgd", "seed=7"];
+        let (study, paths) = load(text, &set).expect("valid");
+        assert_eq!(study.seed, 7);
+        assert!((f64::from(study.agent.gamma) - 0.9).abs() < 1e-6);
+        assert_eq!(study.sweep.sensors, ["A"]);
+        assert!(paths.root().ends_with("study-results"));
+    }
+
+    #[test]
+    fn mistakes_name_file_line_and_nearest_key() {
+        let of = |text: &str, set: &[&str]| format!("{:#}", load(text, set).expect_err("invalid"));
+        let key = of("[agent]\nlearning_rat = 0.1\n", &[]);
+        assert!(key.contains("study.toml:2:1") && key.contains("did you mean `learning_rate`"), "{key}");
+        let section = of("[agnt]\n", &[]);
+        assert!(section.contains("did you mean `agent`"), "{section}");
+        let set = of("", &["agent.gama=0.9"]);
+        assert!(set.contains("--set agent.gama=0.9") && set.contains("did you mean `gamma`"), "{set}");
+        let form = of("", &["gamma"]);
+        assert!(form.contains("expected section.key=value"), "{form}");
+        let syntax = of("[agent\n", &[]);
+        assert!(syntax.contains("study.toml:1:"), "{syntax}");
+        let variable = of("[data]\npath = \"${CALIB_NO_SUCH_VARIABLE}/x\"\n", &[]);
+        assert!(variable.contains("CALIB_NO_SUCH_VARIABLE is not set"), "{variable}");
+        let range = of("[agent]\ngamma = 2.0\n", &[]);
+        assert!(range.contains("gamma"), "{range}");
+    }
+}

@@ -1,0 +1,58 @@
+//! A study: one TOML file that says what to compute, checked before anything runs.
+
+mod load;
+mod message;
+mod paths;
+
+use std::path::PathBuf;
+
+use calib_agent::AgentConfig;
+use calib_data::{DataConfig, PreprocessConfig};
+use calib_knn::ModelConfig;
+use calib_rollout::RolloutConfig;
+use calib_sweep::SweepConfig;
+use serde::{Deserialize, Serialize};
+
+pub(crate) use message::nearest;
+pub use paths::StudyPaths;
+
+/// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Study {
+    /// Root of all randomness (default 0).
+    pub seed: u64,
+    /// Where results go, relative to the study file (default: the file's name without `.toml`,
+    /// followed by `-results`).
+    pub output: Option<PathBuf>,
+    /// Where the log is, and which part of it is training and which is held out.
+    pub data: DataConfig,
+    /// From log to states.
+    pub preprocess: PreprocessConfig,
+    /// The calibration model.
+    pub model: ModelConfig,
+    /// Rollouts of the model, and the start states of sweeps.
+    pub rollout: RolloutConfig,
+    /// The agent, and so the default that a sweep compares with.
+    pub agent: AgentConfig,
+    /// What to sweep.
+    pub sweep: SweepConfig,
+    /// How to judge.
+    pub evaluate: EvaluateConfig,
+}
+
+/// The `[evaluate]` section.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EvaluateConfig {
+    /// The choice counts as a hit if it is among the best `top_k` Online (default 3).
+    pub top_k: usize,
+    /// Title of the report (default: the study file's name).
+    pub title: Option<String>,
+}
+
+impl Default for EvaluateConfig {
+    fn default() -> Self {
+        Self { top_k: 3, title: None }
+    }
+}

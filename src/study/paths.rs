@@ -1,0 +1,44 @@
+use std::path::{Path, PathBuf};
+
+/// Where the files of a study lie.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StudyPaths {
+    root: PathBuf,
+}
+
+impl StudyPaths {
+    /// The layout below `root`.
+    pub fn new(root: PathBuf) -> Self {
+        Self { root }
+    }
+
+    /// The directory of all results.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The calibration model.
+    pub fn model(&self) -> PathBuf {
+        self.root.join("model")
+    }
+
+    /// Rollouts of the model.
+    pub fn rollout(&self) -> PathBuf {
+        self.root.join("rollout")
+    }
+
+    /// Runs of the sweep.
+    pub fn sweep(&self) -> PathBuf {
+        self.root.join("sweep")
+    }
+
+    /// Verdict and figures.
+    pub fn evaluate(&self) -> PathBuf {
+        self.root.join("evaluate")
+    }
+
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.root.join("report.html")
+    }
+}
