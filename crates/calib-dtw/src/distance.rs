@@ -1,7 +1,7 @@
 //! Distances of one pair, for one or several patterns.
 
 use crate::kernel::dispatch::InstructionSet;
-use crate::kernel::sweep::{Purpose, Sweep};
+use crate::kernel::sweep::{Purpose, Sweep, Track, entry};
 use crate::{Branch, DtwError, Ends, NoPath, Normalisation, Role, Series, Settings, StepPattern};
 
 /// A warping distance.
@@ -87,27 +87,42 @@ pub(crate) fn distances(
     reference: Series<'_>,
     bound: f64,
 ) -> Vec<Outcome> {
-    let (n, m) = (query.len(), reference.len());
+    let m = reference.len();
     let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Distance);
     for track in &mut sweep.patterns {
-        track.input = crate::kernel::sweep::entry(settings, track.halo, m);
+        track.input = entry(settings, track.halo, m);
     }
-    let mut ends: Vec<_> = patterns
-        .iter()
-        .map(|pattern| BestEnd { pattern, ends: settings.ends, query: n, reference: m, best: None })
-        .collect();
-    let last = sweep.strips() - 1;
-    for number in 0..last {
+    for number in 0..sweep.strips() - 1 {
         sweep.run(number, m, |_, _| {});
-        let above = |halo: usize, least: f64| halo > 0 && least > bound;
-        if bound < f64::INFINITY
-            && sweep.patterns.iter().all(|track| above(track.halo, track.input.least()))
-        {
+        let above = |track: &Track| track.halo > 0 && track.input.least() > bound;
+        if bound < f64::INFINITY && sweep.patterns.iter().all(above) {
             return patterns.iter().map(|_| Outcome::Above).collect();
         }
     }
-    let strip = sweep.strip(last);
-    let (lane, row) = strip.place(n - 1);
+    let best = finish(&mut sweep, patterns).into_iter();
+    best.map(|best| match best {
+        Some(distance) if distance.raw > bound => Outcome::Above,
+        Some(distance) => Outcome::Found(distance),
+        None => Outcome::NoPath,
+    })
+    .collect()
+}
+
+/// Sweeps the last strip, and finds the best end of each pattern.
+pub(crate) fn finish(sweep: &mut Sweep<'_>, patterns: &[StepPattern]) -> Vec<Option<Distance>> {
+    let (n, m) = (sweep.query.len(), sweep.reference.len());
+    let mut ends: Vec<_> = patterns
+        .iter()
+        .map(|pattern| BestEnd {
+            pattern,
+            ends: sweep.settings.ends,
+            query: n,
+            reference: m,
+            best: None,
+        })
+        .collect();
+    let last = sweep.strips() - 1;
+    let (lane, row) = sweep.strip(last).place(n - 1);
     sweep.run(last, m, |time, tracks| {
         let Some(column) = time.checked_sub(lane).filter(|column| *column < m) else {
             return;
@@ -116,13 +131,7 @@ pub(crate) fn distances(
             end.offer(column, track.cumulated[0][track.halo + row].0[lane]);
         }
     });
-    ends.into_iter()
-        .map(|end| match end.best {
-            Some(distance) if distance.raw > bound => Outcome::Above,
-            Some(distance) => Outcome::Found(distance),
-            None => Outcome::NoPath,
-        })
-        .collect()
+    ends.into_iter().map(|end| end.best).collect()
 }
 
 /// Turns an unbounded outcome into what users see.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::distance::{Outcome, check, distances, found};
 use crate::kernel::dispatch::InstructionSet;
-use crate::path::trace;
+use crate::path::align;
 use crate::{
     Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
 };
@@ -157,7 +157,7 @@ impl Dtw {
     }
 
     /// The distance and the path, in memory that grows with (N + M) log N: the path is found by
-    /// computing parts of the rectangle again, about twice the work of the distance.
+    /// computing parts of the rectangle again, about as much work again as the distance.
     ///
     /// # Errors
     /// As [`Dtw::distance`].
@@ -167,15 +167,9 @@ impl Dtw {
         reference: impl Into<Series<'a>>,
     ) -> Result<Alignment, DtwError> {
         let (query, reference) = (query.into(), reference.into());
-        let distance = self.distance(query, reference)?;
-        let path = trace(
-            self.instruction_set,
-            &self.pattern,
-            self.settings,
-            query,
-            reference,
-            distance.end,
-        );
-        Ok(Alignment { distance, path })
+        check(std::slice::from_ref(&self.pattern), self.settings, query, reference)?;
+        let (set, pattern) = (self.instruction_set, &self.pattern);
+        align(set, pattern, self.settings, query, reference)
+            .ok_or_else(|| self.no_path(query, reference).into())
     }
 }

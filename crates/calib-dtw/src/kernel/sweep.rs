@@ -11,8 +11,8 @@ use crate::{Series, Settings, StepPattern, Window};
 
 /// Rows of a lane where only the distance is wanted.
 const DISTANCE_HEIGHT: usize = 32;
-/// Rows of a lane where every cell of a strip is kept for a while.
-const PATH_HEIGHT: usize = 4;
+/// Rows of a lane where cells of a strip are kept for a while.
+const PATH_HEIGHT: usize = 16;
 
 /// What a sweep is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,9 +16,47 @@ use std::arch::x86_64::{
     _mm512_mask_blend_pd, _mm512_mask_cmp_pd_mask, _mm512_min_pd, _mm512_mul_pd, _mm512_set1_pd,
     _mm512_sqrt_pd, _mm512_store_pd, _mm512_sub_pd,
 };
-use std::array::from_fn;
 
 use super::lanes::{LANES, Lanes, Pack};
+
+// Plain repetition: a closure might end up as a call, outside the function with the feature.
+macro_rules! two {
+    ($r:ident => $one:expr) => {
+        [
+            {
+                let $r = 0;
+                $one
+            },
+            {
+                let $r = 1;
+                $one
+            },
+        ]
+    };
+}
+
+macro_rules! four {
+    ($r:ident => $one:expr) => {
+        [
+            {
+                let $r = 0;
+                $one
+            },
+            {
+                let $r = 1;
+                $one
+            },
+            {
+                let $r = 2;
+                $one
+            },
+            {
+                let $r = 3;
+                $one
+            },
+        ]
+    };
+}
 
 /// Four registers of four.
 #[derive(Clone, Copy)]
@@ -33,11 +71,11 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     unsafe fn load(pack: &Pack) -> Self::V {
-        from_fn(|r| unsafe { _mm256_load_pd(pack.0.as_ptr().add(4 * r)) })
+        four!(r => unsafe { _mm256_load_pd(pack.0.as_ptr().add(4 * r)) })
     }
     #[inline(always)]
     unsafe fn load_unaligned(values: &[f64; LANES]) -> Self::V {
-        from_fn(|r| unsafe { _mm256_loadu_pd(values.as_ptr().add(4 * r)) })
+        four!(r => unsafe { _mm256_loadu_pd(values.as_ptr().add(4 * r)) })
     }
     #[inline(always)]
     unsafe fn store(v: Self::V, pack: &mut Pack) {
@@ -47,34 +85,34 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     unsafe fn add(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_add_pd(a[r], b[r]) })
+        four!(r => unsafe { _mm256_add_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn sub(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_sub_pd(a[r], b[r]) })
+        four!(r => unsafe { _mm256_sub_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn mul(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_mul_pd(a[r], b[r]) })
+        four!(r => unsafe { _mm256_mul_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_min_pd(a[r], b[r]) })
+        four!(r => unsafe { _mm256_min_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn abs(a: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), a[r]) })
+        four!(r => unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), a[r]) })
     }
     #[inline(always)]
     unsafe fn sqrt(a: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm256_sqrt_pd(a[r]) })
+        four!(r => unsafe { _mm256_sqrt_pd(a[r]) })
     }
     #[inline(always)]
     unsafe fn shift_in(v: Self::V, first: f64) -> Self::V {
         unsafe {
             // Rotate every register up by one, then take lane 0 from the register below.
-            let rotated: Self::V = from_fn(|r| _mm256_permute4x64_pd::<0b10_01_00_11>(v[r]));
-            from_fn(|r| {
+            let rotated: Self::V = four!(r => _mm256_permute4x64_pd::<0b10_01_00_11>(v[r]));
+            four!(r => {
                 let below = match r {
                     0 => _mm256_set1_pd(first),
                     r => rotated[r - 1],
@@ -85,7 +123,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     unsafe fn inside(x: Self::V, low: Self::V, high: Self::V, v: Self::V) -> Self::V {
-        from_fn(|r| unsafe {
+        four!(r => unsafe {
             let above = _mm256_cmp_pd::<_CMP_LE_OQ>(low[r], x[r]);
             let below = _mm256_cmp_pd::<_CMP_LE_OQ>(x[r], high[r]);
             let outside = _mm256_set1_pd(f64::INFINITY);
@@ -107,11 +145,11 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     unsafe fn load(pack: &Pack) -> Self::V {
-        from_fn(|r| unsafe { _mm512_load_pd(pack.0.as_ptr().add(8 * r)) })
+        two!(r => unsafe { _mm512_load_pd(pack.0.as_ptr().add(8 * r)) })
     }
     #[inline(always)]
     unsafe fn load_unaligned(values: &[f64; LANES]) -> Self::V {
-        from_fn(|r| unsafe { _mm512_loadu_pd(values.as_ptr().add(8 * r)) })
+        two!(r => unsafe { _mm512_loadu_pd(values.as_ptr().add(8 * r)) })
     }
     #[inline(always)]
     unsafe fn store(v: Self::V, pack: &mut Pack) {
@@ -121,32 +159,32 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     unsafe fn add(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_add_pd(a[r], b[r]) })
+        two!(r => unsafe { _mm512_add_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn sub(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_sub_pd(a[r], b[r]) })
+        two!(r => unsafe { _mm512_sub_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn mul(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_mul_pd(a[r], b[r]) })
+        two!(r => unsafe { _mm512_mul_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_min_pd(a[r], b[r]) })
+        two!(r => unsafe { _mm512_min_pd(a[r], b[r]) })
     }
     #[inline(always)]
     unsafe fn abs(a: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_abs_pd(a[r]) })
+        two!(r => unsafe { _mm512_abs_pd(a[r]) })
     }
     #[inline(always)]
     unsafe fn sqrt(a: Self::V) -> Self::V {
-        from_fn(|r| unsafe { _mm512_sqrt_pd(a[r]) })
+        two!(r => unsafe { _mm512_sqrt_pd(a[r]) })
     }
     #[inline(always)]
     unsafe fn shift_in(v: Self::V, first: f64) -> Self::V {
         unsafe {
-            let bits: [__m512i; 2] = from_fn(|r| _mm512_castpd_si512(v[r]));
+            let bits: [__m512i; 2] = two!(r => _mm512_castpd_si512(v[r]));
             let first = _mm512_castpd_si512(_mm512_set1_pd(first));
             [
                 _mm512_castsi512_pd(_mm512_alignr_epi64::<7>(bits[0], first)),
@@ -156,7 +194,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     unsafe fn inside(x: Self::V, low: Self::V, high: Self::V, v: Self::V) -> Self::V {
-        from_fn(|r| unsafe {
+        two!(r => unsafe {
             let above = _mm512_cmp_pd_mask::<_CMP_LE_OQ>(low[r], x[r]);
             let inside = _mm512_mask_cmp_pd_mask::<_CMP_LE_OQ>(above, x[r], high[r]);
             _mm512_mask_blend_pd(inside, _mm512_set1_pd(f64::INFINITY), v[r])

@@ -127,6 +127,17 @@ fn long_pairs_agree_with_paths_over_many_groups_of_strips() {
 }
 
 #[test]
+fn flat_and_steep_paths_agree_where_a_strip_is_swept_more_than_once() {
+    let (short, long) = (oracle::series(15, 150), oracle::series(16, 4000));
+    for name in ["symmetric2", "asymmetricP0", "rabinerJuang:1d"] {
+        let pattern: StepPattern = name.parse().expect(name);
+        let settings = Settings::default();
+        compare(&pattern, settings, (&short).into(), (&long).into());
+        compare(&pattern, settings, (&long).into(), (&short).into());
+    }
+}
+
+#[test]
 fn channels_agree_for_every_local_distance() {
     let (query, reference) = (oracle::series(13, 3 * 90), oracle::series(14, 3 * 70));
     let query = Series::with_channels(&query, 3).expect("whole samples");
