@@ -19,6 +19,7 @@ pub(crate) use data::chart_data;
 pub(crate) use layout::{LegendPlace, draw, draw_panels};
 pub(crate) use legend::{Key, keys};
 pub(crate) use png::png;
+pub(crate) use scale::extent;
 pub use scale::{Scale, ScaleKind};
 pub(crate) use scene::Scene;
 pub(crate) use svg::{sample_svg, svg};

@@ -27,7 +27,8 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
 
 /// Multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
 fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
-    let rough = (scale.max - scale.min) / wanted.max(1) as f64;
+    let (low, high) = (scale.min.min(scale.max), scale.min.max(scale.max));
+    let rough = (high - low) / wanted.max(1) as f64;
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
@@ -35,8 +36,8 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
         .find(|step| *step >= rough * 0.999)
         .unwrap_or(10.0 * power)
         .max(smallest_step);
-    let first = (scale.min / step).ceil() as i64;
-    let last = (scale.max / step).floor() as i64;
+    let first = (low / step).ceil() as i64;
+    let last = (high / step).floor() as i64;
     let tick = |i: i64| {
         let value = i as f64 * step;
         Tick { value, label: Some(label(value, step)) }

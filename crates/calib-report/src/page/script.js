@@ -28,7 +28,7 @@
     return { ...axis, at: (v) => (log && v <= 0 ? -1 : (to(v) - min) / span), value: (f) => back(min + f * span) };
   };
   const ticks = (axis, from, to, wanted) => {
-    const [low, high] = [axis.value(from), axis.value(to)];
+    const [low, high] = [axis.value(from), axis.value(to)].sort((a, b) => a - b);
     if (axis.kind === "names") return axis.names.map((label, i) => [i, label]).filter(([i]) => i >= low && i <= high);
     const out = [];
     if (axis.kind === "log" && high / low > 8) {
@@ -63,7 +63,7 @@
       this.groups = [...this.svg.querySelectorAll(".series")];
       this.original = new Map([...this.svg.querySelectorAll(".axis")].map((axis) => [axis, axis.innerHTML]));
       this.reset = figure.querySelector(".reset");
-      this.overlay = make("g", {}, this.svg);
+      this.overlay = make("g", { class: "overlay" }, this.svg);
       this.full = { x0: 0, x1: 1, y0: 0, y1: 1 };
       this.view = { ...this.full };
       this.place = -1;
@@ -148,6 +148,10 @@
       this.clear();
       const [x, y, w, h] = this.data.plot;
       const [sx, sy] = [1 / (view.x1 - view.x0), 1 / (view.y1 - view.y0)];
+      // At rest there is room for symbols at the ends of the axis; a zoomed plot ends where its axes do.
+      const clip = this.svg.querySelector("clipPath rect");
+      clip.setAttribute("x", whole ? x - 7 : x);
+      clip.setAttribute("width", whole ? w + 14 : w);
       const moveX = (px) => this.px((px - x) / w);
       const moveY = (py) => this.py(1 - (py - y) / h);
       for (const group of this.svg.querySelectorAll(".scaled"))

@@ -1,0 +1,71 @@
+//! Axes of a sensitivity figure, and its description.
+
+use calib_stats::Direction;
+
+use super::Sensitivity;
+use crate::Setting;
+use crate::chart::{Axis, Scale, extent};
+
+impl Sensitivity {
+    /// Horizontal position of each value: the number itself, or its place in the grid if any value is a name.
+    pub(super) fn positions(&self) -> Vec<f64> {
+        let numbers: Option<Vec<f64>> = self.values.iter().map(Setting::as_number).collect();
+        numbers.unwrap_or_else(|| (0..self.values.len()).map(|place| place as f64).collect())
+    }
+
+    pub(super) fn horizontal_axis(&self, positions: &[f64]) -> Axis {
+        let numeric = self.values.iter().all(|value| value.as_number().is_some());
+        let scale = if numeric {
+            Scale::log_around(positions)
+        } else {
+            Scale::names(self.values.iter().map(ToString::to_string).collect())
+        };
+        Axis { label: self.field.clone(), scale }
+    }
+
+    pub(super) fn score_axis(&self) -> Axis {
+        let summaries: Vec<_> = self
+            .errors
+            .iter()
+            .flat_map(|curve| curve.summaries.iter().flatten())
+            .filter(|summary| summary.mean.is_finite())
+            .collect();
+        let mut values: Vec<f64> = summaries.iter().map(|summary| summary.mean).collect();
+        if let Some((lowest, highest)) = extent(&values) {
+            // A single wild interval must not press all curves flat: it may reach one spread beyond the means,
+            // and not so far towards zero that a logarithmic axis would show little else.
+            let spread = highest - lowest;
+            let floor = if lowest > 0.0 { 0.5 * lowest } else { f64::NEG_INFINITY };
+            let ends = summaries.iter().filter_map(|summary| summary.interval);
+            values.extend(ends.flat_map(|ends| {
+                [ends.low.max(lowest - spread).max(floor), ends.high.min(highest + spread)]
+            }));
+        }
+        let scale = Scale::around(&values);
+        let spacing = if scale.is_log() { " (log scale)" } else { "" };
+        Axis { label: format!("mean {}{spacing}", self.score.name), scale }
+    }
+
+    /// Ranks run so that better is where better scores are.
+    pub(super) fn rank_axis(&self) -> Axis {
+        let ranks = Scale::ranks(self.values.len());
+        let scale = match self.score.direction {
+            Direction::HigherIsBetter if !self.errors.is_empty() => ranks.upside_down(),
+            _ => ranks,
+        };
+        Axis { label: "worst rank (1 = best)".to_owned(), scale }
+    }
+
+    pub(super) fn description(&self) -> String {
+        let Self { sensor, field, score, .. } = self;
+        if self.errors.is_empty() {
+            return format!("Worst rank of each {field} in each calibration model, for {sensor}.");
+        }
+        let right = if self.worst_ranks.is_empty() {
+            ""
+        } else {
+            ", and on the right axis the worst rank in each calibration model; compare shapes and order, not heights"
+        };
+        format!("Mean {} of {sensor} for each {field}{right}.", score.name)
+    }
+}

@@ -1,0 +1,54 @@
+//! The curves of a sensitivity figure.
+
+use calib_stats::Summary;
+
+use super::{ErrorCurve, ErrorSource, RankCurve, Sensitivity};
+use crate::chart::{Colour, Dash, Marker, Point, Series, Side};
+
+impl Sensitivity {
+    /// Scores, then worst ranks; points from left to right, whatever the order of the grid.
+    pub(super) fn curves(&self, positions: &[f64]) -> Vec<Series> {
+        let mut order: Vec<usize> = (0..positions.len()).collect();
+        order.sort_by(|&a, &b| positions[a].total_cmp(&positions[b]));
+        let mut models = 0;
+        let scores = self.errors.iter().map(|curve| {
+            models += usize::from(curve.source == ErrorSource::Model);
+            let point =
+                |&place: &usize| score_point(positions[place], curve.summaries[place].as_ref());
+            score_series(curve, models, order.iter().map(point).collect())
+        });
+        let mut curves: Vec<Series> = scores.collect();
+        let side = if self.errors.is_empty() { Side::Left } else { Side::Right };
+        curves.extend(self.worst_ranks.iter().enumerate().map(|(index, curve)| {
+            let point = |&place: &usize| Point {
+                x: positions[place],
+                y: curve.worst_ranks[place] as f64,
+                interval: None,
+            };
+            rank_series(curve, index, side, order.iter().map(point).collect())
+        }));
+        curves
+    }
+}
+
+fn score_series(curve: &ErrorCurve, models: usize, points: Vec<Point>) -> Series {
+    let (colour, dash, width, marker) = match curve.source {
+        ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Marker::Circle),
+        ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Marker::TriangleDown),
+        // The first colours after Online's are those of the ensembles.
+        ErrorSource::Model => (Colour::Curve(2 + models), Dash::Solid, 1.8, Marker::Triangle),
+    };
+    let (label, marker) = (curve.label.clone(), Some(marker));
+    Series { label, side: Side::Left, colour, dash, width, marker, points }
+}
+
+fn rank_series(curve: &RankCurve, index: usize, side: Side, points: Vec<Point>) -> Series {
+    let marker = Some([Marker::Square, Marker::Diamond, Marker::Circle][index % 3]);
+    let (label, colour) = (curve.label.clone(), Colour::Curve(1 + index));
+    Series { label, side, colour, dash: Dash::Dashed, width: 1.8, marker, points }
+}
+
+fn score_point(x: f64, summary: Option<&Summary>) -> Point {
+    let interval = summary.and_then(|summary| summary.interval).map(|ends| (ends.low, ends.high));
+    Point { x, y: summary.map_or(f64::NAN, |summary| summary.mean), interval }
+}

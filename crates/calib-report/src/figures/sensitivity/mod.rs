@@ -1,0 +1,175 @@
+//! Sensitivity curves: how the error, and the models' worst rank, depend on a hyperparameter.
+
+mod axes;
+mod curves;
+
+use calib_stats::{Direction, Summary};
+use serde::{Deserialize, Serialize};
+
+use crate::chart::{Chart, Dash, Rule};
+use crate::{Figure, ReportError, Setting};
+
+/// What runs are judged by.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Score {
+    /// Its name: "NRMSE".
+    pub name: String,
+    /// Which way it improves.
+    pub direction: Direction,
+}
+
+impl Score {
+    /// The paper's error: RMSE relative to the mean return; lower is better.
+    pub fn nrmse() -> Self {
+        Self { name: "NRMSE".to_owned(), direction: Direction::LowerIsBetter }
+    }
+}
+
+/// One sensitivity figure, for one sensor.
+///
+/// ```
+/// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Score, Sensitivity, Setting};
+/// use calib_stats::summarise;
+///
+/// let online = [[0.31, 0.33], [0.20, 0.22], [0.41, 0.38]];
+/// let figure = Sensitivity {
+///     sensor: "PIT300".to_owned(),
+///     field: "learning_rate".to_owned(),
+///     score: Score::nrmse(),
+///     values: [1e-5, 1e-4, 1e-3].map(Setting::from).to_vec(),
+///     errors: vec![ErrorCurve {
+///         label: "Online".to_owned(),
+///         source: ErrorSource::Online,
+///         summaries: online.iter().map(|runs| summarise(runs).ok()).collect(),
+///     }],
+///     worst_ranks: vec![RankCurve { label: "kNN".to_owned(), worst_ranks: vec![2, 1, 3] }],
+///     chosen: Some(1),
+///     default: Some(2),
+/// };
+/// assert!(figure.figure()?.svg().starts_with("<svg"));
+/// # Ok::<(), calib_report::ReportError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sensitivity {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// The swept hyperparameter, as in the study file: "`learning_rate`".
+    pub field: String,
+    /// What runs are judged by.
+    pub score: Score,
+    /// The grid, in its order.
+    pub values: Vec<Setting>,
+    /// Mean score and interval, read on the left axis.
+    pub errors: Vec<ErrorCurve>,
+    /// Worst rank of each calibration model, read on the right axis.
+    pub worst_ranks: Vec<RankCurve>,
+    /// Index of the value that is recommended.
+    pub chosen: Option<usize>,
+    /// Index of the value one would use without calib.
+    pub default: Option<usize>,
+}
+
+/// Score against hyperparameter in one environment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ErrorCurve {
+    /// Name in the legend.
+    pub label: String,
+    /// Which environment it comes from.
+    pub source: ErrorSource,
+    /// Summary over runs, one for each value of the grid; `None` where nothing was run.
+    pub summaries: Vec<Option<Summary>>,
+}
+
+/// Environments whose score is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorSource {
+    /// Held-out data, replayed: the truth the choice is judged by.
+    Online,
+    /// Training data, replayed: the cheap alternative to a calibration model.
+    LogReplay,
+    /// A calibration model that is no ensemble.
+    Model,
+}
+
+/// Worst rank against hyperparameter in one ensemble.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RankCurve {
+    /// Name of the calibration model.
+    pub label: String,
+    /// W, one for each value of the grid: 1 = best.
+    pub worst_ranks: Vec<usize>,
+}
+
+impl Sensitivity {
+    /// Draws the figure: a logarithmic horizontal axis where all values are positive numbers, mean score with
+    /// 95 % whiskers on the left, worst rank on the right (on the left if there are no scores).
+    /// Diverged values are crosses at the upper edge. Better is down on both axes if lower scores are better,
+    /// and up on both if higher ones are, so that shapes can be compared.
+    ///
+    /// # Errors
+    ///
+    /// The grid is empty, there is no curve, a curve does not have one point for each value,
+    /// or a marked value is not in the grid.
+    pub fn figure(&self) -> Result<Figure, ReportError> {
+        let title = format!("{}: sensitivity to {}", self.sensor, self.field);
+        self.check(&title)?;
+        let positions = self.positions();
+        Ok(Figure::new(Chart {
+            description: self.description(),
+            title,
+            x: self.horizontal_axis(&positions),
+            // Without scores, ranks are all there is: they get the left axis.
+            left: if self.errors.is_empty() { self.rank_axis() } else { self.score_axis() },
+            right: self.has_two_axes().then(|| self.rank_axis()),
+            series: self.curves(&positions),
+            rules: self.rules(&positions),
+        }))
+    }
+
+    /// Whether scores and ranks share the figure, on two axes.
+    pub(crate) fn has_two_axes(&self) -> bool {
+        !self.errors.is_empty() && !self.worst_ranks.is_empty()
+    }
+
+    fn rules(&self, positions: &[f64]) -> Vec<Rule> {
+        let rule = |name: &str, index: usize, dash| {
+            let label = format!("{name} {}", self.values[index]);
+            Rule { x: positions[index], label, dash }
+        };
+        let default = self.default.filter(|&index| Some(index) != self.chosen);
+        let chosen = self.chosen.map(|index| rule("chosen", index, Dash::Dashed));
+        chosen
+            .into_iter()
+            .chain(default.map(|index| rule("default", index, Dash::Dotted)))
+            .collect()
+    }
+
+    fn check(&self, title: &str) -> Result<(), ReportError> {
+        let empty = |missing| ReportError::Empty { figure: title.to_owned(), missing };
+        if self.values.is_empty() {
+            return Err(empty("values"));
+        }
+        if self.errors.is_empty() && self.worst_ranks.is_empty() {
+            return Err(empty("curves"));
+        }
+        let expected = self.values.len();
+        let errors = self.errors.iter().map(|curve| (&curve.label, curve.summaries.len()));
+        let ranks = self.worst_ranks.iter().map(|curve| (&curve.label, curve.worst_ranks.len()));
+        for (curve, got) in errors.chain(ranks) {
+            if got != expected {
+                let (figure, curve) = (title.to_owned(), curve.clone());
+                return Err(ReportError::Points { figure, curve, expected, got });
+            }
+        }
+        for (what, index) in
+            [("the chosen value", self.chosen), ("the default value", self.default)]
+        {
+            if let Some(index) = index.filter(|&index| index >= expected) {
+                let figure = title.to_owned();
+                return Err(ReportError::OutOfGrid { figure, what, index, len: expected });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,206 @@
+//! Figures: what is drawn, and what cannot be.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[expect(dead_code, reason = "the page's tests use the rest of it")]
+mod fixture;
+
+use calib_report::{Figure, ReportError, RolloutFigure, Setting, Side};
+use calib_stats::Direction;
+use fixture::{rollout, sensitivity};
+
+/// Width and height from the header of a PNG file.
+fn png_size(bytes: &[u8]) -> (u32, u32) {
+    assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n");
+    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    (number(16), number(20))
+}
+
+fn svg_size(figure: &Figure) -> (u32, u32) {
+    let svg = figure.svg();
+    let view = svg.split("viewBox=\"0 0 ").nth(1).unwrap().split('"').next().unwrap();
+    let mut sides = view.split(' ').map(|side| side.parse().unwrap());
+    (sides.next().unwrap(), sides.next().unwrap())
+}
+
+#[test]
+fn png_has_twice_the_size_of_svg() {
+    for figure in [sensitivity("PIT300").figure().unwrap(), rollout(500).figure().unwrap()] {
+        let (width, height) = svg_size(&figure);
+        let (png_width, png_height) = png_size(&figure.png().unwrap());
+        assert_eq!(png_width, 2 * width);
+        assert!(png_height.abs_diff(2 * height) <= 2);
+    }
+}
+
+#[test]
+fn a_sensitivity_figure_has_scores_left_ranks_right_and_a_mark_at_the_choice() {
+    let chart = sensitivity("PIT300").figure().unwrap().chart().clone();
+    let sides: Vec<Side> = chart.series.iter().map(|series| series.side).collect();
+    assert_eq!(sides, [Side::Left, Side::Left, Side::Right]);
+    assert_eq!(chart.series[0].points[3].y, f64::INFINITY);
+    assert_eq!(
+        chart.series[2].points.iter().map(|point| point.y).collect::<Vec<_>>(),
+        [3.0, 1.0, 2.0, 4.0]
+    );
+    assert_eq!(
+        chart.rules.iter().map(|rule| rule.label.as_str()).collect::<Vec<_>>(),
+        ["chosen 1e-4", "default 1e-3"]
+    );
+}
+
+#[test]
+fn small_svg() {
+    let mut figure = sensitivity("PIT300");
+    for curve in &mut figure.errors {
+        curve.summaries.truncate(2);
+    }
+    figure.errors.truncate(1);
+    figure.worst_ranks[0].worst_ranks = vec![2, 1];
+    figure.worst_ranks[0].label = "kNN".to_owned();
+    figure.values.truncate(2);
+    figure.default = None;
+    let svg = figure.figure().unwrap().svg();
+    let curves = &svg[svg.find("<g class=\"series\"").unwrap()..];
+    // One element a line, for people who review the snapshot.
+    insta::assert_snapshot!(curves.replace("><", ">\n<"), @r##"
+<g class="series" data-series="0" clip-path="url(#figure-clip0)">
+<g class="scaled">
+<path class="line c0" d="M125.5 213.4l0 -98.3" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M121.5 213.4l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M121.5 115.1l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M855.4 430.9l0 -98.3" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M851.4 430.9l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M851.4 332.6l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+<path class="line c0" d="M125.5 164.2l729.9 217.6" fill="none" stroke="#0072b2" stroke-width="2.6" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
+</g>
+<circle class="symbol c0" transform="translate(125.5 164.2)" fill="#0072b2" r="4"/>
+<circle class="symbol c0" transform="translate(855.4 381.8)" fill="#0072b2" r="4"/>
+</g>
+<g class="series" data-series="1" clip-path="url(#figure-clip0)">
+<g class="scaled">
+<path class="line c1" d="M125.5 115.1l729.9 315.8" fill="none" stroke="#d55e00" stroke-width="1.8" stroke-linejoin="round" vector-effect="non-scaling-stroke" stroke-dasharray="7 4"/>
+</g>
+<path class="symbol c1" transform="translate(125.5 115.1)" fill="#d55e00" d="M-3.6 -3.6l7.2 0l0 7.2l-7.2 0z"/>
+<path class="symbol c1" transform="translate(855.4 430.9)" fill="#d55e00" d="M-3.6 -3.6l7.2 0l0 7.2l-7.2 0z"/>
+</g>
+</svg>
+"##);
+}
+
+#[test]
+fn better_is_on_the_same_side_of_both_axes() {
+    let rank_ends = |direction| {
+        let mut figure = sensitivity("PIT300");
+        figure.score.direction = direction;
+        let chart = figure.figure().unwrap().chart().clone();
+        let scale = &chart.right.as_ref().unwrap().scale;
+        (scale.fraction(1.0), scale.fraction(4.0))
+    };
+    let (best, worst) = rank_ends(Direction::LowerIsBetter);
+    assert!(best < worst);
+    let (best, worst) = rank_ends(Direction::HigherIsBetter);
+    assert!(best > worst);
+}
+
+#[test]
+fn curves_run_from_left_to_right_whatever_the_order_of_the_grid() {
+    let mut figure = sensitivity("PIT300");
+    figure.values.reverse();
+    let chart = figure.figure().unwrap().chart().clone();
+    for series in &chart.series {
+        assert!(series.points.windows(2).all(|pair| pair[0].x < pair[1].x));
+    }
+    assert_eq!(chart.series[0].points[0].y, f64::INFINITY);
+}
+
+#[test]
+fn names_are_shown_in_grid_order() {
+    let mut figure = sensitivity("PIT300");
+    figure.values = ["adam", "sgd", "none", "other"].map(Setting::from).to_vec();
+    let svg = figure.figure().unwrap().svg();
+    let place = |name: &str| svg.find(&format!(">{name}<")).unwrap();
+    assert!(place("adam") < place("sgd") && place("sgd") < place("other"));
+}
+
+#[test]
+fn every_rollout_gets_its_own_panel_over_the_truth() {
+    let svg = rollout(100).figure().unwrap().svg();
+    assert_eq!(
+        svg.matches("class=\"line truth\"").count(),
+        1 + 2 * 2,
+        "legend, and two pieces around the gap in each panel"
+    );
+    assert_eq!(svg.matches("time since start (s)").count(), 1);
+    assert_eq!(svg.matches("<clipPath").count(), 2);
+}
+
+#[test]
+fn long_trajectories_are_thinned() {
+    let chart = fixture::long_rollout().figure().unwrap().chart().clone();
+    for series in &chart.series {
+        assert!(series.points.len() <= calib_report::MAX_POINTS);
+        assert!(series.points.len() > calib_report::MAX_POINTS / 2);
+    }
+    assert_eq!(chart.x.label, "time since start (h)");
+}
+
+#[test]
+fn what_cannot_be_drawn_is_an_error_that_says_what_is_wrong() {
+    let message = |result: Result<Figure, ReportError>| result.unwrap_err().to_string();
+    let mut figure = sensitivity("PIT300");
+    figure.errors[0].summaries.pop();
+    insta::assert_snapshot!(message(figure.figure()), @r#"
+curve "Online" of figure "PIT300: sensitivity to learning_rate" has 3 points; expected 4, one for each value
+"#);
+    let mut figure = sensitivity("PIT300");
+    figure.chosen = Some(4);
+    insta::assert_snapshot!(message(figure.figure()), @r#"
+the chosen value of figure "PIT300: sensitivity to learning_rate" is value 4; expected less than 4
+"#);
+    let mut figure = sensitivity("PIT300");
+    figure.values.clear();
+    insta::assert_snapshot!(message(figure.figure()), @r#"
+figure "PIT300: sensitivity to learning_rate" has no values; expected at least one
+"#);
+    let mut figure = rollout(10);
+    figure.rollouts[0].period_secs = 0.0;
+    insta::assert_snapshot!(message(figure.figure()), @r#"
+trajectory "kNN" has a sample period of 0 s; expected a positive number
+"#);
+    let empty = RolloutFigure { truth: None, rollouts: vec![], ..rollout(1) };
+    insta::assert_snapshot!(message(empty.figure()), @r#"
+figure "PIT300: rollouts over the true trajectory" has no values; expected at least one
+"#);
+}
+
+#[test]
+fn degenerate_figures_are_still_drawn() {
+    let mut flat = sensitivity("PIT300");
+    flat.values.truncate(1);
+    flat.chosen = Some(0);
+    flat.default = None;
+    for curve in &mut flat.errors {
+        curve.summaries.truncate(1);
+    }
+    flat.worst_ranks[0].worst_ranks.truncate(1);
+    let mut missing = sensitivity("PIT300");
+    for curve in &mut missing.errors {
+        curve.summaries.fill(None);
+    }
+    let mut negative = sensitivity("PIT300");
+    negative.values = [-1.0, 0.0, 1.0, 2.0].map(Setting::from).to_vec();
+    let one_point = rollout(1);
+    let mut gap_only = rollout(3);
+    gap_only.truth = None;
+    for trajectory in &mut gap_only.rollouts {
+        trajectory.values.fill(f64::NAN);
+    }
+    let figures =
+        [flat.figure(), missing.figure(), negative.figure(), one_point.figure(), gap_only.figure()];
+    for figure in figures {
+        let figure = figure.unwrap();
+        let svg = figure.svg();
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        png_size(&figure.png().unwrap());
+    }
+}

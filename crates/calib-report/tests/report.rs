@@ -1,0 +1,168 @@
+//! The page as a whole: complete, well formed, safe, and the same every time.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod fixture;
+
+use fixture::{HOSTILE, report};
+
+/// Elements that have no end tag.
+const VOID: [&str; 3] = ["meta", "link", "br"];
+
+/// Calls `visit` with every tag of `html`, without its angle brackets; skips the content of scripts and styles.
+fn for_each_tag(html: &str, mut visit: impl FnMut(&str)) {
+    let mut rest = html;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start + 1..];
+        let end = rest.find('>').expect("a tag ends");
+        let tag = &rest[..end];
+        visit(tag);
+        rest = &rest[end + 1..];
+        for raw in ["script", "style"] {
+            if tag.split_whitespace().next() == Some(raw) {
+                rest = &rest[rest.find(&format!("</{raw}>")).expect("a raw element ends")..];
+            }
+        }
+    }
+}
+
+#[track_caller]
+fn assert_balanced(markup: &str) {
+    let mut open: Vec<String> = Vec::new();
+    for_each_tag(markup, |tag| {
+        let name = tag.trim_start_matches('/').split([' ', '/', '\n']).next().unwrap().to_owned();
+        if tag.starts_with('!') || tag.ends_with('/') || VOID.contains(&name.as_str()) {
+            return;
+        }
+        if tag.starts_with('/') {
+            assert_eq!(open.pop().as_deref(), Some(name.as_str()), "in </{name}>");
+        } else {
+            open.push(name);
+        }
+    });
+    assert!(open.is_empty(), "still open: {open:?}");
+}
+
+#[test]
+fn every_element_is_closed() {
+    assert_balanced(&report().html().unwrap());
+    for figure in report().sensitivities {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
+    for figure in report().rollouts {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
+}
+
+#[test]
+fn nothing_is_loaded_from_anywhere() {
+    let html = report().html().unwrap().replace("http://www.w3.org/2000/svg", "");
+    for needle in ["http:", "https:", "@import", "url(http", " src=", "//cdn"] {
+        assert!(!html.contains(needle), "{needle}");
+    }
+    assert!(html.contains("default-src 'none'"));
+}
+
+#[test]
+fn hostile_names_stay_text() {
+    let html = report().html().unwrap();
+    assert!(!html.contains("<script>alert"));
+    assert!(!html.contains(HOSTILE));
+    assert!(html.contains("&lt;script&gt;alert"), "in text");
+    assert!(html.contains("\\u003cscript>alert"), "in the data of the chart");
+    let svg = report().sensitivities[0].figure().unwrap().svg();
+    assert!(!svg.contains("<script"));
+}
+
+#[test]
+fn identifiers_are_unique() {
+    let html = report().html().unwrap();
+    let mut seen = std::collections::BTreeSet::new();
+    for part in html.split(" id=\"").skip(1) {
+        let id = part.split('"').next().unwrap();
+        assert!(seen.insert(id.to_owned()), "{id} occurs twice");
+    }
+    for part in html.split("href=\"#").skip(1) {
+        assert!(seen.contains(part.split('"').next().unwrap()), "{part:.30}");
+    }
+}
+
+#[test]
+fn equal_reports_give_equal_bytes_whatever_was_drawn_before() {
+    let first = report();
+    let (html, png) =
+        (first.html().unwrap(), first.sensitivities[0].figure().unwrap().png().unwrap());
+    let second = report();
+    for figure in &second.rollouts {
+        figure.figure().unwrap().png().unwrap();
+    }
+    assert_eq!(second.sensitivities[0].figure().unwrap().png().unwrap(), png);
+    assert_eq!(second.html().unwrap(), html);
+}
+
+#[test]
+fn infinities_are_called_by_their_name() {
+    let html = report().html().unwrap();
+    let body = &html[html.find("<body").unwrap()..html.rfind("<script>").unwrap()];
+    assert!(body.contains("diverged"));
+    for needle in [">inf<", ">NaN<", "Infinity", ">-inf<", "null regret"] {
+        assert!(!body.contains(needle), "{needle}");
+    }
+}
+
+#[test]
+fn the_page_opens_with_the_verdict() {
+    let html = report().html().unwrap();
+    let main = &html[html.find("<main>").unwrap()..];
+    let first_text = main
+        .split('>')
+        .map(|part| part.split('<').next().unwrap())
+        .filter(|text| !text.trim().is_empty());
+    let opening: Vec<&str> = first_text.take(4).collect();
+    insta::assert_snapshot!(opening.join("\n"), @r"
+Verdict
+Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
+Good: within 5 % of the best
+Use learning_rate = 1e-4 for PIT300.
+");
+}
+
+#[test]
+fn a_report_without_held_out_data_says_so_and_shows_ranks() {
+    let mut report = report();
+    for verdict in &mut report.verdicts {
+        verdict.online = None;
+    }
+    for sensitivity in &mut report.sensitivities {
+        sensitivity.errors.clear();
+    }
+    let html = report.html().unwrap();
+    assert!(html.contains("Not checked on held-out data"));
+    assert!(html.contains("No held-out data was given"));
+    assert!(html.contains("worst rank (1 = best)"));
+    assert!(!html.contains("right axis"));
+    assert_balanced(&html);
+}
+
+#[test]
+fn an_empty_report_is_still_a_page() {
+    let mut report = report();
+    report.verdicts.clear();
+    report.sensitivities.clear();
+    report.rollouts.clear();
+    report.jumps.clear();
+    report.tables.clear();
+    report.data = None;
+    let html = report.html().unwrap();
+    assert!(html.contains("There is no verdict"));
+    assert_balanced(&html);
+}
+
+#[test]
+fn a_long_report_stays_small() {
+    // Three sensors with three trajectories of 30,000 steps each.
+    let mut report = report();
+    let long = fixture::long_rollout();
+    report.rollouts = vec![long.clone(), long.clone(), long];
+    let bytes = report.html().unwrap().len();
+    assert!(bytes < 1_000_000, "{bytes} bytes");
+}
