@@ -88,14 +88,15 @@ pub(crate) fn distances(
     bound: f64,
 ) -> Vec<Outcome> {
     let m = reference.len();
-    let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Distance);
+    let purpose = if bound < f64::INFINITY { Purpose::Bounded } else { Purpose::Distance };
+    let mut sweep = Sweep::new(set, patterns, settings, query, reference, purpose);
     for track in &mut sweep.patterns {
         track.input = entry(settings, track.halo, m);
     }
     for number in 0..sweep.strips() - 1 {
         sweep.run(number, m, |_, _| {});
         let above = |track: &Track| track.halo > 0 && track.input.least() > bound;
-        if bound < f64::INFINITY && sweep.patterns.iter().all(above) {
+        if purpose == Purpose::Bounded && sweep.patterns.iter().all(above) {
             return patterns.iter().map(|_| Outcome::Above).collect();
         }
     }

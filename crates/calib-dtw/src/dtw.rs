@@ -98,14 +98,18 @@ impl Dtw {
         self.settings
     }
 
+    pub(crate) fn check(&self, query: Series<'_>, reference: Series<'_>) -> Result<(), DtwError> {
+        check(std::slice::from_ref(&self.pattern), self.settings, query, reference)
+    }
+
     fn outcome(
         &self,
         query: Series<'_>,
         reference: Series<'_>,
         bound: f64,
     ) -> Result<Outcome, DtwError> {
+        self.check(query, reference)?;
         let patterns = std::slice::from_ref(&self.pattern);
-        check(patterns, self.settings, query, reference)?;
         let mut outcomes =
             distances(self.instruction_set, patterns, self.settings, query, reference, bound);
         Ok(outcomes.pop().unwrap_or(Outcome::NoPath))
@@ -167,7 +171,7 @@ impl Dtw {
         reference: impl Into<Series<'a>>,
     ) -> Result<Alignment, DtwError> {
         let (query, reference) = (query.into(), reference.into());
-        check(std::slice::from_ref(&self.pattern), self.settings, query, reference)?;
+        self.check(query, reference)?;
         let (set, pattern) = (self.instruction_set, &self.pattern);
         align(set, pattern, self.settings, query, reference)
             .ok_or_else(|| self.no_path(query, reference).into())

@@ -4,6 +4,8 @@ mod distance;
 mod dtw;
 mod error;
 mod kernel;
+mod lower_bound;
+mod nearest;
 mod path;
 mod pattern;
 mod pattern_set;
@@ -15,6 +17,7 @@ pub use distance::Distance;
 pub use dtw::{Alignment, Dtw};
 pub use error::{DtwError, NoPath};
 pub use kernel::dispatch::InstructionSet;
+pub use nearest::Nearest;
 pub use pattern::{
     Branch, Cell, LONGEST_BRANCH, Normalisation, ParsePatternError, PatternError, RabinerJuangType,
     Recursion, SlopeWeighting, Smoothing, Step, StepPattern,

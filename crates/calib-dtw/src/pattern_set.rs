@@ -6,7 +6,11 @@ use crate::distance::{check, distances, found};
 use crate::kernel::dispatch::InstructionSet;
 use crate::{Distance, DtwError, NoPath, Series, Settings, StepPattern};
 
-/// Several patterns that go over a pair together: each local distance is computed once.
+/// Several patterns over the same pairs.
+///
+/// Series of several channels are swept once for all patterns, because there the local distances
+/// cost most; with one channel each pattern has the caches for itself and is faster alone. The
+/// distances are the same.
 ///
 /// ```
 /// use calib_dtw::{PatternSet, Settings};
@@ -54,19 +58,15 @@ impl PatternSet {
     ) -> Result<ByPattern, DtwError> {
         let (query, reference) = (query.into(), reference.into());
         check(&self.patterns, self.settings, query, reference)?;
-        let outcomes = distances(
-            InstructionSet::best(),
-            &self.patterns,
-            self.settings,
-            query,
-            reference,
-            f64::INFINITY,
-        );
+        let together = if query.channels() == 1 { 1 } else { self.patterns.len().max(1) };
+        let set = InstructionSet::best();
         let (n, m) = (query.len(), reference.len());
+        let outcomes = self.patterns.chunks(together).flat_map(|patterns| {
+            distances(set, patterns, self.settings, query, reference, f64::INFINITY)
+        });
         Ok(outcomes
-            .iter()
             .zip(&self.patterns)
-            .map(|(outcome, pattern)| found(outcome, pattern, self.settings, n, m))
+            .map(|(outcome, pattern)| found(&outcome, pattern, self.settings, n, m))
             .collect())
     }
 

@@ -240,7 +240,7 @@ pub(crate) unsafe fn compiled<L: Lanes, S: Shape, const MASKED: bool>(input: &mu
     let rows = S::HALO + height;
     assert!(input.halo == S::HALO && past.len() >= S::REACH && !past.is_empty());
     assert!(past.iter().all(|column| column.len() == rows));
-    assert!(!input.local.is_empty() && input.local.len() >= S::REACH);
+    assert!(input.local.len() >= S::LOCAL_COLUMNS);
     let local_rows = input.local_halo + height;
     assert!(input.local_halo + 1 >= S::HALO);
     assert!(input.local.iter().all(|column| column.len() == local_rows));

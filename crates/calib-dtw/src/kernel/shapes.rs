@@ -13,32 +13,54 @@ pub(crate) type Offset = (usize, usize);
 /// Branches of a shape: the origin, and the cells that are paid for, all counted back.
 pub(crate) type Geometry = &'static [(Offset, &'static [Offset])];
 
+/// Longest advances along query and reference, and the number of columns that are paid for.
+const fn extent(geometry: Geometry) -> (usize, usize, usize) {
+    // A constant function knows only `while`.
+    const fn larger(a: usize, b: usize) -> usize {
+        if a > b { a } else { b }
+    }
+    let (mut halo, mut reach, mut columns) = (0, 0, 1);
+    let mut branch = 0;
+    while branch < geometry.len() {
+        let (origin, cells) = geometry[branch];
+        halo = larger(halo, origin.0);
+        reach = larger(reach, origin.1);
+        let mut cell = 0;
+        while cell < cells.len() {
+            columns = larger(columns, cells[cell].1 + 1);
+            cell += 1;
+        }
+        branch += 1;
+    }
+    (halo, reach, columns)
+}
+
 /// A geometry with straight-line code for one cell.
 pub(crate) trait Shape {
     /// The same as data, for recognising a pattern.
     const GEOMETRY: Geometry;
     /// Longest advance along the query.
-    const HALO: usize;
+    const HALO: usize = extent(Self::GEOMETRY).0;
     /// Longest advance along the reference.
-    const REACH: usize;
+    const REACH: usize = extent(Self::GEOMETRY).1;
+    /// Columns of local distances that are looked at.
+    const LOCAL_COLUMNS: usize = extent(Self::GEOMETRY).2;
 
     /// The least of the branches, for one pack of cells.
     ///
     /// # Safety
-    /// The instruction set of `L` must be present, and `terms` must hold `HALO` and `REACH`.
+    /// The instruction set of `L` must be present, and `terms` must hold what `GEOMETRY` looks at.
     unsafe fn least<L: Lanes>(terms: &Terms<'_, L>) -> L::V;
 }
 
 macro_rules! shape {
-    ($(#[$doc:meta])* $name:ident, halo $halo:literal, reach $reach:literal:
+    ($(#[$doc:meta])* $name:ident:
      $( ($a:literal, $b:literal) pays $( ($di:literal, $dj:literal) )+ ; )+) => {
         $(#[$doc])*
         pub(crate) struct $name;
 
         impl Shape for $name {
             const GEOMETRY: Geometry = &[ $( (($a, $b), &[ $( ($di, $dj) ),+ ]) ),+ ];
-            const HALO: usize = $halo;
-            const REACH: usize = $reach;
 
             #[inline(always)]
             unsafe fn least<L: Lanes>(terms: &Terms<'_, L>) -> L::V {
@@ -86,35 +108,35 @@ macro_rules! shape {
 
 shape! {
     /// Single steps: symmetric1, symmetric2, the P0 patterns, Rabiner–Juang I.
-    Single, halo 1, reach 1:
+    Single:
     (1, 0) pays (0, 0);
     (1, 1) pays (0, 0);
     (0, 1) pays (0, 0);
 }
 shape! {
     /// asymmetric.
-    Asymmetric, halo 1, reach 2:
+    Asymmetric:
     (1, 0) pays (0, 0);
     (1, 1) pays (0, 0);
     (1, 2) pays (0, 0);
 }
 shape! {
     /// Sakoe–Chiba P1, Rabiner–Juang II.
-    TypeTwo, halo 2, reach 2:
+    TypeTwo:
     (2, 1) pays (1, 0) (0, 0);
     (1, 1) pays (0, 0);
     (1, 2) pays (0, 1) (0, 0);
 }
 shape! {
     /// Rabiner–Juang III.
-    TypeThree, halo 2, reach 2:
+    TypeThree:
     (2, 1) pays (0, 0);
     (1, 1) pays (0, 0);
     (1, 2) pays (0, 0);
 }
 shape! {
     /// Rabiner–Juang IV.
-    TypeFour, halo 2, reach 2:
+    TypeFour:
     (2, 1) pays (1, 0) (0, 0);
     (2, 2) pays (1, 0) (0, 0);
     (1, 1) pays (0, 0);
@@ -122,7 +144,7 @@ shape! {
 }
 shape! {
     /// Sakoe–Chiba P05, Rabiner–Juang V.
-    TypeFive, halo 3, reach 3:
+    TypeFive:
     (3, 1) pays (2, 0) (1, 0) (0, 0);
     (2, 1) pays (1, 0) (0, 0);
     (1, 1) pays (0, 0);
@@ -131,14 +153,14 @@ shape! {
 }
 shape! {
     /// Sakoe–Chiba P2, Rabiner–Juang VI.
-    TypeSix, halo 3, reach 3:
+    TypeSix:
     (3, 2) pays (2, 1) (1, 0) (0, 0);
     (1, 1) pays (0, 0);
     (2, 3) pays (1, 2) (0, 1) (0, 0);
 }
 shape! {
     /// Rabiner–Juang VII.
-    TypeSeven, halo 3, reach 3:
+    TypeSeven:
     (3, 1) pays (2, 0) (1, 0) (0, 0);
     (3, 2) pays (2, 0) (1, 0) (0, 0);
     (3, 3) pays (2, 0) (1, 0) (0, 0);

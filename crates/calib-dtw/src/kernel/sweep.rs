@@ -7,17 +7,26 @@ use super::dispatch::{
 };
 use super::lanes::{LANES, Pack};
 use super::strip::{Strip, height_for};
-use crate::{Series, Settings, StepPattern, Window};
+use crate::{Branch, Series, Settings, StepPattern, Window};
 
-/// Rows of a lane where only the distance is wanted.
-const DISTANCE_HEIGHT: usize = 32;
-/// Rows of a lane where cells of a strip are kept for a while.
+/// Bytes that the columns of a strip may take: most of a first-level cache.
+const COLUMN_BYTES: usize = 40 << 10;
+/// Most rows of a lane where only the distance is wanted.
+const DISTANCE_HEIGHT: usize = 64;
+/// Most rows of a lane where cells of a strip are kept for a while.
 const PATH_HEIGHT: usize = 16;
+
+/// How often a bounded distance is compared with the bound on its way, about.
+const LOOKS: usize = 8;
 
 /// What a sweep is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
+    /// Distances.
     Distance,
+    /// Distances, unless they turn out to exceed a bound.
+    Bounded,
+    /// Paths.
     Path,
 }
 
@@ -76,18 +85,23 @@ impl<'a> Sweep<'a> {
     ) -> Self {
         let reaches = patterns.iter().map(StepPattern::reach);
         let (halo, reach) = reaches.fold((1, 1), |(a, b), (c, d)| (a.max(c), b.max(d)));
+        let cells = patterns.iter().flat_map(StepPattern::branches).flat_map(Branch::cells);
+        let local = cells.map(|cell| cell.reference + 1).fold(1, usize::max);
+        let cumulated = |pattern: &StepPattern| pattern.reach().1.max(1) + 1;
+        let packs = local + query.channels() + patterns.iter().map(cumulated).sum::<usize>();
         let most = match purpose {
-            Purpose::Distance => DISTANCE_HEIGHT,
+            Purpose::Distance => DISTANCE_HEIGHT.min(COLUMN_BYTES / (packs * size_of::<Pack>())),
             Purpose::Path => PATH_HEIGHT,
+            Purpose::Bounded => DISTANCE_HEIGHT.min(query.len() / (LANES * LOOKS)),
         };
         let (n, m) = (query.len(), reference.len());
         let height = height_for(n, m, settings.window, halo, most);
         let lanes = patterns.iter().map(|pattern| {
-            let (halo, reach) = pattern.reach();
+            let halo = pattern.reach().0;
             Track {
                 dispatch: pattern_dispatch(set, pattern),
                 halo,
-                cumulated: columns(reach.max(1) + 1, halo + height),
+                cumulated: columns(cumulated(pattern), halo + height),
                 input: Boundary::closed(halo),
                 output: Boundary::closed(halo),
             }
@@ -109,7 +123,7 @@ impl<'a> Sweep<'a> {
             height,
             local: local_dispatch(set, settings.local_distance, query.channels()),
             local_halo: halo,
-            local_columns: columns(reach + 1, halo + height),
+            local_columns: columns(local, halo + height),
             reach,
             patterns: lanes.collect(),
             reversed: reversed.collect(),
