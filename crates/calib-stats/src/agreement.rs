@@ -19,11 +19,7 @@ pub fn regret(
     direction: Direction,
 ) -> Result<Option<f64>, StatsError> {
     let score = chosen_score(online, chosen)?;
-    let Some(best) = online
-        .iter()
-        .copied()
-        .min_by(|&a, &b| direction.compare(a, b))
-    else {
+    let Some(best) = online.iter().copied().min_by(|&a, &b| direction.compare(a, b)) else {
         return Ok(None);
     };
     if best.is_infinite() {
@@ -96,11 +92,7 @@ mod tests {
 
     #[test]
     fn a_value_outside_the_grid_is_an_error() {
-        let error = StatsError::OutOfRange {
-            what: "online scores",
-            index: 2,
-            len: 2,
-        };
+        let error = StatsError::OutOfRange { what: "online scores", index: 2, len: 2 };
         assert_eq!(regret(&[0.1, 0.2], 2, LOWER), Err(error.clone()));
         assert_eq!(top_k_hit(&[0.1, 0.2], 2, 1, LOWER), Err(error));
     }

@@ -74,10 +74,7 @@ mod tests {
         assert_eq!(spearman(&[1.0, 1.0], &[1.0, 2.0]), Ok(None));
         assert_eq!(kendall_tau_b(&[1.0, 2.0], &[3.0, 3.0]), Ok(None));
         assert_eq!(spearman(&[1.0], &[1.0]), Ok(None));
-        assert_eq!(
-            kendall_tau_b(&[f64::INFINITY; 3], &[1.0, 2.0, 3.0]),
-            Ok(None)
-        );
+        assert_eq!(kendall_tau_b(&[f64::INFINITY; 3], &[1.0, 2.0, 3.0]), Ok(None));
     }
 
     #[test]
@@ -89,11 +86,7 @@ mod tests {
 
     #[test]
     fn unequal_lengths_are_an_error() {
-        let expected = Err(StatsError::LengthMismatch {
-            what: "y",
-            expected: 2,
-            got: 1,
-        });
+        let expected = Err(StatsError::LengthMismatch { what: "y", expected: 2, got: 1 });
         assert_eq!(spearman(&[1.0, 2.0], &[1.0]), expected);
         assert_eq!(kendall_tau_b(&[1.0, 2.0], &[1.0]), expected);
     }

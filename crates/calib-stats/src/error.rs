@@ -81,11 +81,7 @@ pub(crate) fn check_pair(
 ) -> Result<(), StatsError> {
     check(what_x, x)?;
     if y.len() != x.len() {
-        return Err(StatsError::LengthMismatch {
-            what: what_y,
-            expected: x.len(),
-            got: y.len(),
-        });
+        return Err(StatsError::LengthMismatch { what: what_y, expected: x.len(), got: y.len() });
     }
     check(what_y, y)
 }

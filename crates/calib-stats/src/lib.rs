@@ -33,6 +33,7 @@
 mod agreement;
 mod correlation;
 mod direction;
+mod diverged;
 mod error;
 mod prediction;
 mod quantile;

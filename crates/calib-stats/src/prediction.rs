@@ -16,11 +16,7 @@ pub const SMALL_MEAN_RATIO: f64 = 0.1;
 /// The inputs are empty, differ in length, or hold NaN.
 pub fn rmse(predictions: &[f64], returns: &[f64]) -> Result<f64, StatsError> {
     check_pair(("predictions", predictions), ("returns", returns))?;
-    let squares: f64 = predictions
-        .iter()
-        .zip(returns)
-        .map(|(p, r)| (p - r).powi(2))
-        .sum();
+    let squares: f64 = predictions.iter().zip(returns).map(|(p, r)| (p - r).powi(2)).sum();
     let rmse = (squares / returns.len() as f64).sqrt();
     Ok(if rmse.is_nan() { f64::INFINITY } else { rmse })
 }
@@ -89,15 +85,9 @@ mod tests {
 
     #[test]
     fn rmse_of_known_numbers() {
-        assert_eq!(
-            rmse(&[1.0, 2.0, 3.0, 4.0], &[1.0, 4.0, 3.0, 0.0]),
-            Ok(5f64.sqrt())
-        );
+        assert_eq!(rmse(&[1.0, 2.0, 3.0, 4.0], &[1.0, 4.0, 3.0, 0.0]), Ok(5f64.sqrt()));
         assert_eq!(rmse(&[f64::INFINITY], &[f64::INFINITY]), Ok(f64::INFINITY));
-        assert!(matches!(
-            rmse(&[1.0], &[]),
-            Err(StatsError::LengthMismatch { .. })
-        ));
+        assert!(matches!(rmse(&[1.0], &[]), Err(StatsError::LengthMismatch { .. })));
         assert!(matches!(rmse(&[], &[]), Err(StatsError::Empty { .. })));
     }
 
@@ -112,10 +102,7 @@ mod tests {
     #[test]
     fn a_mean_near_zero_is_noticed() {
         let mut spread = ReturnSpread::default();
-        assert_eq!(
-            (spread.mean(), spread.std(), spread.is_mean_small()),
-            (None, None, false)
-        );
+        assert_eq!((spread.mean(), spread.std(), spread.is_mean_small()), (None, None, false));
         spread.extend([-1.0, 1.0, -1.0, 1.02]);
         assert!(spread.is_mean_small());
         spread.extend([5.0, 5.0]);

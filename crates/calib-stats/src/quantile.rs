@@ -66,22 +66,13 @@ mod tests {
         assert_eq!(median(&[1.0, INF]), Ok(INF));
         assert_eq!(median(&[-INF, 1.0]), Ok(-INF));
         assert_eq!(median(&[INF, INF]), Ok(INF));
-        assert_eq!(
-            median(&[-INF, INF]),
-            Err(StatsError::OpposedInfinities { what: "values" })
-        );
+        assert_eq!(median(&[-INF, INF]), Err(StatsError::OpposedInfinities { what: "values" }));
     }
 
     #[test]
     fn bad_input_is_an_error() {
-        assert_eq!(
-            quantile(&[], 0.5),
-            Err(StatsError::Empty { what: "values" })
-        );
-        assert_eq!(
-            quantile(&[1.0], 1.5),
-            Err(StatsError::Probability { got: 1.5 })
-        );
+        assert_eq!(quantile(&[], 0.5), Err(StatsError::Empty { what: "values" }));
+        assert_eq!(quantile(&[1.0], 1.5), Err(StatsError::Probability { got: 1.5 }));
         assert!(quantile(&[1.0], f64::NAN).is_err());
     }
 

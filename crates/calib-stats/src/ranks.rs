@@ -57,10 +57,7 @@ fn tied_groups(values: &[f64], compare: impl Fn(f64, f64) -> Ordering) -> Vec<Ti
     order
         .chunk_by(|&a, &b| compare(values[a], values[b]) == Ordering::Equal)
         .map(|members| {
-            let group = TiedGroup {
-                before,
-                members: members.to_vec(),
-            };
+            let group = TiedGroup { before, members: members.to_vec() };
             before += members.len();
             group
         })
@@ -85,10 +82,7 @@ mod tests {
 
     #[test]
     fn average_ranks_share_the_middle() {
-        assert_eq!(
-            average_ranks(&[3.0, 1.0, 3.0, INF, INF]).unwrap(),
-            [2.5, 1.0, 2.5, 4.5, 4.5]
-        );
+        assert_eq!(average_ranks(&[3.0, 1.0, 3.0, INF, INF]).unwrap(), [2.5, 1.0, 2.5, 4.5, 4.5]);
     }
 
     #[test]
@@ -103,12 +97,7 @@ mod tests {
     /// Few distinct numbers, so that ties are common, and both infinities.
     fn scores() -> impl Strategy<Value = Vec<f64>> {
         prop::collection::vec(
-            prop_oneof![
-                (-4i32..4).prop_map(f64::from),
-                Just(INF),
-                Just(-INF),
-                Just(-0.0)
-            ],
+            prop_oneof![(-4i32..4).prop_map(f64::from), Just(INF), Just(-INF), Just(-0.0)],
             1..20,
         )
     }

@@ -18,7 +18,8 @@ pub struct Selection {
     pub worst_ranks: Vec<usize>,
     /// Mean competition rank over members.
     pub mean_ranks: Vec<f64>,
-    /// Mean score over members; infinite if the value diverged in any of them.
+    /// Mean score over members; infinite if the value diverged in any of them (`null` in files for +∞).
+    #[serde(with = "crate::diverged::each")]
     pub mean_errors: Vec<f64>,
     /// Competition ranks, `[members, values]`.
     pub ranks: Vec<Vec<usize>>,
@@ -39,9 +40,7 @@ pub fn select<Row: AsRef<[f64]>>(
 ) -> Result<Selection, StatsError> {
     const WHAT: &str = "mean errors of a member";
     let Some(first) = mean_errors.first() else {
-        return Err(StatsError::Empty {
-            what: "the ensemble",
-        });
+        return Err(StatsError::Empty { what: "the ensemble" });
     };
     let values = first.as_ref().len();
     let mut ranks = Vec::with_capacity(mean_errors.len());
@@ -49,57 +48,29 @@ pub fn select<Row: AsRef<[f64]>>(
         check(WHAT, scores)?;
         if scores.len() != values {
             let got = scores.len();
-            return Err(StatsError::Ragged {
-                what: WHAT,
-                row,
-                expected: values,
-                got,
-            });
+            return Err(StatsError::Ragged { what: WHAT, row, expected: values, got });
         }
         ranks.push(competition_ranks(scores, direction)?);
     }
 
     let column = |value: usize| ranks.iter().map(move |row| row[value]);
-    let worst_ranks: Vec<usize> = (0..values)
-        .map(|v| column(v).max().unwrap_or(values))
-        .collect();
-    let mean_ranks: Vec<f64> = (0..values)
-        .map(|v| column(v).sum::<usize>() as f64 / ranks.len() as f64)
-        .collect();
+    let worst_ranks: Vec<usize> = (0..values).map(|v| column(v).max().unwrap_or(values)).collect();
+    let mean_ranks: Vec<f64> =
+        (0..values).map(|v| column(v).sum::<usize>() as f64 / ranks.len() as f64).collect();
     let mean_errors = (0..values)
-        .map(|v| {
-            mean(
-                &mean_errors
-                    .iter()
-                    .map(|row| row.as_ref()[v])
-                    .collect::<Vec<_>>(),
-            )
-        })
+        .map(|v| mean(&mean_errors.iter().map(|row| row.as_ref()[v]).collect::<Vec<_>>()))
         .collect::<Result<Vec<f64>, _>>()?;
 
     let smallest = worst_ranks.iter().copied().min().unwrap_or(values);
-    let tie_set: Vec<usize> = (0..values)
-        .filter(|&v| worst_ranks[v] == smallest)
-        .collect();
+    let tie_set: Vec<usize> = (0..values).filter(|&v| worst_ranks[v] == smallest).collect();
     let prefer = |a: usize, b: usize| -> Ordering {
         mean_ranks[a]
             .total_cmp(&mean_ranks[b])
             .then_with(|| direction.compare(mean_errors[a], mean_errors[b]))
             .then_with(|| a.cmp(&b))
     };
-    let chosen = tie_set
-        .iter()
-        .copied()
-        .min_by(|&a, &b| prefer(a, b))
-        .unwrap_or(0);
-    Ok(Selection {
-        chosen,
-        tie_set,
-        worst_ranks,
-        mean_ranks,
-        mean_errors,
-        ranks,
-    })
+    let chosen = tie_set.iter().copied().min_by(|&a, &b| prefer(a, b)).unwrap_or(0);
+    Ok(Selection { chosen, tie_set, worst_ranks, mean_ranks, mean_errors, ranks })
 }
 
 #[cfg(test)]
@@ -142,28 +113,18 @@ mod tests {
     #[test]
     fn higher_returns_win_where_higher_is_better() {
         let selection = select(&[[1.0, 3.0, -INF]], Direction::HigherIsBetter).unwrap();
-        assert_eq!(
-            (selection.chosen, selection.worst_ranks),
-            (1, vec![2, 1, 3])
-        );
+        assert_eq!((selection.chosen, selection.worst_ranks), (1, vec![2, 1, 3]));
     }
 
     #[test]
     fn bad_tables_are_errors() {
         assert_eq!(
             select(&[] as &[Vec<f64>], LOWER),
-            Err(StatsError::Empty {
-                what: "the ensemble"
-            })
+            Err(StatsError::Empty { what: "the ensemble" })
         );
         assert!(matches!(
             select(&[vec![1.0, 2.0], vec![1.0]], LOWER),
-            Err(StatsError::Ragged {
-                row: 1,
-                expected: 2,
-                got: 1,
-                ..
-            })
+            Err(StatsError::Ragged { row: 1, expected: 2, got: 1, .. })
         ));
         assert!(matches!(
             select(&[[0.1, f64::NAN]], LOWER),

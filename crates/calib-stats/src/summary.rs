@@ -22,7 +22,8 @@ pub struct Summary {
     pub runs: usize,
     /// How many of them are infinite, that is, diverged.
     pub diverged: usize,
-    /// Arithmetic mean; infinite if any run is.
+    /// Arithmetic mean; infinite if any run is (`null` in files for +∞).
+    #[serde(with = "crate::diverged")]
     pub mean: f64,
     /// Sample standard deviation (divisor n − 1); `None` for one run or an infinite mean.
     pub std: Option<f64>,
@@ -44,13 +45,7 @@ pub fn summarise(runs: &[f64]) -> Result<Summary, StatsError> {
     let diverged = runs.iter().filter(|value| value.is_infinite()).count();
     let std = sample_std(runs)?;
     let interval = std.and_then(|std| t_interval(mean, std, runs.len()));
-    Ok(Summary {
-        runs: runs.len(),
-        diverged,
-        mean,
-        std,
-        interval,
-    })
+    Ok(Summary { runs: runs.len(), diverged, mean, std, interval })
 }
 
 /// Arithmetic mean of `values` `[n]`; infinite if any of them is.
@@ -82,14 +77,9 @@ pub fn sample_std(values: &[f64]) -> Result<Option<f64>, StatsError> {
 }
 
 fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
-    let t = StudentsT::new(0.0, 1.0, (n - 1) as f64)
-        .ok()?
-        .inverse_cdf(0.975);
+    let t = StudentsT::new(0.0, 1.0, (n - 1) as f64).ok()?.inverse_cdf(0.975);
     let half_width = t * std / (n as f64).sqrt();
-    Some(Interval {
-        low: mean - half_width,
-        high: mean + half_width,
-    })
+    Some(Interval { low: mean - half_width, high: mean + half_width })
 }
 
 #[cfg(test)]
@@ -99,10 +89,7 @@ mod tests {
     #[test]
     fn one_run_has_a_mean_but_no_spread() {
         let summary = summarise(&[0.25]).unwrap();
-        assert_eq!(
-            (summary.mean, summary.std, summary.interval),
-            (0.25, None, None)
-        );
+        assert_eq!((summary.mean, summary.std, summary.interval), (0.25, None, None));
     }
 
     #[test]
@@ -115,10 +102,7 @@ mod tests {
     fn one_diverged_run_makes_the_mean_infinite() {
         let summary = summarise(&[0.1, f64::INFINITY, 0.2, f64::INFINITY]).unwrap();
         assert_eq!(summary.mean, f64::INFINITY);
-        assert_eq!(
-            (summary.diverged, summary.std, summary.interval),
-            (2, None, None)
-        );
+        assert_eq!((summary.diverged, summary.std, summary.interval), (2, None, None));
     }
 
     #[test]
@@ -126,10 +110,7 @@ mod tests {
         assert_eq!(mean(&[]), Err(StatsError::Empty { what: "values" }));
         assert_eq!(
             mean(&[1.0, f64::NAN]),
-            Err(StatsError::NotANumber {
-                what: "values",
-                index: 1
-            })
+            Err(StatsError::NotANumber { what: "values", index: 1 })
         );
         assert_eq!(
             summarise(&[f64::INFINITY, f64::NEG_INFINITY]),

@@ -52,16 +52,10 @@ struct RankCase {
 /// JSON has no infinities; the script writes them as `"inf"`.
 fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     let values = Vec::<serde_json::Value>::deserialize(deserializer)?;
-    Ok(values
-        .iter()
-        .map(|value| value.as_f64().unwrap_or(f64::INFINITY))
-        .collect())
+    Ok(values.iter().map(|value| value.as_f64().unwrap_or(f64::INFINITY)).collect())
 }
 
-#[expect(
-    clippy::unwrap_used,
-    reason = "a broken golden file must fail the test"
-)]
+#[expect(clippy::unwrap_used, reason = "a broken golden file must fail the test")]
 fn golden() -> Golden {
     serde_json::from_str(include_str!("golden.json")).unwrap()
 }
@@ -69,10 +63,7 @@ fn golden() -> Golden {
 #[track_caller]
 fn assert_close(got: f64, expected: f64) {
     let tolerance = 1e-9 * expected.abs().max(1e-3);
-    assert!(
-        (got - expected).abs() <= tolerance,
-        "got {got}, expected {expected}"
-    );
+    assert!((got - expected).abs() <= tolerance, "got {got}, expected {expected}");
 }
 
 #[test]
@@ -91,10 +82,7 @@ fn intervals_agree_with_scipy() {
 fn correlations_agree_with_scipy() {
     for case in golden().correlations {
         assert_close(spearman(&case.x, &case.y).unwrap().unwrap(), case.spearman);
-        assert_close(
-            kendall_tau_b(&case.x, &case.y).unwrap().unwrap(),
-            case.kendall_tau_b,
-        );
+        assert_close(kendall_tau_b(&case.x, &case.y).unwrap().unwrap(), case.kendall_tau_b);
     }
 }
 

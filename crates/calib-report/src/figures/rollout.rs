@@ -1,7 +1,5 @@
 //! Rollouts over the true trajectory, in physical units.
 
-use serde::{Deserialize, Serialize};
-
 use crate::chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side};
 use crate::downsample::min_max_indices;
 use crate::number::time_unit;
@@ -11,7 +9,7 @@ use crate::{Figure, ReportError};
 pub const MAX_POINTS: usize = 2000;
 
 /// One rollout figure, for one sensor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RolloutFigure {
     /// The sensor.
     pub sensor: String,
@@ -24,7 +22,7 @@ pub struct RolloutFigure {
 }
 
 /// Values of one sensor at a steady rate.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     /// Name in the legend.
     pub label: String,

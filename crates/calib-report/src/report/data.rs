@@ -1,9 +1,7 @@
 //! Rows about the data, the rollouts, and how the report was made.
 
-use serde::{Deserialize, Serialize};
-
 /// How far the rollouts of one member are from a replay of the log.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct JumpStatistics {
     /// The calibration model.
     pub model: String,
@@ -20,7 +18,7 @@ pub struct JumpStatistics {
 }
 
 /// What the data looked like, and what was kept of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DataProfile {
     /// Rows used.
     pub rows: u64,
@@ -39,7 +37,7 @@ pub struct DataProfile {
 }
 
 /// One channel of the log.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
     /// Its name.
     pub name: String,
@@ -56,8 +54,7 @@ pub struct Channel {
 }
 
 /// Whether a channel is part of the states.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChannelStatus {
     /// It is.
     Kept,
@@ -66,7 +63,7 @@ pub enum ChannelStatus {
 }
 
 /// How to make the report again.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Reproduction {
     /// The command line.
     pub command: String,

@@ -6,8 +6,6 @@ mod summary;
 mod table;
 mod verdict;
 
-use serde::{Deserialize, Serialize};
-
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub(crate) use summary::{recommendations, summary};
 pub use table::{Best, Cell, Table};
@@ -16,7 +14,7 @@ pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
 use crate::{ReportError, RolloutFigure, Score, Sensitivity, page};
 
 /// Everything the report shows. Empty lists and `None` leave their section out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// Name of the study.
     pub title: String,

@@ -3,8 +3,8 @@
 use std::cmp::Ordering;
 
 use super::{Agreement, Alternative, Grade, Verdict};
-use crate::Score;
 use crate::number::{number, percent};
+use crate::{Score, Setting};
 
 impl Verdict {
     /// The verdict in one sentence.
@@ -31,7 +31,7 @@ impl Verdict {
                     .to_owned(),
             ),
             Some(online) => {
-                reasons.push(online_sentence(online, score));
+                reasons.push(online_sentence(&self.chosen, online, score));
                 let alternatives =
                     [("The default", &self.default), ("Log replay's choice", &self.log_replay)];
                 for (name, alternative) in alternatives {
@@ -107,13 +107,19 @@ impl Verdict {
     }
 }
 
-fn online_sentence(online: &Agreement, score: &Score) -> String {
+fn online_sentence(chosen: &Setting, online: &Agreement, score: &Score) -> String {
     let error = number(online.chosen_error);
     let name = &score.name;
     match online.regret {
         Some(0.0) => {
             format!("On held-out data it is the best value of the grid ({name} {error}).")
         }
+        // An alternative outside the grid can be better than all of it.
+        Some(regret) if online.best == *chosen => format!(
+            "On held-out data it is the best value of the grid ({name} {error}), yet {} worse than the best \
+             alternative outside it.",
+            percent(regret)
+        ),
         Some(regret) if regret.is_finite() => format!(
             "On held-out data it is {} worse than the best value, {} ({name} {error} against {}).",
             percent(regret),
@@ -173,7 +179,7 @@ pub(super) fn listed(items: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Setting, TopK};
+    use crate::TopK;
 
     fn verdict() -> Verdict {
         Verdict {
@@ -254,6 +260,18 @@ The default (1e-3) would have diverged.
 Log replay's choice (3e-4) would have been better: it is the best value.
 The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
 ");
+    }
+
+    #[test]
+    fn a_default_outside_the_grid_can_be_best() {
+        let mut verdict = verdict();
+        let online = verdict.online.as_mut().unwrap();
+        online.best = verdict.chosen.clone();
+        let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+        assert!(
+            reasons.contains("the best value of the grid (NRMSE 0.123), yet 2.5 % worse"),
+            "{reasons}"
+        );
     }
 
     #[test]

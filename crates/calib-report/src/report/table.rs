@@ -1,10 +1,9 @@
 //! A table of any content.
 
 use calib_stats::Direction;
-use serde::{Deserialize, Serialize};
 
 /// Rows and columns with a title; the first column names the rows.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// Title above it.
     pub title: String,
@@ -19,8 +18,7 @@ pub struct Table {
 }
 
 /// One cell.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     /// Text.
     Text(String),
@@ -37,8 +35,7 @@ pub enum Cell {
 }
 
 /// Where to look for the best number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Best {
     /// The best number of each row is bold.
     OfRow(Direction),

@@ -1,7 +1,5 @@
 //! What to deploy, and how well that is supported.
 
-use serde::{Deserialize, Serialize};
-
 use crate::Setting;
 
 /// Up to this regret a choice is called good, and up to the next one fair.
@@ -9,7 +7,7 @@ const GOOD_REGRET: f64 = 0.05;
 const FAIR_REGRET: f64 = 0.20;
 
 /// The value a calibration model chose for one sensor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
     /// The predicted sensor.
     pub sensor: String,
@@ -38,7 +36,7 @@ pub struct Verdict {
 }
 
 /// The choice, judged by held-out data.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Agreement {
     /// Mean Online score of the choice; infinite if it diverged.
     pub chosen_error: f64,
@@ -57,7 +55,7 @@ pub struct Agreement {
 }
 
 /// Whether the choice is among the `k` best values Online.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TopK {
     /// How many values count as best.
     pub k: usize,
@@ -66,7 +64,7 @@ pub struct TopK {
 }
 
 /// Another way to choose, and what it would have cost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
     /// The value it would have chosen.
     pub value: Setting,
@@ -75,8 +73,7 @@ pub struct Alternative {
 }
 
 /// How well a verdict is supported by held-out data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grade {
     /// Regret up to 5 %.
     Good,

@@ -4,13 +4,12 @@ mod axes;
 mod curves;
 
 use calib_stats::{Direction, Summary};
-use serde::{Deserialize, Serialize};
 
 use crate::chart::{Chart, Dash, Rule};
 use crate::{Figure, ReportError, Setting};
 
 /// What runs are judged by.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Score {
     /// Its name: "NRMSE".
     pub name: String,
@@ -49,7 +48,7 @@ impl Score {
 /// assert!(figure.figure()?.svg().starts_with("<svg"));
 /// # Ok::<(), calib_report::ReportError>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sensitivity {
     /// The predicted sensor.
     pub sensor: String,
@@ -70,7 +69,7 @@ pub struct Sensitivity {
 }
 
 /// Score against hyperparameter in one environment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ErrorCurve {
     /// Name in the legend.
     pub label: String,
@@ -81,8 +80,7 @@ pub struct ErrorCurve {
 }
 
 /// Environments whose score is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorSource {
     /// Held-out data, replayed: the truth the choice is judged by.
     Online,
@@ -93,7 +91,7 @@ pub enum ErrorSource {
 }
 
 /// Worst rank against hyperparameter in one ensemble.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RankCurve {
     /// Name of the calibration model.
     pub label: String,

@@ -1,0 +1,90 @@
+//! Infinite scores in files. JSON has no infinities: +∞, the error of a diverged run, is written as `null`,
+//! and −∞, the return of one, as `"-inf"`; reading gives the infinities back.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A score on its way to or from a file.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Stored {
+    Finite(f64),
+    Worst(Option<Infinity>),
+}
+
+#[derive(Serialize, Deserialize)]
+enum Infinity {
+    #[serde(rename = "-inf")]
+    Negative,
+}
+
+impl From<f64> for Stored {
+    fn from(score: f64) -> Self {
+        match score {
+            f64::INFINITY => Self::Worst(None),
+            f64::NEG_INFINITY => Self::Worst(Some(Infinity::Negative)),
+            finite => Self::Finite(finite),
+        }
+    }
+}
+
+impl From<Stored> for f64 {
+    fn from(stored: Stored) -> Self {
+        match stored {
+            Stored::Finite(score) => score,
+            Stored::Worst(None) => f64::INFINITY,
+            Stored::Worst(Some(Infinity::Negative)) => f64::NEG_INFINITY,
+        }
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
+pub(crate) fn serialize<S: Serializer>(score: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    Stored::from(*score).serialize(serializer)
+}
+
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Stored::deserialize(deserializer)?.into())
+}
+
+/// The same for one score for each value of a grid.
+pub(crate) mod each {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::Stored;
+
+    pub(crate) fn serialize<S: Serializer>(
+        scores: &[f64],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        scores.iter().map(|&score| Stored::from(score)).collect::<Vec<_>>().serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<f64>, D::Error> {
+        Ok(Vec::<Stored>::deserialize(deserializer)?.into_iter().map(f64::from).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Direction, Summary, select, summarise};
+
+    #[test]
+    fn diverged_summaries_survive_a_file() {
+        for runs in [[0.25, 0.5], [0.25, f64::INFINITY], [f64::NEG_INFINITY, 3.0]] {
+            let summary = summarise(&runs).unwrap();
+            let text = serde_json::to_string(&summary).unwrap();
+            let read: Summary = serde_json::from_str(&text).unwrap();
+            assert_eq!((read.mean, read.diverged), (summary.mean, summary.diverged), "{text}");
+        }
+    }
+
+    #[test]
+    fn selections_with_diverged_values_survive_a_file() {
+        let selection = select(&[[0.1, f64::INFINITY]], Direction::LowerIsBetter).unwrap();
+        let text = serde_json::to_string(&selection).unwrap();
+        assert!(text.contains("\"mean_errors\":[0.1,null]"), "{text}");
+        assert_eq!(serde_json::from_str::<crate::Selection>(&text).unwrap(), selection);
+    }
+}
