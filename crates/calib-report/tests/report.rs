@@ -120,7 +120,7 @@ fn the_page_opens_with_the_verdict() {
     let opening: Vec<&str> = first_text.take(4).collect();
     insta::assert_snapshot!(opening.join("\n"), @r"
 Verdict
-Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
+Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
 Good: within 5 % of the best
 Use learning_rate = 1e-4 for PIT300.
 ");
@@ -155,6 +155,16 @@ fn an_empty_report_is_still_a_page() {
     let html = report.html().unwrap();
     assert!(html.contains("There is no verdict"));
     assert_balanced(&html);
+}
+
+#[test]
+fn a_report_with_many_rollouts_stays_small() {
+    let mut report = report();
+    let mut rollout = fixture::long_rollout();
+    rollout.rollouts = vec![rollout.rollouts[0].clone(); 20];
+    report.rollouts = vec![rollout; 4];
+    let bytes = report.html().unwrap().len();
+    assert!(bytes < 2_000_000, "{bytes} bytes");
 }
 
 #[test]

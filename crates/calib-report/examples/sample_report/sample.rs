@@ -196,6 +196,7 @@ pub(crate) fn rollouts() -> Vec<RolloutFigure> {
             rollouts: vec![
                 trajectory("kNN, Euclidean (member 0)", 30_000, level, size, 1),
                 trajectory("kNN, Laplacian (member 0)", 30_000, level, size * 0.9, 2),
+                trajectory("kNN, Euclidean (member 1)", 30_000, level, size * 1.1, 3),
             ],
         })
         .collect()

@@ -7,6 +7,11 @@ use crate::{Figure, ReportError};
 
 /// Points drawn for each trajectory; longer ones are thinned so that every peak stays visible.
 pub const MAX_POINTS: usize = 2000;
+/// Curves that get all their points; if there are more, they share what these would have had,
+/// so that a page with many rollouts stays small.
+const FULL_CURVES: usize = 4;
+/// Points of a curve, however many there are.
+const MIN_POINTS: usize = 500;
 
 /// One rollout figure, for one sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,10 +61,12 @@ impl RolloutFigure {
         }
 
         let (unit_secs, unit_name) = time_unit(length);
-        let truth = self.truth.iter().map(|t| t.series(unit_secs, Colour::Truth, 2.2));
+        let curves = all().count();
+        let points = (FULL_CURVES * MAX_POINTS / curves).clamp(MIN_POINTS, MAX_POINTS);
+        let truth = self.truth.iter().map(|t| t.series(unit_secs, points, Colour::Truth, 2.2));
         let rollouts = self.rollouts.iter().enumerate().map(|(index, t)| {
             // Colour 0 is Online's in the sensitivity figures; rollouts are of calibration models.
-            t.series(unit_secs, Colour::Curve(1 + index), 1.3)
+            t.series(unit_secs, points, Colour::Curve(1 + index), 1.3)
         });
         let series: Vec<Series> = truth.chain(rollouts).collect();
         let values: Vec<f64> = series.iter().flat_map(|s| s.points.iter().map(|p| p.y)).collect();
@@ -106,8 +113,8 @@ impl RolloutFigure {
 }
 
 impl Trajectory {
-    fn series(&self, unit_secs: f64, colour: Colour, width: f64) -> Series {
-        let points = min_max_indices(&self.values, MAX_POINTS)
+    fn series(&self, unit_secs: f64, max_points: usize, colour: Colour, width: f64) -> Series {
+        let points = min_max_indices(&self.values, max_points)
             .into_iter()
             .map(|index| Point {
                 x: index as f64 * self.period_secs / unit_secs,

@@ -11,6 +11,9 @@ use crate::{Cell, Chart, Report, ReportError, RolloutFigure, Sensitivity, Table,
 /// Rows of a rollout's data table; copying gives every point drawn.
 const ROLLOUT_ROWS: usize = 40;
 
+/// More dense curves than this hide each other.
+const MANY_CURVES: usize = 3;
+
 /// The section of sensitivity curves.
 pub(super) fn sensitivities(report: &Report) -> Result<Markup, ReportError> {
     let mut figures = Vec::with_capacity(report.sensitivities.len());
@@ -66,7 +69,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Markup, ReportError> {
 fn chart(chart: &Chart, id: &str, caption: &str, copy: &str, table: &Table) -> Markup {
     let scene = draw(chart, LegendPlace::Outside);
     html! {
-        figure.chart id=(id) {
+        figure.chart id=(id) data-shown=(shown(chart)) {
             figcaption { h3 { (chart.title) } p { (caption) } }
             div.legend role="group" aria-label={ "Curves of " (chart.title) } {
                 @for (index, key) in keys(chart).iter().enumerate() { (legend_entry(index, key)) }
@@ -85,6 +88,12 @@ fn chart(chart: &Chart, id: &str, caption: &str, copy: &str, table: &Table) -> M
             }
         }
     }
+}
+
+/// How many curves are on at first: all, unless they are dense and many; then the truth and one rollout.
+fn shown(chart: &Chart) -> usize {
+    let dense = chart.series.iter().any(|series| series.marker.is_none());
+    if dense && chart.series.len() > MANY_CURVES { 2 } else { chart.series.len() }
 }
 
 /// Curves can be switched off; the sign for diverged values is only explained.
@@ -134,6 +143,9 @@ impl RolloutFigure {
                 " Drawn with up to {} points for each curve, thinned so that every peak stays visible.",
                 crate::number::count(crate::MAX_POINTS as u64)
             );
+        }
+        if usize::from(self.truth.is_some()) + self.rollouts.len() > MANY_CURVES {
+            caption.push_str(" Switch further rollouts on by their names.");
         }
         caption
     }

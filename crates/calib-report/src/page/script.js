@@ -71,12 +71,10 @@
     }
 
     listen() {
-      for (const key of this.figure.querySelectorAll("button.key"))
-        key.addEventListener("click", () => {
-          const on = key.getAttribute("aria-pressed") !== "true";
-          key.setAttribute("aria-pressed", on);
-          this.groups.find((g) => g.dataset.series === key.dataset.series)?.classList.toggle("off", !on);
-        });
+      for (const key of this.figure.querySelectorAll("button.key")) {
+        key.addEventListener("click", () => this.toggle(key, key.getAttribute("aria-pressed") !== "true"));
+        this.toggle(key, Number(key.dataset.series) < Number(this.figure.dataset.shown));
+      }
       this.reset.addEventListener("click", () => this.zoom(this.full));
       this.svg.addEventListener("pointerdown", (event) => {
         if (event.button !== 0 || event.pointerType === "touch" || !this.inside(event)) return;
@@ -92,6 +90,11 @@
       this.svg.addEventListener("dblclick", () => this.zoom(this.full));
       this.box.addEventListener("keydown", (event) => this.key(event));
       this.box.addEventListener("blur", () => this.clear());
+    }
+
+    toggle(key, on) {
+      key.setAttribute("aria-pressed", on);
+      this.groups.find((g) => g.dataset.series === key.dataset.series)?.classList.toggle("off", !on);
     }
 
     // Position of a pointer event in the picture's own pixels.

@@ -13,7 +13,7 @@ pub(super) fn verdicts(report: &Report) -> Markup {
         @if report.verdicts.is_empty() {
             p.empty { "There is no verdict: nothing was swept." }
         }
-        @if let Some(summary) = summary(report) { p.summary { (summary) } }
+        @if let Some(summary) = summary(report) { p.summary { (unbroken(&summary)) } }
         div.cards {
             @for verdict in recommendations(&report.verdicts) { (card(verdict, report)) }
         }
@@ -27,13 +27,18 @@ pub(super) fn verdicts(report: &Report) -> Markup {
     }
 }
 
+/// `text` with percentages that stay on one line.
+fn unbroken(text: &str) -> String {
+    text.replace(" %", "\u{a0}%")
+}
+
 fn card(verdict: &Verdict, report: &Report) -> Markup {
     let grade = verdict.grade();
     html! {
         article class={ "card " (grade.class()) } {
             p.badge { (grade.label()) }
             h3 { (verdict.headline()) }
-            ul { @for reason in verdict.reasons(&report.score) { li { (reason) } } }
+            ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
             dl.costs {
                 @if let Some(regret) = verdict.online.as_ref().and_then(|online| online.regret) {
                     (cost("This choice", &verdict.chosen, Some(regret)))
