@@ -4,15 +4,16 @@
 //! dtw_bench MODE REPEATS PATTERNS QUERY.f64 REFERENCE.f64 [LENGTH]
 //! ```
 //!
-//! MODE: `distance` (each pattern alone), `together` (all patterns in one sweep), `align` (with
-//! the path). PATTERNS: names, separated by commas. The files hold little-endian `f64`; with
-//! LENGTH they hold that many samples a series, one pair after the other. Runs in one thread
-//! unless `RAYON_NUM_THREADS` says otherwise, and prints one line of JSON: seconds of each repeat,
-//! cells of a repeat, raw distances, peak memory in KiB.
+//! MODE: `distance` (each pattern alone), `table` (all patterns of a pair), `align` (with the path);
+//! with `:squared` the local distance is (x − y)² instead of |x − y|. PATTERNS: names, separated by
+//! commas. The files hold little-endian `f64`; with LENGTH they hold that many samples a series,
+//! one pair after the other. Runs in one thread unless `RAYON_NUM_THREADS` says otherwise, and
+//! prints one line of JSON: wall seconds of each repeat, mean processor seconds of a repeat, cells
+//! of a repeat, raw distances, peak memory in KiB.
 
 use std::{error::Error, fs, time::Instant};
 
-use calib_dtw::{Dtw, InstructionSet, PatternSet, Series, Settings, StepPattern};
+use calib_dtw::{Dtw, InstructionSet, LocalDistance, PatternSet, Series, Settings, StepPattern};
 
 fn read(path: &str) -> Result<Vec<f64>, Box<dyn Error>> {
     let bytes = fs::read(path)?;
@@ -30,14 +31,22 @@ fn peak_kib() -> Option<u64> {
     line.split_whitespace().nth(1)?.parse().ok()
 }
 
+/// Processor seconds of this thread so far, where the system tells.
+fn processor_seconds() -> Option<f64> {
+    let statistics = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = statistics.split_whitespace().next()?.parse().ok()?;
+    Some(nanoseconds * 1e-9)
+}
+
 fn run(
     mode: &str,
+    settings: Settings,
     patterns: &[StepPattern],
     pairs: &[(Series<'_>, Series<'_>)],
 ) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut raw = Vec::new();
-    if mode == "together" {
-        let set = PatternSet::new(patterns, Settings::default());
+    if mode == "table" {
+        let set = PatternSet::new(patterns, settings);
         for distances in set.distances_of_pairs(pairs) {
             for distance in distances? {
                 raw.push(distance?.raw);
@@ -46,7 +55,7 @@ fn run(
         return Ok(raw);
     }
     for pattern in patterns {
-        let dtw = Dtw::new(pattern.clone());
+        let dtw = Dtw::with_settings(pattern.clone(), settings);
         if mode == "align" {
             for &(query, reference) in pairs {
                 raw.push(dtw.align(query, reference)?.distance.raw);
@@ -68,8 +77,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: dtw_bench MODE REPEATS PATTERNS QUERY REFERENCE [LENGTH]".into());
     };
     if std::env::var_os("RAYON_NUM_THREADS").is_none() {
-        rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
+        rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global()?;
     }
+    let (mode, local_distance) = match mode.split_once(':') {
+        Some((mode, "squared")) => (mode, LocalDistance::Squared),
+        Some((_, other)) => return Err(format!("unknown local distance {other}").into()),
+        None => (mode.as_str(), LocalDistance::Absolute),
+    };
+    let settings = Settings { local_distance, ..Settings::default() };
     let patterns = names.split(',').map(str::parse).collect::<Result<Vec<StepPattern>, _>>()?;
     let (query, reference) = (read(query)?, read(reference)?);
     let length = match length.first() {
@@ -82,14 +97,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|(query, reference)| (Series::new(query), Series::new(reference)))
         .collect();
     let cells: usize = pairs.iter().map(|(query, reference)| query.len() * reference.len()).sum();
+    let repeats: u32 = repeats.parse()?;
     let (mut seconds, mut raw) = (Vec::new(), Vec::new());
-    for _ in 0..repeats.parse()? {
+    let busy = processor_seconds();
+    for _ in 0..repeats {
         let start = Instant::now();
-        raw = run(mode, &patterns, &pairs)?;
+        raw = run(mode, settings, &patterns, &pairs)?;
         seconds.push(start.elapsed().as_secs_f64());
     }
+    // The clock of the processor is coarse: a mean over all repeats.
+    let busy = processor_seconds().zip(busy).map(|(now, then)| now - then);
+    let processor = busy.map_or(f64::NAN, |busy| busy / f64::from(repeats));
     println!(
-        "{{\"seconds\": {seconds:?}, \"cells\": {}, \"raw\": {raw:?}, \"peak_kib\": {}, \
+        "{{\"seconds\": {seconds:?}, \"processor\": {processor}, \"cells\": {}, \"raw\": {raw:?}, \"peak_kib\": {}, \
          \"instructions\": \"{}\"}}",
         cells * patterns.len(),
         peak_kib().unwrap_or(0),
