@@ -1,4 +1,5 @@
 use calib_agent::AgentConfig;
+use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -33,9 +34,12 @@ pub struct Candidate {
 impl Candidate {
     /// The swept values for people: `learning_rate = 1e-4`.
     pub fn label(&self) -> String {
-        let parts = self.values.iter().map(|(field, value)| format!("{field} = {}", plain(value)));
-        parts.collect::<Vec<_>>().join(", ")
+        label(&self.values)
     }
+}
+
+fn label(values: &[(String, Value)]) -> String {
+    values.iter().map(|(field, value)| format!("{field} = {}", plain(value))).join(", ")
 }
 
 /// A value as one would write it by hand.
@@ -61,20 +65,15 @@ pub fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candid
     if sweep.grid.is_empty() {
         return Err(SweepError::EmptyGrid);
     }
-    let mut points: Vec<Vec<(String, Value)>> = vec![Vec::new()];
     for (field, values) in &sweep.grid {
         check_values(field, values)?;
-        points = points
-            .into_iter()
-            .flat_map(|point| {
-                values.iter().map(move |value| {
-                    let mut longer = point.clone();
-                    longer.push((field.clone(), value.clone()));
-                    longer
-                })
-            })
-            .collect();
     }
+    let points: Vec<Vec<(String, Value)>> = sweep
+        .grid
+        .iter()
+        .map(|(field, values)| values.iter().map(|value| (field.clone(), value.clone())))
+        .multi_cartesian_product()
+        .collect();
     let mut all = Vec::with_capacity(points.len() + 1);
     for (index, values) in points.into_iter().enumerate() {
         let with = with_values(agent, &values)?;
@@ -118,10 +117,7 @@ fn to_map(agent: &AgentConfig) -> serde_json::Map<String, Value> {
 }
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
-    let invalid = |reason: String| {
-        let label = values.iter().map(|(field, value)| format!("{field} = {}", plain(value)));
-        SweepError::Candidate { candidate: label.collect::<Vec<_>>().join(", "), reason }
-    };
+    let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
     let mut fields = to_map(agent);
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))

@@ -9,13 +9,15 @@ use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{StartSource, start_states};
 use calib_sweep::{
     Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, ReplayEnvironment,
-    RolloutOptions, Role, Scored, SweepConfig, SweepError, UnitStore, candidates, verdict,
+    Role, RolloutOptions, Scored, SweepConfig, SweepError, UnitStore, candidates, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
 fn frames(rows: usize) -> Frames {
-    let value = |row: usize, phase: f32| ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin();
-    let values = (0..rows).flat_map(|row| [0.5 + 0.4 * value(row, 0.0), 0.5 + 0.4 * value(row, 0.25)]);
+    let value =
+        |row: usize, phase: f32| ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin();
+    let values =
+        (0..rows).flat_map(|row| [0.5 + 0.4 * value(row, 0.0), 0.5 + 0.4 * value(row, 0.25)]);
     let timestamps = (0..rows as i64).map(|row| Timestamp::from_micros(row * 1_000_000)).collect();
     let segments = Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid");
     Frames::new(timestamps, segments, States::new(values.collect(), rows, 2).expect("valid"))
@@ -94,7 +96,8 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     let directory = tempfile::tempdir().expect("a directory");
     let store = |name: &str| UnitStore::new(directory.path().join(name));
     let (one, four) = (store("one"), store("four"));
-    let run = |store: &UnitStore| study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"));
+    let run =
+        |store: &UnitStore| study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"));
     let alone = in_pool(1, || run(&one));
     let together = in_pool(4, || run(&four));
     assert_eq!(alone, together);
@@ -109,7 +112,10 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     let units = study.with_plan(1, |plan| plan.units());
     assert!(matches!(one.collect(&units), Err(SweepError::Incomplete { missing: 2, .. })));
     assert_eq!(run(&one), alone);
-    assert_eq!(fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there"), before);
+    assert_eq!(
+        fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there"),
+        before
+    );
     assert_eq!(one.collect(&units).expect("complete"), alone);
 
     // Another seed is another sweep: nothing of the old one counts.
@@ -144,7 +150,8 @@ fn log_replay_windows_differ_and_online_ones_do_not() {
     let train = frames(900);
     let inputs = Fingerprint::of(b"data");
     let replay = ReplayEnvironment::log_replay(&train, 300, 4, Seed::new(3), inputs.clone());
-    let start = |environment: &ReplayEnvironment<'_>, run| environment.stream(run).expect("a stream").1;
+    let start =
+        |environment: &ReplayEnvironment<'_>, run| environment.stream(run).expect("a stream").1;
     let starts: Vec<_> = (0..4).map(|run| start(&replay, run)).collect();
     assert!(starts.windows(2).any(|pair| pair[0] != pair[1]), "{starts:?}");
     assert!(starts.iter().all(|row| row.get() + 301 <= 900));
