@@ -1,3 +1,43 @@
-//! Plant logs in, tidy tables out: Parquet, cleaning, segments, normalisation. The only crate that names polars.
+//! Plant logs in, tidy tables out. The only crate that names polars.
+//!
+//! - [`DataConfig`], [`PreprocessConfig`]: the sections `[data]` and `[preprocess]` of a study.
+//! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
+//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`].
+//! - [`table`]: typed tables and plant logs as Parquet files.
+//! - [`parse_time`], [`format_time`]: instants as text.
+//!
+//! A log is read in two passes. The first (`log`, `survey`) puts the rows of all files in time order,
+//! looks at every channel, decides which are kept (`select`) and which rows are dropped (`impute`).
+//! The second (`dataset`) reads the kept channels again and writes the states. Both go through the
+//! channels in batches, file by file and slice by slice, so that memory does not grow with the log.
 
+mod channel;
+mod config;
+mod dataset;
+mod describe;
+mod error;
+mod features;
+mod impute;
+mod log;
+mod modes;
+mod names;
+mod profile;
+mod refuse;
+mod sample;
+mod select;
+mod survey;
 pub mod table;
+mod time;
+
+pub use config::{
+    DataConfig, Missing, Moment, Normalisation, Paths, PreprocessConfig, Reduce, TimeRange,
+    TimestampUnit,
+};
+pub use dataset::{Dataset, inspect, load};
+pub use error::DataError;
+pub use profile::{
+    BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,
+    ValueProfile,
+};
+pub use select::DropReason;
+pub use time::{format_time, parse_time};

@@ -1,0 +1,177 @@
+//! What is worth knowing about one channel.
+
+use std::{collections::HashSet, ops::Range};
+
+use calib_core::Timestamp;
+
+/// Values that are told apart; more are not counted.
+const DISTINCT: usize = 256;
+
+/// Moments of the values in a range of rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Moments {
+    /// Values that are not missing.
+    pub(crate) count: usize,
+    pub(crate) min: f64,
+    pub(crate) max: f64,
+    pub(crate) mean: f64,
+    /// Standard deviation, divided by the count.
+    pub(crate) std: f64,
+}
+
+impl Moments {
+    /// Of `values`, NaN meaning missing; `None` if all are.
+    pub(crate) fn of(values: &[f64]) -> Option<Self> {
+        let (mut count, mut sum) = (0_usize, 0.0);
+        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &value in values {
+            if !value.is_nan() {
+                count += 1;
+                sum += value;
+                min = min.min(value);
+                max = max.max(value);
+            }
+        }
+        if count == 0 {
+            return None;
+        }
+        let mean = (sum / count as f64).clamp(min, max);
+        // A second pass: one far outlier must not cost the digits of all others.
+        let squares: f64 = values
+            .iter()
+            .filter(|value| !value.is_nan())
+            .map(|value| (value - mean) * (value - mean))
+            .sum();
+        Some(Self { count, min, max, mean, std: (squares / count as f64).sqrt() })
+    }
+}
+
+/// How a channel moves from row to row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Movement {
+    /// Longest time for which the value stayed exactly the same, in microseconds.
+    pub(crate) longest_stuck: i64,
+    /// Smallest change between successive rows.
+    pub(crate) smallest_change: Option<f64>,
+    /// Share of successive rows without a change.
+    pub(crate) unchanged: f64,
+    /// Number of distinct values, if there are few.
+    pub(crate) distinct: Option<u32>,
+}
+
+impl Movement {
+    /// Of `values` inside each of `stretches`; a missing value ends a run.
+    pub(crate) fn of(values: &[f64], timestamps: &[Timestamp], stretches: &[Range<usize>]) -> Self {
+        let mut movement = Self::default();
+        let (mut pairs, mut same) = (0_u64, 0_u64);
+        let mut smallest = f64::INFINITY;
+        let mut distinct = HashSet::new();
+        for stretch in stretches {
+            let mut before = f64::NAN;
+            let mut since = stretch.start;
+            for row in stretch.clone() {
+                let value = values[row];
+                if value == before {
+                    pairs += 1;
+                    same += 1;
+                    continue;
+                }
+                let change = (value - before).abs();
+                if !change.is_nan() {
+                    pairs += 1;
+                    smallest = smallest.min(change);
+                }
+                movement.note_run(timestamps, since..row);
+                since = row;
+                before = value;
+                if !value.is_nan() && distinct.len() <= DISTINCT {
+                    distinct.insert(value.to_bits());
+                }
+                if value.is_nan() {
+                    since = row + 1;
+                }
+            }
+            movement.note_run(timestamps, since..stretch.end);
+        }
+        movement.smallest_change = smallest.is_finite().then_some(smallest);
+        movement.unchanged = if pairs == 0 { 0.0 } else { same as f64 / pairs as f64 };
+        movement.distinct = (distinct.len() <= DISTINCT).then_some(distinct.len() as u32);
+        movement
+    }
+
+    fn note_run(&mut self, timestamps: &[Timestamp], run: Range<usize>) {
+        if run.len() > 1 {
+            let span = timestamps[run.end - 1].micros_since(timestamps[run.start]);
+            self.longest_stuck = self.longest_stuck.max(span);
+        }
+    }
+}
+
+/// The quantile `q` of the values that are not missing, with linear interpolation between them
+/// (type 7 of Hyndman and Fan, the default of NumPy). Reorders `values`.
+///
+/// # Panics
+/// If all values are missing.
+pub(crate) fn quantile(values: &mut Vec<f64>, q: f64) -> f64 {
+    values.retain(|value| !value.is_nan());
+    let position = q * (values.len() - 1) as f64;
+    let low = position.floor() as usize;
+    let (_, &mut at_low, above) = values.select_nth_unstable_by(low, f64::total_cmp);
+    let next = above.iter().copied().fold(f64::INFINITY, f64::min);
+    if position > low as f64 { at_low + (position - low as f64) * (next - at_low) } else { at_low }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: f64 = f64::NAN;
+
+    #[test]
+    fn moments_skip_missing_values() {
+        let moments = Moments::of(&[NAN, 2.0, 4.0, NAN, 6.0]).expect("three values");
+        assert_eq!((moments.count, moments.min, moments.max, moments.mean), (3, 2.0, 6.0, 4.0));
+        assert!((moments.std - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
+        assert_eq!(Moments::of(&[NAN]), None);
+        let constant = Moments::of(&[0.1; 1_000]).expect("values");
+        assert_eq!((constant.mean, constant.std), (0.1, 0.0));
+    }
+
+    #[test]
+    fn an_outlier_does_not_cost_the_digits() {
+        let mut values = vec![1e9];
+        values.extend((0..1_000).map(|i| if i % 2 == 0 { 1.0 } else { 1.02 }));
+        let std = Moments::of(&values).expect("values").std;
+        let expected = 1e9 * (1_000.0_f64 / 1_001.0 / 1_001.0).sqrt();
+        assert!((std / expected - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn movement_stays_inside_stretches() {
+        let timestamps: Vec<Timestamp> = (0..10).map(Timestamp::from_micros).collect();
+        let values = [1.0, 1.0, 1.5, 1.5, NAN, 1.5, 1.5, 1.5, 1.5, 4.0];
+        let movement = Movement::of(&values, &timestamps, &[0..7, 7..10]);
+        assert_eq!(movement.longest_stuck, 1, "rows 5 to 8 are cut by the end of a stretch");
+        assert_eq!(movement.smallest_change, Some(0.5));
+        assert_eq!(movement.distinct, Some(3));
+        // Pairs: 0-1, 1-2, 2-3, 5-6 | 7-8, 8-9.
+        assert!((movement.unchanged - 4.0 / 6.0).abs() < 1e-15);
+        let one = Movement::of(&values, &timestamps, &[0..10]);
+        assert_eq!(one.longest_stuck, 3);
+        assert_eq!(
+            Movement::of(&[NAN], &timestamps, &[0..1]),
+            Movement { distinct: Some(0), ..Movement::default() }
+        );
+    }
+
+    #[test]
+    fn quantiles_agree_with_numpy() {
+        // numpy.quantile([3, 1, 2, 10], [0, 0.05, 0.5, 0.95, 1])
+        let expected = [(0.0, 1.0), (0.05, 1.15), (0.5, 2.5), (0.95, 8.95), (1.0, 10.0)];
+        for (q, expected) in expected {
+            let got = quantile(&mut vec![3.0, NAN, 1.0, 2.0, 10.0], q);
+            assert!((got - expected).abs() < 1e-12, "{q}: {got}");
+        }
+        assert_eq!(quantile(&mut vec![7.0], 0.3), 7.0);
+    }
+}

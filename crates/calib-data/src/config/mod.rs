@@ -1,0 +1,11 @@
+//! The `[data]` and `[preprocess]` sections of a study.
+
+mod data;
+mod paths;
+mod preprocess;
+mod range;
+
+pub use data::{DataConfig, TimestampUnit};
+pub use paths::Paths;
+pub use preprocess::{Missing, Normalisation, PreprocessConfig, Reduce};
+pub use range::{Moment, TimeRange};

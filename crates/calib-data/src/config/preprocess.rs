@@ -1,0 +1,121 @@
+use serde::{Deserialize, Serialize};
+
+use crate::DataError;
+
+/// `[preprocess]`: from the channels of the log to the columns of the states.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PreprocessConfig {
+    /// A channel that misses more than this fraction of the training range is dropped. Default: 0.1.
+    pub max_missing: f64,
+    /// What happens to the remaining missing values. Default: `forward_fill`.
+    pub missing: Missing,
+    /// Longest run of missing values that is filled, in rows of the log. Default: 10.
+    pub fill_limit: usize,
+    /// How values are scaled; fitted on the recorded values of the training range. Default: `min_max`.
+    pub normalise: Normalisation,
+    /// The two quantiles that map to 0 and 1 under `quantile`. Default: 0 and 1.
+    pub quantiles: [f64; 2],
+    /// Clip normalised values to `[0, 1]`. Not for `standard`. Default: false.
+    pub clip: bool,
+    /// Add the sine and cosine of the time of day. Default: false.
+    pub time_of_day: bool,
+    /// Add an exponential trace of every sensor for each of these decay rates. Default: none.
+    pub traces: Vec<f64>,
+    /// Replace this column of modes by one 0/1 column per value of the training range. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_hot: Option<String>,
+    /// Keep one row in this many. Default: 1, every row.
+    pub subsample: usize,
+    /// What the kept row is. Default: `keep`.
+    pub reduce: Reduce,
+}
+
+/// What happens to missing values that are left after column selection.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Missing {
+    /// The row is dropped, which splits the segment.
+    DropRow,
+    /// The last recorded value stands in for the first `fill_limit` missing ones of a run;
+    /// the rows after them are dropped.
+    #[default]
+    ForwardFill,
+    /// Runs of at most `fill_limit` rows are interpolated in time between their ends;
+    /// the rows of longer runs are dropped.
+    Linear,
+}
+
+/// How the values of a sensor map to the scale of the states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Normalisation {
+    /// Minimum to 0, maximum to 1.
+    #[default]
+    MinMax,
+    /// Two quantiles to 0 and 1.
+    Quantile,
+    /// Mean to 0, standard deviation to 1.
+    Standard,
+}
+
+/// What a row of the sub-sampled log is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reduce {
+    /// The first of its rows.
+    #[default]
+    Keep,
+    /// The mean of its rows, at the time of the last one; an incomplete last group is left out.
+    Mean,
+}
+
+impl Default for PreprocessConfig {
+    fn default() -> Self {
+        Self {
+            max_missing: 0.1,
+            missing: Missing::default(),
+            fill_limit: 10,
+            normalise: Normalisation::default(),
+            quantiles: [0.0, 1.0],
+            clip: false,
+            time_of_day: false,
+            traces: Vec::new(),
+            one_hot: None,
+            subsample: 1,
+            reduce: Reduce::default(),
+        }
+    }
+}
+
+impl PreprocessConfig {
+    /// Check every value on its own.
+    ///
+    /// # Errors
+    /// If a value is outside its range, or two values contradict each other.
+    pub fn check(&self) -> Result<(), DataError> {
+        let bad = |key: &str, got: String, expected: &'static str| {
+            Err(DataError::config(format!("preprocess.{key}"), got, expected))
+        };
+        if !(0.0..=1.0).contains(&self.max_missing) {
+            let got = self.max_missing.to_string();
+            return bad("max_missing", got, "a fraction from 0 to 1");
+        }
+        let [low, high] = self.quantiles;
+        if !(0.0 <= low && low < high && high <= 1.0) {
+            let got = format!("[{low}, {high}]");
+            return bad("quantiles", got, "two increasing fractions from 0 to 1");
+        }
+        if self.clip && self.normalise == Normalisation::Standard {
+            let expected = "false with normalise = \"standard\", which has no ends to clip to";
+            return bad("clip", "true".to_owned(), expected);
+        }
+        if let Some(decay) = self.traces.iter().find(|decay| !(0.0..1.0).contains(*decay)) {
+            return bad("traces", decay.to_string(), "decay rates from 0 to below 1");
+        }
+        if self.subsample == 0 {
+            return bad("subsample", "0".to_owned(), "a whole number of at least 1");
+        }
+        Ok(())
+    }
+}

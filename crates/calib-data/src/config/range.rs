@@ -1,0 +1,100 @@
+use std::fmt;
+
+use calib_core::Timestamp;
+use serde::{
+    Deserialize, Deserializer, Serialize,
+    de::{self, MapAccess, Visitor},
+};
+
+use crate::time::parse_time;
+
+/// A date, or a date and time, as it stands in the study: text, or a TOML date.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Moment {
+    text: String,
+    #[serde(skip)]
+    instant: Timestamp,
+}
+
+impl Moment {
+    /// The moment that `text` names: `2022-11-01`, `2022-11-01T06:00:00`, or with an offset.
+    /// Without an offset it is read like the log: as it stands, UTC where the log has a time zone.
+    ///
+    /// # Errors
+    /// If `text` is neither a date nor a date and time.
+    pub fn new(text: &str) -> Result<Self, String> {
+        parse_time(text)
+            .map(|instant| Self {
+                text: text.to_owned(),
+                instant,
+            })
+            .ok_or_else(|| {
+                format!(
+                    "{text:?} is not a time; expected a date such as 2022-11-01 or a date and time such as 2022-11-01T06:00:00"
+                )
+            })
+    }
+
+    /// The instant.
+    pub fn instant(&self) -> Timestamp {
+        self.instant
+    }
+}
+
+impl fmt::Display for Moment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Moment {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct MomentVisitor;
+
+        impl<'de> Visitor<'de> for MomentVisitor {
+            type Value = Moment;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a date or a date and time")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Moment, E> {
+                Moment::new(text).map_err(E::custom)
+            }
+
+            // TOML's own dates arrive as a map with one private key.
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Moment, A::Error> {
+                match map.next_entry::<String, String>()? {
+                    Some((_, text)) => self.visit_str(&text),
+                    None => Err(de::Error::invalid_length(0, &self)),
+                }
+            }
+        }
+
+        deserializer.deserialize_any(MomentVisitor)
+    }
+}
+
+/// A stretch of time, from `start` up to but not including `end`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TimeRange {
+    /// First moment. Default: the beginning of the log.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Moment>,
+    /// First moment after the range. Default: the end of the log.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub end: Option<Moment>,
+}
+
+impl fmt::Display for TimeRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.start, &self.end) {
+            (Some(start), Some(end)) => write!(f, "{start} .. {end}"),
+            (Some(start), None) => write!(f, "{start} .. end of the log"),
+            (None, Some(end)) => write!(f, "beginning of the log .. {end}"),
+            (None, None) => f.write_str("the whole log"),
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! Second pass: the values of the kept channels become states.
+
+use std::ops::Range;
+
+use calib_core::{
+    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, States,
+    StatesError, Timestamp,
+};
+use calib_files::{Fingerprint, Fingerprinter};
+use rayon::prelude::*;
+
+use crate::{
+    DataConfig, DataError, PreprocessConfig, Profile, features,
+    impute::impute,
+    log::Batch,
+    sample::Samples,
+    survey::{Part, Survey, sampled_period},
+    time::format_time,
+};
+
+/// A log, cleaned and normalised.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// The columns of the states, with their maps to physical units.
+    pub normaliser: Normaliser,
+    /// The training range.
+    pub train: Frames,
+    /// The held-out range, if there is one.
+    pub held_out: Option<Frames>,
+    /// Time from one row of a segment to the next.
+    pub period: Period,
+    /// What the log is like, and what was done to it.
+    pub profile: Profile,
+    /// Of what a model sees: columns, bounds, timestamps, segments and states.
+    /// It does not depend on how the log is cut into files.
+    pub fingerprint: Fingerprint,
+}
+
+/// Rows of the states that one task fills.
+const BLOCK_ROWS: usize = 4096;
+
+/// Read, clean, split and normalise a log.
+///
+/// Columns of the states, in this order: kept channels as the files have them; their traces, one
+/// decay rate after the other, called `trace(0.9) NAME`; `time_of_day_sin` and `time_of_day_cos`
+/// in `[-1, 1]`; `MODE=value` as 0 or 1.
+///
+/// The files are read twice: once to learn what every channel is like, once for the kept channels.
+/// Memory is bounded by the states, 8 bytes a row for each channel of a batch (256 MB, or two
+/// channels), and the timestamps.
+///
+/// # Errors
+/// If the files, the ranges or the settings do not make a log with at least one transition in each range.
+pub fn load(
+    data: &DataConfig,
+    preprocess: &PreprocessConfig,
+    monitor: &dyn Monitor,
+) -> Result<Dataset, DataError> {
+    let survey = Survey::new(data, preprocess, monitor)?;
+    survey.refuse_empty()?;
+    let columns = survey.columns(preprocess);
+    let mut train = Matrix::new(&survey.train, columns.len());
+    let mut held_out = survey.held_out.as_ref().map(|part| Matrix::new(part, columns.len()));
+    let mut matrices: Vec<&mut Matrix<'_>> =
+        [&mut train].into_iter().chain(&mut held_out).collect();
+    survey.fill(preprocess, &mut matrices, monitor)?;
+    let timestamps = &survey.log.rows.timestamps;
+    let train = train.into_frames(timestamps, &columns)?;
+    let held_out = held_out.map(|matrix| matrix.into_frames(timestamps, &columns)).transpose()?;
+    let normaliser = Normaliser::new(columns);
+    let period = sampled_period(survey.log.period, preprocess);
+    Ok(Dataset {
+        fingerprint: fingerprint(&normaliser, period, &train, held_out.as_ref()),
+        profile: survey.profile,
+        normaliser,
+        train,
+        held_out,
+        period,
+    })
+}
+
+/// What a log is like, and what [`load`] would make of it.
+///
+/// # Errors
+/// If the files, the ranges or the settings do not make a log. Ranges without a transition, and
+/// logs without a usable channel, are not errors here: the profile shows why.
+pub fn inspect(
+    data: &DataConfig,
+    preprocess: &PreprocessConfig,
+    monitor: &dyn Monitor,
+) -> Result<Profile, DataError> {
+    Survey::new(data, preprocess, monitor).map(|survey| survey.profile)
+}
+
+/// The states of one range, while they are filled column by column.
+struct Matrix<'a> {
+    part: &'a Part,
+    values: Vec<f32>,
+    width: usize,
+}
+
+impl<'a> Matrix<'a> {
+    fn new(part: &'a Part, width: usize) -> Self {
+        Self { values: vec![0.0; part.samples.rows() * width], part, width }
+    }
+
+    /// Fill the columns from `first` on with the sampled, normalised values of `columns`.
+    fn fill(&mut self, first: usize, columns: &[(&[f64], Bounds)]) {
+        let (samples, width): (&Samples, usize) = (&self.part.samples, self.width);
+        self.values.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
+            for (row, state) in rows.chunks_exact_mut(width).enumerate() {
+                let row = block * BLOCK_ROWS + row;
+                for (state, (values, bounds)) in state[first..].iter_mut().zip(columns) {
+                    let physical = calib_core::Physical(samples.value(values, row));
+                    *state = bounds.normalise(physical).0;
+                }
+            }
+        });
+    }
+
+    fn into_frames(self, log: &[Timestamp], columns: &[Column]) -> Result<Frames, DataError> {
+        let samples = &self.part.samples;
+        let timestamps = samples.timestamps(log);
+        let states =
+            States::new(self.values, samples.rows(), self.width).map_err(|error| match error {
+                StatesError::NotFinite { row, column } => DataError::NotFinite {
+                    column: columns[column].name.clone(),
+                    at: format_time(timestamps[row]),
+                },
+                StatesError::Shape { .. } => unreachable!("the matrix has rows x columns values"),
+            })?;
+        match Frames::new(timestamps, samples.segments.clone(), states) {
+            Ok(frames) => Ok(frames),
+            Err(FramesError::Rows { .. } | FramesError::Order { .. }) => {
+                unreachable!("rows of the log are in time order, each instant once")
+            }
+        }
+    }
+}
+
+impl Survey {
+    /// The columns of the states, in order.
+    fn columns(&self, preprocess: &PreprocessConfig) -> Vec<Column> {
+        let sensor_names = || {
+            let name = |channel: usize| self.log.channels[channel].name.clone();
+            self.sensors.iter().map(move |sensor| (name(sensor.channel), sensor.bounds))
+        };
+        let column = |name, kind, bounds| Column { name, kind, bounds };
+        let mut columns: Vec<Column> =
+            sensor_names().map(|(name, bounds)| column(name, ColumnKind::Sensor, bounds)).collect();
+        for decay in &preprocess.traces {
+            columns.extend(sensor_names().map(|(name, bounds)| {
+                column(format!("trace({decay}) {name}"), ColumnKind::Feature, bounds)
+            }));
+        }
+        let feature = |name| column(name, ColumnKind::Feature, Bounds::IDENTITY);
+        if preprocess.time_of_day {
+            let names = ["time_of_day_sin", "time_of_day_cos"];
+            columns.extend(names.map(|name| feature(name.to_owned())));
+        }
+        if let Some(modes) = &self.modes {
+            let name = &self.log.channels[modes.channel].name;
+            columns.extend(modes.labels.iter().map(|label| feature(format!("{name}={label}"))));
+        }
+        columns
+    }
+
+    fn fill(
+        &self,
+        preprocess: &PreprocessConfig,
+        matrices: &mut [&mut Matrix<'_>],
+        monitor: &dyn Monitor,
+    ) -> Result<(), DataError> {
+        let mut batch = Batch::default();
+        let runs = self.runs();
+        let count = self.sensors.len();
+        monitor.begin("reading kept channels", count as u64);
+        let size = self.log.batch_size();
+        for (position, sensors) in self.sensors.chunks(size).enumerate() {
+            let first = position * size;
+            let channels: Vec<usize> = sensors.iter().map(|sensor| sensor.channel).collect();
+            let channels = self.log.read(&channels, &mut batch, monitor)?;
+            channels.par_iter_mut().zip(sensors).for_each(|(channel, sensor)| {
+                self.repair(&mut channel.values, sensor.bounds, preprocess);
+            });
+            let bounded: Vec<(&[f64], Bounds)> = channels
+                .iter()
+                .zip(sensors)
+                .map(|(channel, sensor)| (channel.values.as_slice(), sensor.bounds))
+                .collect();
+            for matrix in matrices.iter_mut() {
+                matrix.fill(first, &bounded);
+            }
+            for (trace, &decay) in preprocess.traces.iter().enumerate() {
+                let traced: Vec<Vec<f64>> = channels
+                    .par_iter()
+                    .map(|channel| {
+                        let mut values = channel.values.clone();
+                        features::trace(&mut values, &runs, decay);
+                        values
+                    })
+                    .collect();
+                let bounded: Vec<(&[f64], Bounds)> = traced
+                    .iter()
+                    .zip(sensors)
+                    .map(|(values, sensor)| (values.as_slice(), sensor.bounds))
+                    .collect();
+                for matrix in matrices.iter_mut() {
+                    matrix.fill((trace + 1) * count + first, &bounded);
+                }
+            }
+        }
+        self.fill_features(preprocess, matrices);
+        Ok(())
+    }
+
+    fn fill_features(&self, preprocess: &PreprocessConfig, matrices: &mut [&mut Matrix<'_>]) {
+        let mut next = self.sensors.len() * (1 + preprocess.traces.len());
+        let mut add = |values: Vec<f64>| {
+            for matrix in matrices.iter_mut() {
+                matrix.fill(next, &[(&values, Bounds::IDENTITY)]);
+            }
+            next += 1;
+        };
+        if preprocess.time_of_day {
+            features::time_of_day(&self.log.rows.timestamps).into_iter().for_each(&mut add);
+        }
+        if let Some(modes) = &self.modes {
+            (0..modes.labels.len()).map(|mode| modes.one_hot(mode)).for_each(&mut add);
+        }
+    }
+
+    /// Fill what the first pass filled, and clip.
+    fn repair(&self, values: &mut [f64], bounds: Bounds, preprocess: &PreprocessConfig) {
+        let timestamps = &self.log.rows.timestamps;
+        let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
+        impute(values, timestamps, &self.stretches, missing, limit, |_| {});
+        if preprocess.clip {
+            let (low, high) = (bounds.offset, bounds.offset + bounds.scale);
+            for value in values {
+                *value = value.clamp(low, high);
+            }
+        }
+    }
+
+    fn runs(&self) -> Vec<Range<usize>> {
+        let held_out = self.held_out.iter().flat_map(|part| &part.runs);
+        self.train.runs.iter().chain(held_out).cloned().collect()
+    }
+}
+
+fn fingerprint(
+    normaliser: &Normaliser,
+    period: Period,
+    train: &Frames,
+    held_out: Option<&Frames>,
+) -> Fingerprint {
+    let mut all = Fingerprinter::default();
+    all.add(b"dataset 1").add(&period.as_micros().to_le_bytes());
+    for column in normaliser.columns() {
+        all.add(column.name.as_bytes())
+            .add(&column.bounds.offset.to_le_bytes())
+            .add(&column.bounds.scale.to_le_bytes());
+    }
+    for frames in [train].into_iter().chain(held_out) {
+        let times: Vec<i64> = frames.timestamps().iter().map(|time| time.as_micros()).collect();
+        let ends: Vec<u32> = frames.segments().iter().map(|segment| segment.end).collect();
+        all.add(bytemuck::cast_slice(&times))
+            .add(bytemuck::cast_slice(&ends))
+            .add(bytemuck::cast_slice(frames.states().as_slice()));
+    }
+    all.finish()
+}

@@ -1,0 +1,64 @@
+//! The part of a profile that concerns rows, not channels.
+
+use calib_core::Timestamp;
+
+use crate::{
+    BackwardStep, BackwardSteps, Duplicates, Gaps, PartProfile, Profile,
+    log::{EXAMPLES, Log},
+};
+
+/// The profile of the rows; what concerns channels and ranges is empty.
+pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
+    let rows = &log.rows;
+    let irregular = &rows.irregularities;
+    let mut times: Vec<Timestamp> =
+        rows.duplicates.iter().map(|duplicate| rows.timestamps[duplicate.row as usize]).collect();
+    times.sort_unstable();
+    times.dedup();
+    times.truncate(EXAMPLES);
+    let backward_steps = irregular.first_backward_steps.iter();
+    let (start, end) = (rows.timestamps[0], rows.timestamps[rows.timestamps.len() - 1]);
+    Profile {
+        files: log.files.len(),
+        bytes: log.files.iter().map(|file| file.bytes).sum(),
+        file_rows: log.files.iter().map(|file| file.rows as u64).sum(),
+        rows: rows.timestamps.len() as u64,
+        rows_outside: irregular.outside,
+        start,
+        end,
+        period_secs: log.period.as_secs(),
+        period_was_detected: log.period_was_detected,
+        sampled_period_secs: log.period.as_secs(),
+        null_timestamps: irregular.null_timestamps,
+        duplicates: Duplicates {
+            identical: rows.duplicates.len() as u64 - conflicting,
+            conflicting,
+            examples: times,
+        },
+        backward_steps: BackwardSteps {
+            count: irregular.backward_steps,
+            examples: backward_steps
+                .map(|&(file, from, to)| BackwardStep {
+                    file: log.files[file].path().display().to_string(),
+                    from,
+                    to,
+                })
+                .collect(),
+        },
+        overlapping_files: irregular.overlaps.len() as u64,
+        short_steps: log.steps.short_steps,
+        gaps: Gaps {
+            count: log.steps.gaps,
+            longest_secs: log.steps.longest_gap as f64 / 1e6,
+            total_secs: log.steps.total_gap as f64 / 1e6,
+            examples: log.steps.first_gaps.clone(),
+        },
+        channels: Vec::new(),
+        unused_excludes: Vec::new(),
+        columns: 0,
+        train: PartProfile::empty(start),
+        held_out: None,
+        unseen_modes: 0,
+        state_bytes: 0,
+    }
+}

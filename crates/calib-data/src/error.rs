@@ -1,0 +1,215 @@
+use std::path::PathBuf;
+
+use calib_files::FileError;
+
+/// Why a log cannot be used. Every message says what was found where, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// A setting is out of range.
+    #[error("{key} = {got}: expected {expected}")]
+    Config {
+        /// Section and key.
+        key: String,
+        /// The value.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// No path was given.
+    #[error("data.path is empty: name a Parquet file, a folder, a glob pattern, or a list of them")]
+    NoPath,
+    /// A path or pattern leads to no Parquet file.
+    #[error("no Parquet file at {pattern}: {reason}")]
+    NoFile {
+        /// The path or pattern as it was given.
+        pattern: String,
+        /// What was looked for.
+        reason: String,
+    },
+    /// The partition filter leaves no file.
+    #[error("no file lies in a folder {key}={value}; there are: {available}")]
+    NoPartition {
+        /// Hive key.
+        key: String,
+        /// Value asked for.
+        value: String,
+        /// Partitions that exist.
+        available: String,
+    },
+    /// Files of different partitions cover the same time.
+    #[error(
+        "{} and {} cover the same time but lie in different partitions: they are different plants or wells. \
+         Choose one with data.partitions, for example partitions = {{ {key} = \"{value}\" }}",
+        first.display(), second.display()
+    )]
+    MixedPartitions {
+        /// A file.
+        first: PathBuf,
+        /// A file that overlaps it.
+        second: PathBuf,
+        /// Hive key in which they differ.
+        key: String,
+        /// The first file's value.
+        value: String,
+    },
+    /// The system refused.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file is not Parquet, or is damaged.
+    #[error(
+        "{} is not a readable Parquet file (truncated or damaged?): {reason}. Export it again, or leave it out",
+        path.display()
+    )]
+    NotParquet {
+        /// The file.
+        path: PathBuf,
+        /// What the reader found.
+        reason: String,
+    },
+    /// A file does not have the timestamp column.
+    #[error(
+        "{} has no column {column:?} for the timestamps; set data.timestamp to one of: {candidates}",
+        path.display()
+    )]
+    NoTimestamp {
+        /// The file.
+        path: PathBuf,
+        /// The configured column.
+        column: String,
+        /// Columns that look like timestamps, or all columns.
+        candidates: String,
+    },
+    /// The timestamp column does not hold timestamps.
+    #[error(
+        "column {column:?} of {} does not hold timestamps: {reason}",
+        path.display()
+    )]
+    BadTimestamp {
+        /// The file.
+        path: PathBuf,
+        /// The configured column.
+        column: String,
+        /// What was found and expected.
+        reason: String,
+    },
+    /// The log has no rows.
+    #[error(
+        "the log has no rows: {files} files, every timestamp is missing or every file is empty"
+    )]
+    NoRows {
+        /// Number of files.
+        files: usize,
+    },
+    /// The log has more rows than are counted in 32 bits.
+    #[error(
+        "the log has {rows} rows, more than the {} that calib can index; choose a part of it",
+        u32::MAX
+    )]
+    TooManyRows {
+        /// Number of rows.
+        rows: u64,
+    },
+    /// The sample period cannot be told.
+    #[error("one row at {at} does not tell the sample period: set data.period_secs, or add rows")]
+    NoPeriod {
+        /// Time of the row.
+        at: String,
+    },
+    /// The training and the held-out range overlap.
+    #[error(
+        "data.train ({train}) and data.held_out ({held_out}) overlap: an agent would be judged on what it was trained on"
+    )]
+    Overlap {
+        /// Training range.
+        train: String,
+        /// Held-out range.
+        held_out: String,
+    },
+    /// A range holds no rows.
+    #[error("data.{key} ({range}) holds no rows: the log runs from {start} to {end}")]
+    OutsideData {
+        /// `train` or `held_out`.
+        key: &'static str,
+        /// The range.
+        range: String,
+        /// First row of the log.
+        start: String,
+        /// Last row of the log.
+        end: String,
+    },
+    /// A pattern names no channel.
+    #[error("data.include has {pattern:?}, which names no channel{hint}")]
+    NoSuchPattern {
+        /// The pattern.
+        pattern: String,
+        /// Similar names, if there are any.
+        hint: String,
+    },
+    /// A sensor is not a channel of the log.
+    #[error("sensor {name:?} is not a channel of the log{hint}")]
+    NoSuchSensor {
+        /// The sensor.
+        name: String,
+        /// Similar names, if there are any.
+        hint: String,
+    },
+    /// A sensor that is needed was dropped.
+    #[error("sensor {name:?} is needed but was dropped: {reason}")]
+    SensorDropped {
+        /// The sensor.
+        name: String,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// The mode column cannot be one-hot encoded.
+    #[error("preprocess.one_hot = {name:?}: {reason}")]
+    OneHot {
+        /// The column.
+        name: String,
+        /// What was found and expected.
+        reason: String,
+    },
+    /// No channel is left.
+    #[error("no channel is left of {channels}: {reasons}. `calib inspect` shows every channel")]
+    NoChannels {
+        /// Number of channels in the log.
+        channels: usize,
+        /// How many were dropped for which reason.
+        reasons: String,
+    },
+    /// Cleaning leaves no transition.
+    #[error(
+        "data.{key} has no two successive rows left: {rows} rows, {dropped} of them dropped for missing values, {segments} segments{culprits}"
+    )]
+    NoTransitions {
+        /// `train` or `held_out`.
+        key: &'static str,
+        /// Rows of the log in the range.
+        rows: usize,
+        /// Rows dropped.
+        dropped: usize,
+        /// Segments left.
+        segments: usize,
+        /// Channels that miss most, and what to do.
+        culprits: String,
+    },
+    /// A value cannot be represented after normalisation.
+    #[error(
+        "column {column:?} at {at} is too far outside its training range to be represented; set preprocess.clip or exclude it"
+    )]
+    NotFinite {
+        /// The column.
+        column: String,
+        /// Time of the row.
+        at: String,
+    },
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl DataError {
+    pub(crate) fn config(key: String, got: String, expected: &'static str) -> Self {
+        Self::Config { key, got, expected }
+    }
+}

@@ -1,0 +1,167 @@
+//! One Parquet file of the log.
+
+use std::{fs::File, ops::Range, path::PathBuf, sync::Arc};
+
+use calib_files::FileError;
+use pl::SerReader as _;
+use polars::prelude as pl;
+
+use super::source::Source;
+use crate::DataError;
+
+/// Rows that are read at a time, unless a row group has more: bounds what is held twice.
+const SLICE_ROWS: usize = 1 << 20;
+
+/// A file whose footer has been read.
+pub(crate) struct LogFile {
+    pub(crate) source: Source,
+    pub(crate) fields: Vec<Field>,
+    pub(crate) rows: usize,
+    pub(crate) bytes: u64,
+    metadata: Arc<pl::FileMetadata>,
+}
+
+/// A column of the file.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    pub(crate) name: String,
+    pub(crate) kind: FieldKind,
+    /// The type as users know it.
+    pub(crate) type_name: String,
+}
+
+/// What calib can do with a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FieldKind {
+    /// Numbers and booleans.
+    Number,
+    /// Text, which may hold numbers.
+    Text,
+    /// Dates and instants.
+    Time,
+    /// Nothing.
+    Other,
+}
+
+impl LogFile {
+    pub(crate) fn open(source: Source) -> Result<Self, DataError> {
+        let file = open(&source.path)?;
+        let bytes =
+            file.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
+        let mut reader = pl::ParquetReader::new(file);
+        let not_parquet = |error: &pl::PolarsError| not_parquet(&source.path, error);
+        let metadata = Arc::clone(reader.get_metadata().map_err(|error| not_parquet(&error))?);
+        let schema = reader.schema().map_err(|error| not_parquet(&error))?;
+        let fields = schema
+            .iter()
+            .map(|(name, field)| {
+                let (kind, type_name) = classify(field.dtype());
+                Field { name: name.to_string(), kind, type_name }
+            })
+            .collect();
+        Ok(Self { fields, rows: metadata.num_rows, bytes, metadata, source })
+    }
+
+    pub(crate) fn path(&self) -> &PathBuf {
+        &self.source.path
+    }
+
+    /// The position of the column called `name`.
+    pub(crate) fn field(&self, name: &str) -> Option<usize> {
+        self.fields.iter().position(|field| field.name == name)
+    }
+
+    /// Slices of whole row groups that cover `rows`, cut to `rows`.
+    pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
+        let mut slices: Vec<Range<usize>> = Vec::new();
+        let mut start = 0;
+        for group in &self.metadata.row_groups {
+            let end = start + group.num_rows();
+            let inside = start.max(rows.start)..end.min(rows.end);
+            start = end;
+            match slices.last_mut() {
+                _ if inside.is_empty() => {}
+                Some(last) if inside.end - last.start <= SLICE_ROWS => last.end = inside.end,
+                _ => slices.push(inside),
+            }
+        }
+        slices
+    }
+
+    /// Some columns of some rows, one for each of `fields`.
+    pub(crate) fn read(
+        &self,
+        fields: &[usize],
+        rows: &Range<usize>,
+    ) -> Result<Vec<pl::Column>, DataError> {
+        let mut reader = pl::ParquetReader::new(open(self.path())?);
+        reader.set_metadata(Arc::clone(&self.metadata));
+        let frame = reader
+            .with_projection(Some(fields.to_vec()))
+            .with_slice(Some((rows.start, rows.len())))
+            .read_parallel(pl::ParallelStrategy::Columns)
+            .finish()
+            .map_err(|error| self.damaged(&error))?;
+        let columns = fields
+            .iter()
+            .map(|&field| frame.column(&self.fields[field].name).cloned())
+            .collect::<pl::PolarsResult<Vec<_>>>()
+            .map_err(|error| self.damaged(&error))?;
+        if columns.iter().any(|column| column.len() != rows.len()) {
+            return Err(DataError::NotParquet {
+                path: self.path().clone(),
+                reason: format!("fewer rows than the {} it declares", self.rows),
+            });
+        }
+        Ok(columns)
+    }
+
+    pub(crate) fn damaged(&self, error: &pl::PolarsError) -> DataError {
+        not_parquet(self.path(), error)
+    }
+}
+
+fn open(path: &PathBuf) -> Result<File, DataError> {
+    Ok(File::open(path).map_err(|source| FileError::io("open", path, source))?)
+}
+
+fn not_parquet(path: &PathBuf, error: &pl::PolarsError) -> DataError {
+    DataError::NotParquet { path: path.clone(), reason: error.to_string() }
+}
+
+fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {
+    use pl::ArrowDataType as D;
+    match dtype {
+        D::Boolean => (FieldKind::Number, "bool".to_owned()),
+        D::Float16 | D::Float32 | D::Float64 => number("f", dtype, "Float"),
+        D::Int8 | D::Int16 | D::Int32 | D::Int64 => number("i", dtype, "Int"),
+        D::UInt8 | D::UInt16 | D::UInt32 | D::UInt64 => number("u", dtype, "UInt"),
+        D::Decimal(..) | D::Decimal32(..) | D::Decimal64(..) | D::Decimal256(..) => {
+            (FieldKind::Number, "decimal".to_owned())
+        }
+        D::Utf8 | D::LargeUtf8 | D::Utf8View => (FieldKind::Text, "text".to_owned()),
+        D::Dictionary(_, values, _) => match classify(values) {
+            (FieldKind::Text, _) => (FieldKind::Text, "category".to_owned()),
+            _ => (FieldKind::Other, format!("{dtype:?}").to_lowercase()),
+        },
+        D::Date32 | D::Date64 => (FieldKind::Time, "date".to_owned()),
+        D::Timestamp(_, None) => (FieldKind::Time, "datetime".to_owned()),
+        D::Timestamp(_, Some(zone)) => (FieldKind::Time, format!("datetime in {zone}")),
+        D::List(_) | D::LargeList(_) | D::FixedSizeList(..) => {
+            (FieldKind::Other, "list".to_owned())
+        }
+        D::Struct(_) | D::Map(..) => (FieldKind::Other, "struct".to_owned()),
+        D::Binary | D::LargeBinary | D::BinaryView | D::FixedSizeBinary(_) => {
+            (FieldKind::Other, "binary".to_owned())
+        }
+        D::Duration(_) => (FieldKind::Other, "duration".to_owned()),
+        D::Time32(_) | D::Time64(_) => (FieldKind::Other, "time of day".to_owned()),
+        other => (FieldKind::Other, format!("{other:?}").to_lowercase()),
+    }
+}
+
+/// `Float32` is called f32.
+fn number(prefix: &str, dtype: &pl::ArrowDataType, arrow: &str) -> (FieldKind, String) {
+    let name = format!("{dtype:?}").replace(arrow, prefix);
+    (FieldKind::Number, name)
+}

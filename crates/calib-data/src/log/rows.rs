@@ -1,0 +1,321 @@
+//! The rows of the log in time order, each instant once, and where in which file they lie.
+
+use std::ops::Range;
+
+use calib_core::Timestamp;
+use rayon::prelude::*;
+
+/// A timestamp that is missing, in a file's list of timestamps.
+pub(crate) const NO_TIME: i64 = i64::MIN;
+
+/// How many examples of an irregularity are kept.
+pub(crate) const EXAMPLES: usize = 10;
+
+/// Rows in time order.
+#[derive(Debug)]
+pub(crate) struct Rows {
+    pub(crate) timestamps: Vec<Timestamp>,
+    /// For each file, where its rows go.
+    pub(crate) maps: Vec<RowMap>,
+    /// By file and row of the file.
+    pub(crate) duplicates: Vec<Duplicate>,
+    pub(crate) irregularities: Irregularities,
+}
+
+/// Where the rows of a file go.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum RowMap {
+    /// Row `file.start + i` of the file is row `first + i` of the log; others are left out.
+    Contiguous { file: Range<usize>, first: usize },
+    /// Row `i` of the file is this row of the log; [`LEFT_OUT`] if it is left out.
+    Scattered(Vec<u32>),
+}
+
+/// A row of a file that is not a row of the log.
+pub(crate) const LEFT_OUT: u32 = u32::MAX;
+
+impl RowMap {
+    /// The rows of the file that must be read.
+    pub(crate) fn needed(&self) -> Range<usize> {
+        match self {
+            Self::Contiguous { file, .. } => file.clone(),
+            Self::Scattered(rows) => 0..rows.len(),
+        }
+    }
+
+    /// The row of the log that row `file_row` of the file is.
+    pub(crate) fn row(&self, file_row: usize) -> Option<usize> {
+        match self {
+            Self::Contiguous { file, first } => {
+                file.contains(&file_row).then(|| first + file_row - file.start)
+            }
+            Self::Scattered(rows) => {
+                rows.get(file_row).filter(|&&row| row != LEFT_OUT).map(|&row| row as usize)
+            }
+        }
+    }
+}
+
+/// A row whose timestamp an earlier row already has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Duplicate {
+    pub(crate) file: u32,
+    pub(crate) file_row: u32,
+    /// The row of the log that has this time.
+    pub(crate) row: u32,
+}
+
+/// What was irregular about the timestamps.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Irregularities {
+    pub(crate) null_timestamps: u64,
+    pub(crate) backward_steps: u64,
+    /// File, time before the step, time after it.
+    pub(crate) first_backward_steps: Vec<(usize, Timestamp, Timestamp)>,
+    /// Pairs of a file and one that started before it and had not ended.
+    pub(crate) overlaps: Vec<(usize, usize)>,
+    /// Rows outside the window.
+    pub(crate) outside: u64,
+}
+
+impl Rows {
+    /// Put the rows of all files in time order. Equal times keep the row of the file that starts
+    /// first, and in a file the first row. Rows outside `window` are left out.
+    pub(crate) fn plan(files: &[Vec<i64>], window: &Range<i64>) -> Self {
+        let mut irregularities = Irregularities::default();
+        for (file, times) in files.iter().enumerate() {
+            note_steps(file, times, &mut irregularities);
+        }
+        let order = file_order(files);
+        note_overlaps(files, &order, &mut irregularities);
+        let mut rows = Self {
+            timestamps: Vec::new(),
+            maps: files.iter().map(|_| RowMap::Contiguous { file: 0..0, first: 0 }).collect(),
+            duplicates: Vec::new(),
+            irregularities,
+        };
+        if increasing(files, &order) {
+            rows.append(files, &order, window);
+        } else {
+            rows.merge(files, &order, window);
+        }
+        rows
+    }
+
+    /// Files that follow each other and increase by themselves.
+    fn append(&mut self, files: &[Vec<i64>], order: &[usize], window: &Range<i64>) {
+        for &file in order {
+            let times = &files[file];
+            let start = times.partition_point(|&time| time < window.start);
+            let end = times.partition_point(|&time| time < window.end).max(start);
+            self.maps[file] = RowMap::Contiguous { file: start..end, first: self.timestamps.len() };
+            self.irregularities.outside += (times.len() - (end - start)) as u64;
+            let inside = times[start..end].iter().copied();
+            self.timestamps.extend(inside.map(Timestamp::from_micros));
+        }
+    }
+
+    fn merge(&mut self, files: &[Vec<i64>], order: &[usize], window: &Range<i64>) {
+        let mut all: Vec<(i64, u32, u32)> = Vec::new();
+        for (position, &file) in order.iter().enumerate() {
+            let left_out = vec![LEFT_OUT; files[file].len()];
+            self.maps[file] = RowMap::Scattered(left_out);
+            for (row, &time) in files[file].iter().enumerate() {
+                if window.contains(&time) {
+                    all.push((time, position as u32, row as u32));
+                } else if time != NO_TIME {
+                    self.irregularities.outside += 1;
+                }
+            }
+        }
+        all.par_sort_unstable();
+        for (time, position, file_row) in all {
+            let file = order[position as usize];
+            let time = Timestamp::from_micros(time);
+            if self.timestamps.last() == Some(&time) {
+                self.duplicates.push(Duplicate {
+                    file: file as u32,
+                    file_row,
+                    row: (self.timestamps.len() - 1) as u32,
+                });
+                continue;
+            }
+            if let RowMap::Scattered(map) = &mut self.maps[file] {
+                map[file_row as usize] = self.timestamps.len() as u32;
+            }
+            self.timestamps.push(time);
+        }
+        self.duplicates.sort_unstable_by_key(|duplicate| (duplicate.file, duplicate.file_row));
+        // Whatever lies in one piece is copied in one piece; duplicates are found row by row.
+        let mut repeats = vec![false; files.len()];
+        for duplicate in &self.duplicates {
+            repeats[duplicate.file as usize] = true;
+        }
+        for (map, repeats) in self.maps.iter_mut().zip(repeats) {
+            if let RowMap::Scattered(rows) = map
+                && !repeats
+                && let Some(piece) = one_piece(rows)
+            {
+                *map = piece;
+            }
+        }
+    }
+}
+
+fn one_piece(rows: &[u32]) -> Option<RowMap> {
+    let start = rows.iter().position(|&row| row != LEFT_OUT)?;
+    let end = rows.iter().rposition(|&row| row != LEFT_OUT)? + 1;
+    let first = rows[start];
+    rows[start..end]
+        .iter()
+        .zip(first..)
+        .all(|(&row, expected)| row == expected)
+        .then_some(RowMap::Contiguous { file: start..end, first: first as usize })
+}
+
+fn note_steps(file: usize, times: &[i64], irregularities: &mut Irregularities) {
+    let mut before = None;
+    for &time in times {
+        if time == NO_TIME {
+            irregularities.null_timestamps += 1;
+            continue;
+        }
+        if let Some(before) = before
+            && time < before
+        {
+            irregularities.backward_steps += 1;
+            if irregularities.first_backward_steps.len() < EXAMPLES {
+                let at = Timestamp::from_micros;
+                let step = (file, at(before), at(time));
+                irregularities.first_backward_steps.push(step);
+            }
+        }
+        before = Some(time);
+    }
+}
+
+fn note_overlaps(files: &[Vec<i64>], order: &[usize], irregularities: &mut Irregularities) {
+    let mut latest: Option<(i64, usize)> = None;
+    for &file in order {
+        let times = || files[file].iter().copied().filter(|&time| time != NO_TIME);
+        let (Some(first), Some(last)) = (times().min(), times().max()) else {
+            continue;
+        };
+        if let Some((end, earlier)) = latest
+            && first <= end
+        {
+            irregularities.overlaps.push((earlier, file));
+        }
+        if latest.is_none_or(|(end, _)| last > end) {
+            latest = Some((last, file));
+        }
+    }
+}
+
+/// Files by their first timestamp, then as they are listed.
+fn file_order(files: &[Vec<i64>]) -> Vec<usize> {
+    let first = |file: &usize| files[*file].iter().copied().find(|&time| time != NO_TIME);
+    let mut order: Vec<usize> = (0..files.len()).filter(|file| first(file).is_some()).collect();
+    order.sort_by_key(first);
+    order
+}
+
+fn increasing(files: &[Vec<i64>], order: &[usize]) -> bool {
+    let mut before = NO_TIME;
+    order.iter().flat_map(|&file| &files[file]).all(|&time| {
+        let increases = time > before;
+        before = time;
+        increases
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const ALL: Range<i64> = i64::MIN + 1..i64::MAX;
+
+    fn micros(rows: &Rows) -> Vec<i64> {
+        rows.timestamps.iter().map(|time| time.as_micros()).collect()
+    }
+
+    #[test]
+    fn files_that_follow_each_other_are_contiguous() {
+        let rows = Rows::plan(&[vec![4, 5, 6], vec![1, 2, 3], vec![]], &ALL);
+        assert_eq!(micros(&rows), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(rows.maps[0], RowMap::Contiguous { file: 0..3, first: 3 });
+        assert_eq!(rows.maps[1], RowMap::Contiguous { file: 0..3, first: 0 });
+        assert_eq!(rows.maps[2].needed(), 0..0);
+        assert_eq!(rows.irregularities, Irregularities::default());
+    }
+
+    #[test]
+    fn a_window_leaves_rows_out() {
+        let rows = Rows::plan(&[vec![1, 2, 3], vec![4, 5, 6]], &(3..5));
+        assert_eq!(micros(&rows), [3, 4]);
+        assert_eq!(rows.maps[0], RowMap::Contiguous { file: 2..3, first: 0 });
+        assert_eq!(rows.irregularities.outside, 4);
+    }
+
+    #[test]
+    fn a_step_back_is_sorted_and_repeats_are_dropped() {
+        // Clocks go back after 3: 2 and 3 are logged twice.
+        let rows = Rows::plan(&[vec![1, 2, 3, 2, 3, 4]], &ALL);
+        assert_eq!(micros(&rows), [1, 2, 3, 4]);
+        let irregular = &rows.irregularities;
+        assert_eq!(irregular.backward_steps, 1);
+        let at = Timestamp::from_micros;
+        assert_eq!(irregular.first_backward_steps, [(0, at(3), at(2))]);
+        assert_eq!(rows.maps[0], RowMap::Scattered(vec![0, 1, 2, LEFT_OUT, LEFT_OUT, 3]));
+        let repeat = |file_row, row| Duplicate { file: 0, file_row, row };
+        assert_eq!(rows.duplicates, [repeat(3, 1), repeat(4, 2)]);
+    }
+
+    #[test]
+    fn missing_timestamps_are_counted() {
+        let rows = Rows::plan(&[vec![NO_TIME, 1, NO_TIME, 2]], &ALL);
+        assert_eq!(micros(&rows), [1, 2]);
+        assert_eq!(rows.irregularities.null_timestamps, 2);
+        assert_eq!(rows.irregularities.backward_steps, 0);
+    }
+
+    #[test]
+    fn overlapping_files_are_merged_and_named() {
+        let rows = Rows::plan(&[vec![2, 4, 6], vec![1, 3, 5], vec![7, 8]], &ALL);
+        assert_eq!(micros(&rows), [1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(rows.irregularities.overlaps, [(1, 0)]);
+        assert_eq!(rows.maps[2], RowMap::Contiguous { file: 0..2, first: 6 });
+    }
+
+    proptest! {
+        #[test]
+        fn every_instant_comes_once_and_every_row_is_accounted_for(
+            files in prop::collection::vec(prop::collection::vec(prop_oneof![4 => -20_i64..20, 1 => Just(NO_TIME)], 0..12), 0..5),
+            start in -25_i64..25,
+            length in 0_i64..50,
+        ) {
+            let window = start..start + length;
+            let rows = Rows::plan(&files, &window);
+            let mut expected: Vec<i64> = files.iter().flatten().copied().filter(|time| window.contains(time)).collect();
+            expected.sort_unstable();
+            expected.dedup();
+            prop_assert_eq!(micros(&rows), expected);
+            let total: usize = files.iter().map(Vec::len).sum();
+            let accounted = rows.timestamps.len() + rows.duplicates.len();
+            let left_out = rows.irregularities.null_timestamps + rows.irregularities.outside;
+            prop_assert_eq!(total, accounted + left_out as usize);
+            let mut filled = vec![0; rows.timestamps.len()];
+            for (times, map) in files.iter().zip(&rows.maps) {
+                for file_row in map.needed() {
+                    if let Some(row) = map.row(file_row) {
+                        filled[row] += 1;
+                        prop_assert_eq!(rows.timestamps[row].as_micros(), times[file_row]);
+                    }
+                }
+            }
+            prop_assert!(filled.iter().all(|&count| count == 1));
+        }
+    }
+}

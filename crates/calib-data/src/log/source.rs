@@ -1,0 +1,204 @@
+//! Which files make up the log.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_files::FileError;
+
+use crate::{DataConfig, DataError};
+
+/// A file of the log, and the partitions (`key=value` folders) that it lies in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Source {
+    pub(crate) path: PathBuf,
+    pub(crate) partitions: BTreeMap<String, String>,
+}
+
+/// The files that `data.path` and `data.partitions` select, each once, in order of their names.
+pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
+    if data.path.0.is_empty() {
+        return Err(DataError::NoPath);
+    }
+    let mut paths = BTreeSet::new();
+    for pattern in &data.path.0 {
+        let found = expand(pattern)?;
+        if found.is_empty() {
+            return Err(DataError::NoFile {
+                pattern: pattern.clone(),
+                reason: "nothing matches whose name ends in .parquet, .parq or .pq".to_owned(),
+            });
+        }
+        paths.extend(found);
+    }
+    let mut sources: Vec<Source> =
+        paths.into_iter().map(|path| Source { partitions: partitions(&path), path }).collect();
+    for (key, value) in &data.partitions {
+        let available: BTreeSet<String> = sources
+            .iter()
+            .flat_map(|source| &source.partitions)
+            .map(|(key, value)| format!("{key}={value}"))
+            .collect();
+        sources.retain(|source| source.partitions.get(key) == Some(value));
+        if sources.is_empty() {
+            let available = if available.is_empty() {
+                "no key=value folders".to_owned()
+            } else {
+                available.into_iter().collect::<Vec<_>>().join(", ")
+            };
+            return Err(DataError::NoPartition {
+                key: key.clone(),
+                value: value.clone(),
+                available,
+            });
+        }
+    }
+    Ok(sources)
+}
+
+fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
+    let path = Path::new(pattern);
+    // A name that exists is meant literally, brackets and all.
+    if path.is_file() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut found = Vec::new();
+    if path.is_dir() {
+        walk(path, &mut found)?;
+        return Ok(found);
+    }
+    let no_file = |reason: String| DataError::NoFile { pattern: pattern.to_owned(), reason };
+    if !pattern.contains(['*', '?', '[']) {
+        return Err(no_file("there is no such file or folder".to_owned()));
+    }
+    let matches = glob::glob(pattern)
+        .map_err(|error| no_file(format!("the glob pattern is malformed: {error}")))?;
+    for matched in matches {
+        let matched = matched.map_err(|error| {
+            let path = error.path().to_owned();
+            FileError::io("read", &path, error.into())
+        })?;
+        if matched.is_dir() {
+            walk(&matched, &mut found)?;
+        } else if is_parquet(&matched) {
+            found.push(matched);
+        }
+    }
+    Ok(found)
+}
+
+fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), DataError> {
+    let refused = |source| FileError::io("read the folder", folder, source);
+    for entry in fs::read_dir(folder).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        // Hidden and underscore names are other programs' temporary and administrative files.
+        let name = entry.file_name();
+        if name.to_string_lossy().starts_with(['.', '_']) {
+            continue;
+        }
+        let path = entry.path();
+        // Linked folders are not followed: they could lead back here.
+        if entry.file_type().map_err(refused)?.is_dir() {
+            walk(&path, found)?;
+        } else if path.is_file() && is_parquet(&path) {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn is_parquet(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| {
+        ["parquet", "parq", "pq"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+    })
+}
+
+fn partitions(path: &Path) -> BTreeMap<String, String> {
+    path.parent()
+        .into_iter()
+        .flat_map(Path::components)
+        .filter_map(|component| {
+            let name = component.as_os_str().to_str()?;
+            let (key, value) = name.split_once('=')?;
+            Some((key.to_owned(), value.to_owned()))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Paths;
+
+    fn folder(files: &[&str]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for file in files {
+            let path = folder.path().join(file);
+            fs::create_dir_all(path.parent().expect("has one")).expect("created");
+            fs::write(path, b"").expect("written");
+        }
+        folder
+    }
+
+    fn names(folder: &Path, patterns: &[&str]) -> Result<Vec<String>, DataError> {
+        let mut data = DataConfig {
+            path: Paths(patterns.iter().map(|&pattern| pattern.to_owned()).collect()),
+            ..DataConfig::default()
+        };
+        data.resolve(folder);
+        let sources = find_files(&data)?;
+        let relative = |source: &Source| {
+            let path = source.path.strip_prefix(folder).expect("inside");
+            path.to_string_lossy().into_owned()
+        };
+        Ok(sources.iter().map(relative).collect())
+    }
+
+    #[test]
+    fn files_folders_and_patterns_are_found_once() {
+        let folder = folder(&[
+            "a.parquet",
+            "b.PQ",
+            "c.csv",
+            "day/d.parquet",
+            "day/.tmp.parquet",
+            "_log/e.parquet",
+            "x[1].parquet",
+        ]);
+        let names = |patterns| names(folder.path(), patterns).expect("found");
+        assert_eq!(names(&["."]), ["a.parquet", "b.PQ", "day/d.parquet", "x[1].parquet"]);
+        assert_eq!(names(&["*.parquet", "a.parquet"]), ["a.parquet", "x[1].parquet"]);
+        assert_eq!(names(&["d*"]), ["day/d.parquet"]);
+        assert_eq!(names(&["x[1].parquet"]), ["x[1].parquet"]);
+        assert_eq!(names(&["c.csv"]), ["c.csv"], "a named file is taken whatever its name");
+    }
+
+    #[test]
+    fn the_pattern_that_finds_nothing_is_named() {
+        let folder = folder(&["a.parquet", "c.csv"]);
+        let message = |pattern: &str| {
+            let error = names(folder.path(), &["a.parquet", pattern]).expect_err("nothing there");
+            error.to_string()
+        };
+        assert!(message("z.parquet").contains("z.parquet: there is no such file or folder"));
+        assert!(message("c*").contains("c*: nothing matches"));
+        assert!(message("[").contains("malformed"));
+        let none = find_files(&DataConfig::default()).expect_err("no path");
+        assert!(none.to_string().contains("data.path is empty"));
+    }
+
+    #[test]
+    fn partitions_are_a_filter() {
+        let folder = folder(&["well=1/year=2022/a.parquet", "well=2/b.parquet"]);
+        let mut data = DataConfig::at(folder.path());
+        data.partitions.insert("well".to_owned(), "1".to_owned());
+        let sources = find_files(&data).expect("found");
+        assert_eq!(sources.len(), 1);
+        assert_eq!(sources[0].partitions["year"], "2022");
+        data.partitions.insert("well".to_owned(), "3".to_owned());
+        let error = find_files(&data).expect_err("no such well").to_string();
+        assert_eq!(error, "no file lies in a folder well=3; there are: well=1, well=2, year=2022");
+    }
+}

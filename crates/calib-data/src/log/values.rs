@@ -1,0 +1,198 @@
+//! A column of a file as `f64`, and what in it was no number.
+
+use std::collections::BTreeMap;
+
+use polars::prelude as pl;
+
+/// Distinct words that are told apart; the rest is counted as one.
+const WORDS: usize = 1_000;
+/// What words beyond [`WORDS`] are counted as.
+const OTHER_WORDS: &str = "(other words)";
+
+/// What was no number in a channel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct NotNumbers {
+    /// NaN and infinite values.
+    pub(crate) non_finite: u64,
+    /// Text that is not a number, with how often it occurs.
+    pub(crate) words: BTreeMap<String, u64>,
+}
+
+impl NotNumbers {
+    fn word(&mut self, word: &str) {
+        if let Some(count) = self.words.get_mut(word) {
+            *count += 1;
+        } else {
+            let full = self.words.len() >= WORDS;
+            let word = if full { OTHER_WORDS } else { word };
+            *self.words.entry(word.to_owned()).or_default() += 1;
+        }
+    }
+}
+
+/// Write the values of `column` to `out`, NaN where there is no finite number.
+pub(crate) fn to_numbers(
+    column: &pl::Column,
+    out: &mut [f64],
+    not_numbers: &mut NotNumbers,
+) -> pl::PolarsResult<()> {
+    use pl::DataType as D;
+    macro_rules! numbers {
+        ($array:ident) => {{
+            let mut rest = out;
+            for chunk in column.$array()?.downcast_iter() {
+                let (part, next) = rest.split_at_mut(chunk.len());
+                rest = next;
+                let values = chunk.values().iter().map(|&value| value as f64);
+                match chunk.validity() {
+                    None => part.iter_mut().zip(values).for_each(|(out, value)| {
+                        *out = finite(value, &mut not_numbers.non_finite);
+                    }),
+                    Some(valid) => {
+                        for ((out, value), valid) in part.iter_mut().zip(values).zip(valid) {
+                            *out = if valid {
+                                finite(value, &mut not_numbers.non_finite)
+                            } else {
+                                f64::NAN
+                            };
+                        }
+                    }
+                }
+            }
+        }};
+    }
+    match column.dtype() {
+        D::Float64 => numbers!(f64),
+        D::Float32 => numbers!(f32),
+        D::Int8 => numbers!(i8),
+        D::Int16 => numbers!(i16),
+        D::Int32 => numbers!(i32),
+        D::Int64 => numbers!(i64),
+        D::UInt8 => numbers!(u8),
+        D::UInt16 => numbers!(u16),
+        D::UInt32 => numbers!(u32),
+        D::UInt64 => numbers!(u64),
+        D::Boolean => {
+            for (out, value) in out.iter_mut().zip(column.bool()?.iter()) {
+                *out = value.map_or(f64::NAN, |value| f64::from(u8::from(value)));
+            }
+        }
+        D::String | D::Categorical(..) | D::Enum(..) => {
+            let text = column.cast(&D::String)?;
+            for (out, text) in out.iter_mut().zip(text.str()?.iter()) {
+                *out = text.map_or(f64::NAN, |text| parse(text, not_numbers));
+            }
+        }
+        _ => {
+            let column = column.cast(&D::Float64)?;
+            for (out, value) in out.iter_mut().zip(column.f64()?.iter()) {
+                *out = value.unwrap_or(f64::NAN);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The values of `column` as text: whole numbers without a fraction; missing and empty ones are `None`.
+pub(crate) fn to_labels(column: &pl::Column) -> pl::PolarsResult<Vec<Option<String>>> {
+    use pl::DataType as D;
+    if let D::String | D::Categorical(..) | D::Enum(..) = column.dtype() {
+        let text = column.cast(&D::String)?;
+        let labels = text.str()?.iter().map(|text| {
+            let text = text?.trim();
+            (!text.is_empty()).then(|| text.to_owned())
+        });
+        return Ok(labels.collect());
+    }
+    let mut values = vec![f64::NAN; column.len()];
+    to_numbers(column, &mut values, &mut NotNumbers::default())?;
+    let labels = values.into_iter();
+    Ok(labels.map(|value| (!value.is_nan()).then(|| value.to_string())).collect())
+}
+
+fn finite(value: f64, non_finite: &mut u64) -> f64 {
+    if value.is_finite() {
+        value
+    } else {
+        *non_finite += 1;
+        f64::NAN
+    }
+}
+
+fn parse(text: &str, not_numbers: &mut NotNumbers) -> f64 {
+    let text = text.trim();
+    if text.is_empty() {
+        return f64::NAN;
+    }
+    match text.parse() {
+        Ok(value) => finite(value, &mut not_numbers.non_finite),
+        Err(_) => {
+            not_numbers.word(text);
+            f64::NAN
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pl::{IntoColumn as _, NewChunkedArray as _};
+
+    use super::*;
+
+    fn numbers(column: &pl::Column) -> (Vec<f64>, NotNumbers) {
+        let mut out = vec![0.0; column.len()];
+        let mut not_numbers = NotNumbers::default();
+        to_numbers(column, &mut out, &mut not_numbers).expect("a known type");
+        (out, not_numbers)
+    }
+
+    fn same(left: &[f64], right: &[f64]) -> bool {
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        bits(left) == bits(right)
+    }
+
+    #[test]
+    fn numbers_are_finite_or_missing() {
+        let values = [Some(1.5_f32), None, Some(f32::NAN), Some(f32::NEG_INFINITY)];
+        let column = pl::Float32Chunked::from_slice_options("a".into(), &values).into_column();
+        let (values, not_numbers) = numbers(&column);
+        assert!(same(&values, &[1.5, f64::NAN, f64::NAN, f64::NAN]));
+        assert_eq!(not_numbers.non_finite, 2);
+        let column = pl::BooleanChunked::from_slice("a".into(), &[true, false]).into_column();
+        assert!(same(&numbers(&column).0, &[1.0, 0.0]));
+        let column = pl::UInt8Chunked::from_slice("a".into(), &[200]).into_column();
+        assert!(same(&numbers(&column).0, &[200.0]));
+    }
+
+    #[test]
+    fn words_are_counted() {
+        let text = ["1.5", "Bad", " 2e3 ", "", "Scan Timeout", "Bad", "inf"];
+        let column = pl::StringChunked::from_slice("a".into(), &text).into_column();
+        let (values, not_numbers) = numbers(&column);
+        let nan = f64::NAN;
+        assert!(same(&values, &[1.5, nan, 2000.0, nan, nan, nan, nan]));
+        assert_eq!(not_numbers.non_finite, 1);
+        let words: Vec<_> = not_numbers.words.into_iter().collect();
+        assert_eq!(words, [("Bad".to_owned(), 2), ("Scan Timeout".to_owned(), 1)]);
+    }
+
+    #[test]
+    fn numbers_and_text_have_labels() {
+        let column =
+            pl::Float64Chunked::from_slice_options("a".into(), &[Some(13.0), None, Some(0.5)]);
+        let labels = to_labels(&column.into_column()).expect("a known type");
+        assert_eq!(labels, [Some("13".to_owned()), None, Some("0.5".to_owned())]);
+        let column = pl::StringChunked::from_slice("a".into(), &[" on ", ""]).into_column();
+        let labels = to_labels(&column).expect("a known type");
+        assert_eq!(labels, [Some("on".to_owned()), None]);
+    }
+
+    #[test]
+    fn countless_words_are_counted_together() {
+        let text: Vec<String> = (0..1_500).map(|word| format!("w{word}")).collect();
+        let column = pl::StringChunked::from_slice("a".into(), &text).into_column();
+        let (_, not_numbers) = numbers(&column);
+        assert_eq!(not_numbers.words[OTHER_WORDS], 500);
+        assert_eq!(not_numbers.words.len(), WORDS + 1);
+    }
+}

@@ -1,0 +1,217 @@
+//! What `calib inspect` shows.
+
+use calib_core::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use crate::{DataError, DropReason, names::hint};
+
+/// Everything worth knowing about a log, and what preprocessing makes of it.
+///
+/// All counts are over the window that the training and held-out ranges span together;
+/// `rows_outside` lie before or after it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// Number of files.
+    pub files: usize,
+    /// Their size in bytes.
+    pub bytes: u64,
+    /// Rows in the files.
+    pub file_rows: u64,
+    /// Rows in time order, each instant once.
+    pub rows: u64,
+    /// Rows before or after both ranges.
+    pub rows_outside: u64,
+    /// Time of the first row.
+    pub start: Timestamp,
+    /// Time of the last row.
+    pub end: Timestamp,
+    /// Time from one sample to the next in the log, in seconds.
+    pub period_secs: f64,
+    /// Whether the period is the median step, or was configured.
+    pub period_was_detected: bool,
+    /// Time from one row of the states to the next, in seconds: after sub-sampling.
+    pub sampled_period_secs: f64,
+    /// Rows without a timestamp; they are dropped.
+    pub null_timestamps: u64,
+    /// Rows whose timestamp another row has.
+    pub duplicates: Duplicates,
+    /// Steps back in time inside a file.
+    pub backward_steps: BackwardSteps,
+    /// Files that start before another that started earlier has ended; they are merged by time.
+    pub overlapping_files: u64,
+    /// Steps shorter than the period divided by `data.gap_tolerance`; they are tolerated.
+    pub short_steps: u64,
+    /// Steps longer than the period times `data.gap_tolerance`; segments end there.
+    pub gaps: Gaps,
+    /// The channels, in the order in which the files have them.
+    pub channels: Vec<ChannelProfile>,
+    /// Entries of `data.exclude` that match no channel.
+    pub unused_excludes: Vec<String>,
+    /// Columns of the states: kept channels and features.
+    pub columns: usize,
+    /// The training range.
+    pub train: PartProfile,
+    /// The held-out range, if there is one.
+    pub held_out: Option<PartProfile>,
+    /// Rows of the held-out range whose mode does not occur in the training range.
+    pub unseen_modes: u64,
+    /// Memory of the states, in bytes.
+    pub state_bytes: u64,
+}
+
+/// Rows whose timestamp another row has. The first one is kept.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Duplicates {
+    /// Rows that contradict the row that is kept in no channel.
+    pub identical: u64,
+    /// Rows with another value in a channel that both have.
+    pub conflicting: u64,
+    /// The first few times.
+    pub examples: Vec<Timestamp>,
+}
+
+/// Steps back in time inside a file, such as the end of daylight saving. Rows are put in time order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BackwardSteps {
+    /// How many.
+    pub count: u64,
+    /// The first few.
+    pub examples: Vec<BackwardStep>,
+}
+
+/// A step back in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BackwardStep {
+    /// The file.
+    pub file: String,
+    /// Time before the step.
+    pub from: Timestamp,
+    /// Time after it.
+    pub to: Timestamp,
+}
+
+/// Steps that are too long to be one sample.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gaps {
+    /// How many.
+    pub count: u64,
+    /// The longest, in seconds.
+    pub longest_secs: f64,
+    /// All together, in seconds.
+    pub total_secs: f64,
+    /// The first few: last row before the gap, first row after it.
+    pub examples: Vec<(Timestamp, Timestamp)>,
+}
+
+/// One channel of the log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChannelProfile {
+    /// Its name.
+    pub name: String,
+    /// Its type in the files.
+    pub type_name: String,
+    /// Why it is not a sensor of the states; `None` if it is one.
+    pub dropped: Option<DropReason>,
+    /// Its values; `None` if it was excluded or cannot be read, or has no value.
+    pub values: Option<ValueProfile>,
+    /// Rows without a value.
+    pub missing: u64,
+    /// Fraction of the training rows without a value.
+    pub missing_fraction: f64,
+    /// NaN and infinite values, which count as missing.
+    pub non_finite: u64,
+    /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
+    pub words: Vec<(String, u64)>,
+    /// Missing values that were filled.
+    pub imputed: u64,
+    /// Missing values that were not, so that their rows were dropped.
+    pub unfilled: u64,
+}
+
+/// The values of a channel, in its unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValueProfile {
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Whether all values are equal.
+    pub constant: bool,
+    /// Longest time without any change, in seconds.
+    pub longest_stuck_secs: f64,
+    /// Smallest change between successive rows: the quantisation step, if the channel is quantised.
+    pub smallest_change: Option<f64>,
+    /// Share of successive rows without a change: near 1 for dead-band logging and modes.
+    pub unchanged: f64,
+    /// Number of distinct values, if there are at most 256.
+    pub distinct: Option<u32>,
+}
+
+/// What is left of a range of the log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartProfile {
+    /// Time of the first row of the log in the range.
+    pub start: Timestamp,
+    /// Time of the last row of the log in the range.
+    pub end: Timestamp,
+    /// Rows of the log in the range.
+    pub log_rows: u64,
+    /// Rows dropped because a value was missing.
+    pub dropped_rows: u64,
+    /// Rows of the states.
+    pub rows: u64,
+    /// Segments.
+    pub segments: u64,
+    /// Transitions inside segments.
+    pub transitions: u64,
+}
+
+impl PartProfile {
+    pub(crate) fn empty(at: Timestamp) -> Self {
+        Self {
+            start: at,
+            end: at,
+            log_rows: 0,
+            dropped_rows: 0,
+            rows: 0,
+            segments: 0,
+            transitions: 0,
+        }
+    }
+}
+
+impl Profile {
+    /// The channel called `name`.
+    ///
+    /// # Errors
+    /// If there is none; the message suggests similar names.
+    pub fn channel(&self, name: &str) -> Result<&ChannelProfile, DataError> {
+        let found = self.channels.iter().find(|channel| channel.name == name);
+        found.ok_or_else(|| DataError::NoSuchSensor {
+            name: name.to_owned(),
+            hint: hint(name, self.channels.iter().map(|channel| channel.name.as_str())),
+        })
+    }
+
+    /// Check that the channel called `name` is a sensor of the states.
+    ///
+    /// # Errors
+    /// If there is no such channel, or it was dropped; the message says why.
+    pub fn require_sensor(&self, name: &str) -> Result<(), DataError> {
+        match &self.channel(name)?.dropped {
+            None => Ok(()),
+            Some(reason) => {
+                Err(DataError::SensorDropped { name: name.to_owned(), reason: reason.to_string() })
+            }
+        }
+    }
+
+    /// The channels that are sensors of the states, in order.
+    pub fn kept(&self) -> impl Iterator<Item = &ChannelProfile> {
+        self.channels.iter().filter(|channel| channel.dropped.is_none())
+    }
+}

@@ -1,0 +1,71 @@
+//! Logs of which nothing is left, and why.
+
+use std::collections::BTreeMap;
+
+use crate::{ChannelProfile, DataError, DropReason, PartProfile, survey::Survey};
+
+impl Survey {
+    /// Refuse a log without channels, or a range without transitions.
+    pub(crate) fn refuse_empty(&self) -> Result<(), DataError> {
+        let profile = &self.profile;
+        if self.sensors.is_empty() {
+            let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+            for reason in profile.channels.iter().filter_map(|channel| channel.dropped.as_ref()) {
+                *reasons.entry(category(reason)).or_default() += 1;
+            }
+            let reasons: Vec<String> =
+                reasons.into_iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+            return Err(DataError::NoChannels {
+                channels: profile.channels.len(),
+                reasons: reasons.join(", "),
+            });
+        }
+        let parts = [("train", Some(&profile.train)), ("held_out", profile.held_out.as_ref())];
+        for (key, part) in parts {
+            if let Some(part) = part
+                && part.transitions == 0
+            {
+                return Err(DataError::NoTransitions {
+                    key,
+                    rows: part.log_rows as usize,
+                    dropped: part.dropped_rows as usize,
+                    segments: part.segments as usize,
+                    culprits: self.culprits(part),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The channels that cost most rows.
+    fn culprits(&self, part: &PartProfile) -> String {
+        let mut channels: Vec<&ChannelProfile> =
+            self.profile.kept().filter(|channel| channel.unfilled > 0).collect();
+        if part.dropped_rows == 0 || channels.is_empty() {
+            return ". Check data.period_secs and data.gap_tolerance".to_owned();
+        }
+        channels.sort_by_key(|channel| (u64::MAX - channel.unfilled, channel.name.as_str()));
+        let worst: Vec<String> = channels
+            .iter()
+            .take(3)
+            .map(|channel| format!("{} misses {} values", channel.name, channel.unfilled))
+            .collect();
+        format!(
+            ". {}: exclude such channels, lower preprocess.max_missing, or raise preprocess.fill_limit",
+            worst.join(", ")
+        )
+    }
+}
+
+fn category(reason: &DropReason) -> &'static str {
+    match reason {
+        DropReason::NotIncluded => "not included",
+        DropReason::Excluded { .. } => "excluded",
+        DropReason::WrongType { .. } | DropReason::Text => "not numbers",
+        DropReason::AllMissing => "without a value in the training range",
+        DropReason::Missing { .. } => "missing too often",
+        DropReason::Constant { .. } => "constant",
+        DropReason::NoSpread { .. } => "without spread",
+        DropReason::OneHot => "modes",
+    }
+}

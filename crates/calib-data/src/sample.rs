@@ -1,0 +1,92 @@
+//! Sub-sampling: which rows of the log a row of the states stands for.
+
+use std::ops::Range;
+
+use calib_core::{SegmentError, Segments, Timestamp};
+
+use crate::Reduce;
+
+/// The rows of the states of one range: each stands for `width` rows of the log from `starts[i]` on.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Samples {
+    pub(crate) starts: Vec<u32>,
+    /// 1 if a row is kept as it is; otherwise the number of rows whose mean it is.
+    pub(crate) width: usize,
+    pub(crate) segments: Segments,
+}
+
+impl Samples {
+    /// One row in `every` of each of `runs`, counted from its first row.
+    pub(crate) fn of(
+        runs: &[Range<usize>],
+        every: usize,
+        reduce: Reduce,
+    ) -> Result<Self, SegmentError> {
+        let mut starts = Vec::with_capacity(runs.iter().map(|run| run.len() / every + 1).sum());
+        let mut lengths = Vec::with_capacity(runs.len());
+        for run in runs {
+            let count = match reduce {
+                Reduce::Keep => run.len().div_ceil(every),
+                Reduce::Mean => run.len() / every,
+            };
+            if count > 0 {
+                starts.extend((0..count).map(|sample| (run.start + sample * every) as u32));
+                lengths.push(count);
+            }
+        }
+        Ok(Self {
+            starts,
+            width: match reduce {
+                Reduce::Keep => 1,
+                Reduce::Mean => every,
+            },
+            segments: Segments::from_lengths(lengths)?,
+        })
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Pairs of successive rows inside segments.
+    pub(crate) fn transitions(&self) -> usize {
+        self.rows() - self.segments.len()
+    }
+
+    /// The time of each row: a mean is known when its last row is.
+    pub(crate) fn timestamps(&self, log: &[Timestamp]) -> Vec<Timestamp> {
+        let last = self.width - 1;
+        self.starts.iter().map(|&start| log[start as usize + last]).collect()
+    }
+
+    /// The value of a column of the log in row `row`.
+    pub(crate) fn value(&self, column: &[f64], row: usize) -> f64 {
+        let start = self.starts[row] as usize;
+        if self.width == 1 {
+            column[start]
+        } else {
+            column[start..start + self.width].iter().sum::<f64>() / self.width as f64
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_counted_from_the_start_of_each_run() {
+        let kept = Samples::of(&[0..7, 8..9, 10..13], 3, Reduce::Keep).expect("valid");
+        assert_eq!(kept.starts, [0, 3, 6, 8, 10]);
+        assert_eq!(kept.segments, Segments::from_lengths([3, 1, 1]).expect("valid"));
+        assert_eq!(kept.transitions(), 2);
+        let mean = Samples::of(&[0..7, 8..9, 10..13], 3, Reduce::Mean).expect("valid");
+        assert_eq!(mean.starts, [0, 3, 10], "incomplete groups are left out");
+        let log: Vec<Timestamp> = (0..13).map(Timestamp::from_micros).collect();
+        let times: Vec<i64> = mean.timestamps(&log).iter().map(|time| time.as_micros()).collect();
+        assert_eq!(times, [2, 5, 12]);
+        let column: Vec<f64> = (0..13).map(f64::from).collect();
+        assert_eq!(mean.value(&column, 1), 4.0);
+        assert_eq!(kept.value(&column, 1), 3.0);
+    }
+}

@@ -1,0 +1,173 @@
+//! Which channels become sensors of the states, and why the others do not.
+
+use std::{fmt, ops::Range};
+
+use calib_core::Bounds;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Normalisation, PreprocessConfig,
+    channel::{Moments, quantile},
+};
+
+/// Why a channel is not a sensor of the states.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum DropReason {
+    /// `data.include` does not name it.
+    NotIncluded,
+    /// `data.exclude` names it.
+    Excluded {
+        /// The name or pattern.
+        pattern: String,
+    },
+    /// Its type cannot hold numbers.
+    WrongType {
+        /// The type.
+        type_name: String,
+    },
+    /// It holds text, and none of it is a number.
+    Text,
+    /// It has no value in the training range.
+    AllMissing,
+    /// It misses too much of the training range.
+    Missing {
+        /// Fraction of the training rows.
+        fraction: f64,
+        /// `preprocess.max_missing`.
+        limit: f64,
+    },
+    /// It never changes in the training range.
+    Constant {
+        /// Its value.
+        value: f64,
+    },
+    /// The values that normalisation maps to 0 and 1 are equal, or too far apart to represent.
+    NoSpread {
+        /// The first.
+        low: f64,
+        /// The second.
+        high: f64,
+    },
+    /// Its values became one 0/1 column each.
+    OneHot,
+}
+
+impl fmt::Display for DropReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotIncluded => f.write_str("not in data.include"),
+            Self::Excluded { pattern } => write!(f, "excluded by {pattern:?}"),
+            Self::WrongType { type_name } => write!(f, "of type {type_name}, not numbers"),
+            Self::Text => f.write_str("text, not numbers"),
+            Self::AllMissing => f.write_str("no value in the training range"),
+            Self::Missing { fraction, limit } => write!(
+                f,
+                "{:.1} % missing in the training range, more than preprocess.max_missing = {limit}",
+                fraction * 100.0
+            ),
+            Self::Constant { value } => write!(f, "constant at {value} in the training range"),
+            Self::NoSpread { low, high } => {
+                write!(f, "its normalisation range is from {low} to {high}")
+            }
+            Self::OneHot => f.write_str("replaced by its one-hot columns"),
+        }
+    }
+}
+
+/// The normalisation of a channel with these values, or why it is dropped.
+/// Fitted on the recorded values of the training rows only.
+pub(crate) fn fit(
+    values: &[f64],
+    train: &Range<usize>,
+    has_words: bool,
+    preprocess: &PreprocessConfig,
+) -> Result<Bounds, DropReason> {
+    let values = &values[train.clone()];
+    let Some(moments) = Moments::of(values) else {
+        return Err(if has_words { DropReason::Text } else { DropReason::AllMissing });
+    };
+    let fraction = 1.0 - moments.count as f64 / values.len() as f64;
+    if fraction > preprocess.max_missing {
+        let limit = preprocess.max_missing;
+        return Err(DropReason::Missing { fraction, limit });
+    }
+    if moments.min == moments.max {
+        return Err(DropReason::Constant { value: moments.min });
+    }
+    let (offset, scale) = match preprocess.normalise {
+        Normalisation::Standard => (moments.mean, moments.std),
+        Normalisation::MinMax => (moments.min, moments.max - moments.min),
+        Normalisation::Quantile => {
+            let mut values = values.to_vec();
+            let [low, high] = preprocess.quantiles.map(|q| quantile(&mut values, q));
+            (low, high - low)
+        }
+    };
+    // The states are f32: a scale below its range would make all of them infinite.
+    if scale > 0.0 && scale.is_finite() {
+        Ok(Bounds { offset, scale })
+    } else {
+        Err(DropReason::NoSpread { low: offset, high: offset + scale })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: f64 = f64::NAN;
+
+    fn fitted(
+        values: &[f64],
+        train: Range<usize>,
+        preprocess: &PreprocessConfig,
+    ) -> Result<Bounds, DropReason> {
+        fit(values, &train, false, preprocess)
+    }
+
+    #[test]
+    fn bounds_come_from_the_training_rows_only() {
+        let values = [100.0, 1.0, 3.0, 5.0, -100.0];
+        let preprocess = PreprocessConfig::default();
+        let bounds = fitted(&values, 1..4, &preprocess).expect("kept");
+        assert_eq!(bounds, Bounds { offset: 1.0, scale: 4.0 });
+        let standard =
+            PreprocessConfig { normalise: Normalisation::Standard, ..preprocess.clone() };
+        let bounds = fitted(&values, 1..4, &standard).expect("kept");
+        assert_eq!(bounds.offset, 3.0);
+        assert!((bounds.scale - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
+        let quantile = PreprocessConfig {
+            normalise: Normalisation::Quantile,
+            quantiles: [0.25, 0.75],
+            ..preprocess
+        };
+        let bounds = fitted(&values, 1..4, &quantile).expect("kept");
+        assert_eq!(bounds, Bounds { offset: 2.0, scale: 2.0 });
+    }
+
+    #[test]
+    fn channels_are_dropped_with_a_reason() {
+        let preprocess = PreprocessConfig { max_missing: 0.25, ..PreprocessConfig::default() };
+        let reason = |values: &[f64]| fitted(values, 0..4, &preprocess).expect_err("dropped");
+        assert_eq!(reason(&[2.0, NAN, 2.0, 2.0, 5.0]), DropReason::Constant { value: 2.0 });
+        assert_eq!(reason(&[NAN, NAN, NAN, NAN, 5.0]), DropReason::AllMissing);
+        let missing = reason(&[1.0, NAN, NAN, 2.0]);
+        assert_eq!(
+            missing.to_string(),
+            "50.0 % missing in the training range, more than preprocess.max_missing = 0.25"
+        );
+        assert!(fitted(&[1.0, NAN, 3.0, 2.0], 0..4, &preprocess).is_ok());
+        let text = fit(&[NAN; 4], &(0..4), true, &preprocess).expect_err("dropped");
+        assert_eq!(text, DropReason::Text);
+        let quantile = PreprocessConfig {
+            normalise: Normalisation::Quantile,
+            quantiles: [0.05, 0.5],
+            ..preprocess
+        };
+        let mut spike = vec![0.0; 100];
+        spike[99] = 1.0;
+        let reason = fitted(&spike, 0..100, &quantile).expect_err("dropped");
+        assert_eq!(reason, DropReason::NoSpread { low: 0.0, high: 0.0 });
+    }
+}

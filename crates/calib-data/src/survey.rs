@@ -1,0 +1,278 @@
+//! First pass over the values: what every channel is like, what is kept, which rows are dropped.
+
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicBool, Ordering::Relaxed},
+};
+
+use calib_core::{Bounds, Monitor, Period};
+use rayon::prelude::*;
+
+use crate::{
+    ChannelProfile, DataConfig, DataError, DropReason, PartProfile, PreprocessConfig, Profile,
+    ValueProfile,
+    channel::{Moments, Movement},
+    describe::describe_rows,
+    impute::{clean, impute},
+    log::{Batch, ChannelValues, EXAMPLES, Log, NotNumbers},
+    modes::Modes,
+    names::Names,
+    sample::Samples,
+    select::fit,
+};
+
+/// What the first pass found: everything but the values.
+pub(crate) struct Survey {
+    pub(crate) log: Log,
+    pub(crate) stretches: Vec<Range<usize>>,
+    pub(crate) profile: Profile,
+    /// Kept channels, in order.
+    pub(crate) sensors: Vec<Sensor>,
+    pub(crate) modes: Option<Modes>,
+    /// Runs of rows that are not dropped.
+    pub(crate) train: Part,
+    pub(crate) held_out: Option<Part>,
+}
+
+/// A channel that is a column of the states.
+pub(crate) struct Sensor {
+    pub(crate) channel: usize,
+    pub(crate) bounds: Bounds,
+}
+
+/// The rows of one range.
+pub(crate) struct Part {
+    pub(crate) runs: Vec<Range<usize>>,
+    pub(crate) samples: Samples,
+}
+
+impl Survey {
+    pub(crate) fn new(
+        data: &DataConfig,
+        preprocess: &PreprocessConfig,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, DataError> {
+        preprocess.check()?;
+        let log = Log::open(data, monitor)?;
+        let names = || log.channels.iter().map(|channel| channel.name.as_str());
+        Names::new(&data.include).check(names())?;
+        let unused = Names::new(&data.exclude).unused(names());
+        let unused_excludes = unused.into_iter().map(str::to_owned).collect();
+        let stretches = log.stretches();
+        let modes = Modes::read(&log, preprocess, monitor)?;
+        let scan = Scan {
+            preprocess,
+            stretches: &stretches,
+            dropped_rows: flags(log.rows.timestamps.len()),
+            conflicts: flags(log.rows.duplicates.len()),
+            log: &log,
+        };
+        let (channels, sensors) = scan.channels(data, modes.as_ref(), monitor)?;
+        for &row in modes.iter().flat_map(|modes| &modes.left) {
+            scan.dropped_rows[row].store(true, Relaxed);
+        }
+        let conflicting = count(&scan.conflicts);
+        let dropped = scan.dropped_rows;
+        let part = |rows: &Range<usize>| -> Result<(Part, PartProfile), DataError> {
+            let inside = crate::log::inside(&stretches, rows);
+            let runs = clean(&inside, |row| dropped[row].load(Relaxed));
+            let samples = Samples::of(&runs, preprocess.subsample, preprocess.reduce)
+                .map_err(|_| DataError::TooManyRows { rows: log.rows.timestamps.len() as u64 })?;
+            let profile = PartProfile {
+                start: log.rows.timestamps[rows.start],
+                end: log.rows.timestamps[rows.end - 1],
+                log_rows: rows.len() as u64,
+                dropped_rows: count(&dropped[rows.clone()]),
+                rows: samples.rows() as u64,
+                segments: samples.segments.len() as u64,
+                transitions: samples.transitions() as u64,
+            };
+            Ok((Part { runs, samples }, profile))
+        };
+        let (train, train_profile) = part(&log.train)?;
+        let (held_out, held_out_profile) = log.held_out.as_ref().map(part).transpose()?.unzip();
+        let columns = sensors.len() * (1 + preprocess.traces.len())
+            + if preprocess.time_of_day { 2 } else { 0 }
+            + modes.as_ref().map_or(0, |modes| modes.labels.len());
+        let rows = train_profile.rows + held_out_profile.as_ref().map_or(0, |part| part.rows);
+        let profile = Profile {
+            channels,
+            unused_excludes,
+            columns,
+            state_bytes: rows * columns as u64 * size_of::<f32>() as u64,
+            sampled_period_secs: sampled_period(log.period, preprocess).as_secs(),
+            train: train_profile,
+            held_out: held_out_profile,
+            unseen_modes: unseen_modes(&log, modes.as_ref()),
+            ..describe_rows(&log, conflicting)
+        };
+        Ok(Self { stretches, profile, sensors, modes, train, held_out, log })
+    }
+}
+
+/// The period of the states.
+pub(crate) fn sampled_period(period: Period, preprocess: &PreprocessConfig) -> Period {
+    let every = i64::try_from(preprocess.subsample).unwrap_or(i64::MAX);
+    Period::from_micros(period.as_micros().saturating_mul(every)).unwrap_or(period)
+}
+
+/// What all channels of a scan share.
+struct Scan<'a> {
+    log: &'a Log,
+    preprocess: &'a PreprocessConfig,
+    stretches: &'a [Range<usize>],
+    /// Rows that miss a value of a kept channel.
+    dropped_rows: Vec<AtomicBool>,
+    /// Duplicates that contradict the row that is kept.
+    conflicts: Vec<AtomicBool>,
+}
+
+impl Scan<'_> {
+    /// Profiles of all channels, and the kept ones.
+    fn channels(
+        &self,
+        data: &DataConfig,
+        modes: Option<&Modes>,
+        monitor: &dyn Monitor,
+    ) -> Result<(Vec<ChannelProfile>, Vec<Sensor>), DataError> {
+        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+        let mut profiles: Vec<ChannelProfile> = Vec::new();
+        let mut to_read = Vec::new();
+        for (index, channel) in self.log.channels.iter().enumerate() {
+            let dropped = if modes.is_some_and(|modes| modes.channel == index) {
+                Some(DropReason::OneHot)
+            } else if let Some(pattern) = exclude.matching(&channel.name) {
+                let pattern = pattern.to_owned();
+                Some(DropReason::Excluded { pattern })
+            } else if !data.include.is_empty() && include.matching(&channel.name).is_none() {
+                Some(DropReason::NotIncluded)
+            } else if channel.readable {
+                to_read.push(index);
+                None
+            } else {
+                let type_name = channel.type_name.clone();
+                Some(DropReason::WrongType { type_name })
+            };
+            profiles.push(ChannelProfile {
+                name: channel.name.clone(),
+                type_name: channel.type_name.clone(),
+                dropped,
+                values: None,
+                missing: 0,
+                missing_fraction: 0.0,
+                non_finite: 0,
+                words: Vec::new(),
+                imputed: 0,
+                unfilled: 0,
+            });
+        }
+        if let Some(modes) = modes {
+            profiles[modes.channel].imputed = modes.imputed;
+            profiles[modes.channel].unfilled = modes.left.len() as u64;
+        }
+        let mut sensors = Vec::new();
+        let mut batch = Batch::default();
+        monitor.begin("inspecting channels", to_read.len() as u64);
+        for channels in to_read.chunks(self.log.batch_size()) {
+            let values = self.log.read(channels, &mut batch, monitor)?;
+            let scanned: Vec<_> = values
+                .par_iter_mut()
+                .zip(channels)
+                .map(|(values, &channel)| self.channel(profiles[channel].clone(), values))
+                .collect();
+            for (&channel, (profile, bounds)) in channels.iter().zip(scanned) {
+                profiles[channel] = profile;
+                sensors.extend(bounds.map(|bounds| Sensor { channel, bounds }));
+            }
+        }
+        Ok((profiles, sensors))
+    }
+
+    /// The profile of one channel, and its bounds if it is kept.
+    fn channel(
+        &self,
+        profile: ChannelProfile,
+        channel: &mut ChannelValues,
+    ) -> (ChannelProfile, Option<Bounds>) {
+        let log = self.log;
+        for ((duplicate, value), conflict) in
+            log.rows.duplicates.iter().zip(&channel.duplicates).zip(&self.conflicts)
+        {
+            let kept = channel.values[duplicate.row as usize];
+            if !value.is_nan() && !kept.is_nan() && *value != kept {
+                conflict.store(true, Relaxed);
+            }
+        }
+        let values = &mut channel.values;
+        let moments = Moments::of(values);
+        let missing = values.len() - moments.map_or(0, |moments| moments.count);
+        let missing_in_train = values[log.train.clone()].iter().filter(|value| value.is_nan());
+        let missing_fraction = missing_in_train.count() as f64 / log.train.len() as f64;
+        let value_profile = moments.map(|moments| {
+            let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
+            ValueProfile {
+                min: moments.min,
+                max: moments.max,
+                mean: moments.mean,
+                std: moments.std,
+                constant: moments.min == moments.max,
+                longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+                smallest_change: movement.smallest_change,
+                unchanged: movement.unchanged,
+                distinct: movement.distinct,
+            }
+        });
+        let has_words = !channel.not_numbers.words.is_empty();
+        let bounds = fit(values, &log.train, has_words, self.preprocess);
+        let (mut imputed, mut unfilled) = (0, 0);
+        if bounds.is_ok() && missing > 0 {
+            imputed = impute(
+                values,
+                &log.rows.timestamps,
+                self.stretches,
+                self.preprocess.missing,
+                self.preprocess.fill_limit,
+                |row| {
+                    unfilled += 1;
+                    self.dropped_rows[row].store(true, Relaxed);
+                },
+            );
+        }
+        let profile = ChannelProfile {
+            dropped: bounds.as_ref().err().cloned(),
+            values: value_profile,
+            missing: missing as u64,
+            missing_fraction,
+            non_finite: channel.not_numbers.non_finite,
+            words: frequent_words(&channel.not_numbers),
+            imputed,
+            unfilled,
+            ..profile
+        };
+        (profile, bounds.ok())
+    }
+}
+
+fn frequent_words(not_numbers: &NotNumbers) -> Vec<(String, u64)> {
+    let mut words: Vec<(String, u64)> = not_numbers.words.clone().into_iter().collect();
+    words.sort_by(|left, right| right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0)));
+    words.truncate(EXAMPLES);
+    words
+}
+
+fn flags(count: usize) -> Vec<AtomicBool> {
+    (0..count).map(|_| AtomicBool::new(false)).collect()
+}
+
+fn count(flags: &[AtomicBool]) -> u64 {
+    flags.iter().filter(|flag| flag.load(Relaxed)).count() as u64
+}
+
+fn unseen_modes(log: &Log, modes: Option<&Modes>) -> u64 {
+    match (modes, &log.held_out) {
+        (Some(modes), Some(rows)) => {
+            rows.clone().filter(|&row| modes.is_unseen(row)).count() as u64
+        }
+        _ => 0,
+    }
+}

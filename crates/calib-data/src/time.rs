@@ -1,0 +1,48 @@
+//! Instants as text: ISO 8601 in, ISO 8601 out.
+
+use calib_core::Timestamp;
+use jiff::{civil, tz::TimeZone};
+
+/// The instant that `text` names: RFC 3339 (`2022-11-01T06:00:00Z`, any offset), a date and time
+/// without an offset (kept as it stands, `T` or a space between), or a date.
+pub fn parse_time(text: &str) -> Option<Timestamp> {
+    let text = text.trim();
+    let instant = text.parse::<jiff::Timestamp>().or_else(|error| {
+        let wall: civil::DateTime = text.parse().map_err(|_| error)?;
+        wall.to_zoned(TimeZone::UTC).map(|zoned| zoned.timestamp())
+    });
+    Some(Timestamp::from_micros(instant.ok()?.as_microsecond()))
+}
+
+/// `2022-11-01 06:00:00`, with fractions of a second where there are any.
+pub fn format_time(time: Timestamp) -> String {
+    jiff::Timestamp::from_microsecond(time.as_micros()).map_or_else(
+        |_| format!("{} microseconds", time.as_micros()),
+        |instant| {
+            let wall = TimeZone::UTC.to_datetime(instant);
+            wall.to_string().replace('T', " ")
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_and_written() {
+        let micros = |text| parse_time(text).map(Timestamp::as_micros);
+        assert_eq!(micros("1970-01-02"), Some(86_400_000_000));
+        assert_eq!(micros("1970-01-01T00:00:01.5"), Some(1_500_000));
+        assert_eq!(micros("1970-01-01 00:00:01"), Some(1_000_000));
+        assert_eq!(micros("1970-01-01T01:00:00+01:00"), Some(0));
+        assert_eq!(micros("1969-12-31T23:59:59Z"), Some(-1_000_000));
+        for text in ["", "yesterday", "2022-13-01", "12:00"] {
+            assert_eq!(micros(text), None, "{text}");
+        }
+        let written = format_time(Timestamp::from_micros(1_667_282_400_000_000));
+        assert_eq!(written, "2022-11-01 06:00:00");
+        assert_eq!(format_time(Timestamp::from_micros(500_000)), "1970-01-01 00:00:00.5");
+        assert_eq!(parse_time(&written).map(format_time), Some(written));
+    }
+}

@@ -1,0 +1,153 @@
+//! Duplicates, steps back, gaps and missing values.
+
+use calib_core::Timestamp;
+use calib_data::{DataConfig, Missing, PreprocessConfig};
+
+use crate::support::{
+    Folder, NAN, load_with, log, log_at, refused, segment_lengths, train_seconds, train_values,
+};
+
+#[test]
+fn repeated_rows_keep_the_first() {
+    let folder = Folder::new();
+    let times = [0, 1, 1, 2, 2, 3];
+    folder.write(
+        "a.parquet",
+        &log_at(
+            times,
+            &[("a", &[1.0, 2.0, 2.0, 3.0, 9.0, 4.0]), ("b", &[5.0, 6.0, NAN, 7.0, 7.0, 8.0])],
+        ),
+    );
+    let dataset = folder.load();
+    assert_eq!(train_values(&dataset, "a"), [1.0, 2.0, 3.0, 4.0]);
+    let duplicates = &dataset.profile.duplicates;
+    assert_eq!((duplicates.identical, duplicates.conflicting), (1, 1));
+    let at = |second: i64| Timestamp::from_micros(second * 1_000_000);
+    assert_eq!(duplicates.examples, [at(1), at(2)]);
+    assert_eq!(dataset.profile.backward_steps.count, 0);
+}
+
+#[test]
+fn the_end_of_daylight_saving_is_merged_and_reported() {
+    let folder = Folder::new();
+    // The clock goes from 5 back to 3; the hour is logged again.
+    let times = [0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 7];
+    let values: Vec<f64> = (0..11_u8).map(f64::from).collect();
+    folder.write("a.parquet", &log_at(times, &[("a", &values)]));
+    let dataset = folder.load();
+    assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]);
+    let profile = &dataset.profile;
+    assert_eq!((profile.duplicates.conflicting, profile.duplicates.identical), (3, 0));
+    let steps = &profile.backward_steps;
+    assert_eq!(steps.count, 1);
+    assert!(steps.examples[0].file.ends_with("a.parquet"));
+    assert_eq!(steps.examples[0].from.micros_since(steps.examples[0].to), 2_000_000);
+}
+
+#[test]
+fn overlapping_files_are_merged_by_time() {
+    let folder = Folder::new();
+    folder.write("a.parquet", &log(0, &[("a", &[0.0, 1.0, 2.0, 3.0])]));
+    folder.write("b.parquet", &log(2, &[("a", &[2.0, 30.0, 4.0, 5.0])]));
+    let dataset = folder.load();
+    assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    let profile = &dataset.profile;
+    assert_eq!(profile.overlapping_files, 1);
+    assert_eq!((profile.duplicates.identical, profile.duplicates.conflicting), (1, 1));
+}
+
+#[test]
+fn gaps_end_segments() {
+    let folder = Folder::new();
+    let values: Vec<f64> = (0..7_u8).map(f64::from).collect();
+    folder.write("a.parquet", &log_at([0, 1, 2, 4, 5, 60, 61], &[("a", &values)]));
+    let dataset = folder.load();
+    assert_eq!(segment_lengths(&dataset), [3, 2, 2]);
+    let gaps = &dataset.profile.gaps;
+    assert_eq!((gaps.count, gaps.longest_secs, gaps.total_secs), (2, 55.0, 57.0));
+    assert_eq!(dataset.profile.train.transitions, 4);
+    let tolerant = DataConfig { gap_tolerance: 2.5, ..folder.data() };
+    let dataset = load_with(&tolerant, &PreprocessConfig::default());
+    assert_eq!(segment_lengths(&dataset), [5, 2]);
+    let slow = DataConfig { period_secs: Some(60.0), ..folder.data() };
+    let dataset = load_with(&slow, &PreprocessConfig::default());
+    assert_eq!(segment_lengths(&dataset), [7]);
+    assert_eq!(dataset.profile.short_steps, 5);
+}
+
+#[test]
+fn missing_values_are_filled_or_split() {
+    let folder = Folder::new();
+    let a: Vec<f64> = (0..30_i32)
+        .map(|i| if (5..8).contains(&i) || (15..20).contains(&i) { NAN } else { f64::from(i) })
+        .collect();
+    let b: Vec<f64> = (0..30_i32).map(|i| f64::from(i % 4)).collect();
+    folder.write("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
+    let with = |missing: Missing, fill_limit: usize| {
+        let preprocess = PreprocessConfig {
+            max_missing: 0.5,
+            missing,
+            fill_limit,
+            ..PreprocessConfig::default()
+        };
+        load_with(&folder.data(), &preprocess)
+    };
+    let counts = |dataset: &calib_data::Dataset| {
+        let channel = dataset.profile.channel("a").expect("a channel");
+        (channel.imputed, channel.unfilled, dataset.profile.train.dropped_rows)
+    };
+    let dropped = with(Missing::DropRow, 10);
+    assert_eq!(segment_lengths(&dropped), [5, 7, 10]);
+    assert_eq!(counts(&dropped), (0, 8, 8));
+    let forward = with(Missing::ForwardFill, 3);
+    assert_eq!(segment_lengths(&forward), [18, 10]);
+    assert_eq!(counts(&forward), (6, 2, 2));
+    assert_eq!(train_values(&forward, "a")[4..9], [4.0, 4.0, 4.0, 4.0, 8.0]);
+    let linear = with(Missing::Linear, 3);
+    assert_eq!(segment_lengths(&linear), [15, 10]);
+    assert_eq!(counts(&linear), (3, 5, 5));
+    assert_eq!(train_values(&linear, "a")[4..9], [4.0, 5.0, 6.0, 7.0, 8.0]);
+}
+
+#[test]
+fn nothing_is_filled_across_a_gap() {
+    let folder = Folder::new();
+    folder.write(
+        "a.parquet",
+        &log_at([0, 1, 2, 3, 50, 51, 52], &[("a", &[1.0, 2.0, 3.0, NAN, NAN, 5.0, 6.0])]),
+    );
+    for missing in [Missing::ForwardFill, Missing::Linear] {
+        let preprocess =
+            PreprocessConfig { max_missing: 0.5, missing, ..PreprocessConfig::default() };
+        let dataset = load_with(&folder.data(), &preprocess);
+        let expected: &[f64] = match missing {
+            Missing::ForwardFill => &[0.0, 1.0, 2.0, 3.0, 51.0, 52.0],
+            _ => &[0.0, 1.0, 2.0, 51.0, 52.0],
+        };
+        assert_eq!(train_seconds(&dataset), expected);
+    }
+}
+
+#[test]
+fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
+    let folder = Folder::new();
+    let a = [1.0, NAN, 2.0, NAN, 3.0, NAN];
+    let b = [NAN, 1.0, NAN, 2.0, NAN, 3.0];
+    folder.write("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
+    let preprocess = PreprocessConfig {
+        max_missing: 0.9,
+        missing: Missing::DropRow,
+        ..PreprocessConfig::default()
+    };
+    let error = refused(&folder.data(), &preprocess).to_string();
+    assert_eq!(
+        error,
+        "data.train has no two successive rows left: 6 rows, 6 of them dropped for missing values, 0 segments. \
+         a misses 3 values, b misses 3 values: exclude such channels, lower preprocess.max_missing, or raise preprocess.fill_limit"
+    );
+    let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
+    assert_eq!(
+        error,
+        "no channel is left of 2: 2 missing too often. `calib inspect` shows every channel"
+    );
+}

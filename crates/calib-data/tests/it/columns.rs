@@ -1,0 +1,214 @@
+//! Which columns the states have, and their values.
+
+use calib_core::{Bounds, ColumnKind};
+use calib_data::{
+    DataConfig, DropReason, Normalisation, PreprocessConfig, Reduce, inspect, table::Table,
+};
+
+use crate::support::{
+    Folder, NAN, load_with, log, log_at, refused, seconds, segment_lengths, train_seconds,
+    train_values,
+};
+
+fn rising(rows: u8) -> Vec<f64> {
+    (0..rows).map(f64::from).collect()
+}
+
+#[test]
+fn every_dropped_channel_has_its_reason() {
+    let folder = Folder::new();
+    let mut gappy = rising(10);
+    gappy[3..6].fill(NAN);
+    let channels: [(&str, &[f64]); 6] = [
+        ("FIT1", &rising(10)),
+        ("FIT2", &rising(10)),
+        ("constant", &[2.0; 10]),
+        ("dead", &[NAN; 10]),
+        ("gappy", &gappy),
+        ("other", &rising(10)),
+    ];
+    folder.write("a.parquet", &log(0, &channels));
+    let data = DataConfig {
+        include: ["FIT*", "constant", "dead", "gappy"].map(str::to_owned).to_vec(),
+        exclude: ["*2", "nothing"].map(str::to_owned).to_vec(),
+        ..folder.data()
+    };
+    let dataset = load_with(&data, &PreprocessConfig::default());
+    let profile = &dataset.profile;
+    let reason = |name| profile.channel(name).expect("a channel").dropped.clone();
+    assert_eq!(reason("FIT1"), None);
+    assert_eq!(reason("FIT2"), Some(DropReason::Excluded { pattern: "*2".to_owned() }));
+    assert_eq!(reason("constant"), Some(DropReason::Constant { value: 2.0 }));
+    assert_eq!(reason("dead"), Some(DropReason::AllMissing));
+    assert!(matches!(reason("gappy"), Some(DropReason::Missing { limit: 0.1, .. })));
+    assert_eq!(reason("other"), Some(DropReason::NotIncluded));
+    assert_eq!(profile.unused_excludes, ["nothing"]);
+    assert_eq!(profile.kept().count(), 1);
+    assert_eq!((profile.columns, profile.state_bytes), (1, 40));
+
+    profile.require_sensor("FIT1").expect("kept");
+    let error = profile.require_sensor("constant").expect_err("dropped").to_string();
+    assert_eq!(
+        error,
+        "sensor \"constant\" is needed but was dropped: constant at 2 in the training range"
+    );
+    let error = profile.require_sensor("FIT3").expect_err("unknown").to_string();
+    assert!(
+        error.starts_with("sensor \"FIT3\" is not a channel of the log; did you mean FIT1"),
+        "{error}"
+    );
+
+    let misspelt = DataConfig { include: vec!["FTI1".to_owned()], ..folder.data() };
+    let error = refused(&misspelt, &PreprocessConfig::default()).to_string();
+    assert!(error.contains("\"FTI1\", which names no channel"), "{error}");
+}
+
+#[test]
+fn selection_and_bounds_come_from_the_training_range() {
+    let folder = Folder::new();
+    let mut late = vec![1.0; 8];
+    late.extend([5.0, 6.0]);
+    let mut spike = rising(8);
+    spike.extend([100.0, -100.0]);
+    folder.write("a.parquet", &log(0, &[("late", &late), ("spike", &spike)]));
+    let data = DataConfig { train_fraction: 0.8, ..folder.data() };
+    let dataset = load_with(&data, &PreprocessConfig::default());
+    let late = dataset.profile.channel("late").expect("a channel");
+    assert_eq!(late.dropped, Some(DropReason::Constant { value: 1.0 }));
+    assert!(!late.values.as_ref().expect("values").constant);
+    let column = &dataset.normaliser.columns()[0];
+    assert_eq!(column.bounds, Bounds { offset: 0.0, scale: 7.0 });
+    let held_out = dataset.held_out.as_ref().expect("a held-out range");
+    assert!(held_out.states().as_slice()[0] > 10.0, "values outside the bounds stay outside");
+    let clipped = PreprocessConfig { clip: true, ..PreprocessConfig::default() };
+    let dataset = load_with(&data, &clipped);
+    let held_out = dataset.held_out.as_ref().expect("a held-out range");
+    assert_eq!(held_out.states().as_slice(), [1.0, 0.0]);
+}
+
+#[test]
+fn normalisation_has_three_forms() {
+    let folder = Folder::new();
+    folder.write("a.parquet", &log(0, &[("a", &rising(11))]));
+    let with = |normalise, quantiles| {
+        let preprocess = PreprocessConfig { normalise, quantiles, ..PreprocessConfig::default() };
+        load_with(&folder.data(), &preprocess).normaliser.columns()[0].bounds
+    };
+    let min_max = Bounds { offset: 0.0, scale: 10.0 };
+    assert_eq!(with(Normalisation::MinMax, [0.0, 1.0]), min_max);
+    assert_eq!(with(Normalisation::Quantile, [0.0, 1.0]), min_max);
+    let inner = Bounds { offset: 1.0, scale: 8.0 };
+    assert_eq!(with(Normalisation::Quantile, [0.1, 0.9]), inner);
+    let standard = Bounds { offset: 5.0, scale: 10.0_f64.sqrt() };
+    assert_eq!(with(Normalisation::Standard, [0.0, 1.0]), standard);
+}
+
+#[test]
+fn stuck_and_quantised_channels_show() {
+    let folder = Folder::new();
+    let a = [0.0, 0.25, 0.25, 0.25, 0.25, 0.5, 0.25, 0.0, 0.5, 0.5];
+    folder.write("a.parquet", &log_at([0, 1, 2, 3, 4, 5, 6, 7, 50, 51], &[("a", &a)]));
+    let profile = folder.inspect();
+    let values = profile.channel("a").expect("a channel").values.clone().expect("values");
+    assert_eq!(values.longest_stuck_secs, 3.0);
+    assert_eq!(values.smallest_change, Some(0.25));
+    assert_eq!(values.distinct, Some(3));
+    assert_eq!(values.unchanged, 0.5);
+    assert!((values.mean - 0.275).abs() < 1e-12 && !values.constant);
+}
+
+#[test]
+fn features_follow_the_sensors() {
+    let folder = Folder::new();
+    let table = log_at([0, 1, 2, 60, 61, 62], &[("a", &[0.0, 4.0, 4.0, 2.0, 4.0, 4.0])])
+        .with("mode", vec![13_i64, 31, 13, 13, 4, 13]);
+    folder.write("a.parquet", &table);
+    let preprocess = PreprocessConfig {
+        traces: vec![0.5],
+        time_of_day: true,
+        one_hot: Some("mode".to_owned()),
+        ..PreprocessConfig::default()
+    };
+    let dataset = load_with(&folder.data(), &preprocess);
+    let names: Vec<&str> =
+        dataset.normaliser.columns().iter().map(|column| column.name.as_str()).collect();
+    let expected =
+        ["a", "trace(0.5) a", "time_of_day_sin", "time_of_day_cos", "mode=4", "mode=13", "mode=31"];
+    assert_eq!(names, expected);
+    assert_eq!(dataset.profile.columns, 7);
+    assert_eq!(dataset.normaliser.columns()[1].kind, ColumnKind::Feature);
+    assert_eq!(train_values(&dataset, "trace(0.5) a"), [0.0, 2.0, 3.0, 2.0, 3.0, 3.5]);
+    assert_eq!(train_values(&dataset, "mode=13"), [1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+    assert_eq!(train_values(&dataset, "mode=4"), [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    assert!(train_values(&dataset, "time_of_day_cos").iter().all(|&cos| cos > 0.99));
+    let mode = dataset.profile.channel("mode").expect("a channel");
+    assert_eq!(mode.dropped, Some(DropReason::OneHot));
+}
+
+#[test]
+fn modes_may_be_text_missing_or_new() {
+    let folder = Folder::new();
+    let modes = ["run", "run", "", "stop", "run", "stop", "run", "run", "clean", "clean"];
+    let table = Table::new()
+        .with("timestamp", seconds(0..10))
+        .with("a", rising(10))
+        .with("mode", modes.map(str::to_owned).to_vec());
+    folder.write("a.parquet", &table);
+    let preprocess =
+        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let data = DataConfig { train_fraction: 0.8, ..folder.data() };
+    let dataset = load_with(&data, &preprocess);
+    assert_eq!(train_values(&dataset, "mode=run"), [1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
+    assert_eq!(dataset.profile.unseen_modes, 2);
+    assert_eq!(dataset.profile.channel("mode").expect("a channel").imputed, 1);
+    let held_out = dataset.held_out.as_ref().expect("a held-out range");
+    assert_eq!(held_out.states().row(0)[1..], [0.0, 0.0]);
+
+    let wrong = PreprocessConfig { one_hot: Some("mod".to_owned()), ..PreprocessConfig::default() };
+    let error = refused(&data, &wrong).to_string();
+    assert!(error.contains("not a channel of the log; did you mean mode?"), "{error}");
+}
+
+#[test]
+fn sub_sampling_counts_from_each_segment() {
+    let folder = Folder::new();
+    let times: Vec<i64> = (0..7).chain(20..22).chain(30..35).collect();
+    folder.write("a.parquet", &log_at(times, &[("a", &rising(14))]));
+    let with = |subsample, reduce| {
+        let preprocess = PreprocessConfig { subsample, reduce, ..PreprocessConfig::default() };
+        load_with(&folder.data(), &preprocess)
+    };
+    let kept = with(3, Reduce::Keep);
+    assert_eq!(train_seconds(&kept), [0.0, 3.0, 6.0, 20.0, 30.0, 33.0]);
+    assert_eq!(segment_lengths(&kept), [3, 1, 2]);
+    assert_eq!((kept.period.as_secs(), kept.profile.train.transitions), (3.0, 3));
+    assert_eq!(kept.profile.sampled_period_secs, 3.0);
+    let mean = with(3, Reduce::Mean);
+    assert_eq!(train_seconds(&mean), [2.0, 5.0, 32.0]);
+    assert_eq!(train_values(&mean, "a"), [1.0, 4.0, 10.0]);
+    assert_eq!(with(1, Reduce::Mean).fingerprint, with(1, Reduce::Keep).fingerprint);
+}
+
+#[test]
+fn wide_logs_are_read_in_batches() {
+    let folder = Folder::new();
+    let columns: Vec<Vec<f64>> = (0..150_u32)
+        .map(|column| (0..40_u32).map(|row| f64::from((row * (column + 3)) % 41)).collect())
+        .collect();
+    let names: Vec<String> = (0..150).map(|column| format!("c{column:03}")).collect();
+    let channels: Vec<(&str, &[f64])> = names
+        .iter()
+        .zip(&columns)
+        .map(|(name, values)| (name.as_str(), values.as_slice()))
+        .collect();
+    folder.write("a.parquet", &log(0, &channels));
+    let dataset = folder.load();
+    assert_eq!(dataset.normaliser.len(), 150 - 3, "c038, c079 and c120 are constant");
+    for (name, values) in channels {
+        if dataset.normaliser.position(name).is_some() {
+            assert_eq!(train_values(&dataset, name), values, "{name}");
+        }
+    }
+    let inspected = inspect(&folder.data(), &PreprocessConfig::default(), &calib_core::Silent);
+    assert_eq!(inspected.expect("a log"), dataset.profile);
+}

@@ -1,0 +1,101 @@
+//! Small logs.
+
+use std::path::{Path, PathBuf};
+
+use calib_core::{Silent, Timestamp};
+use calib_data::{
+    DataConfig, DataError, Dataset, PreprocessConfig, Profile, inspect, load, table::Table,
+};
+
+pub(crate) const NAN: f64 = f64::NAN;
+
+/// A folder of log files.
+pub(crate) struct Folder(tempfile::TempDir);
+
+impl Folder {
+    pub(crate) fn new() -> Self {
+        Self(tempfile::tempdir().expect("a folder"))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, table: &Table) -> &Self {
+        table.write_parquet(&self.file(name)).expect("written");
+        self
+    }
+
+    /// The whole folder as one training range.
+    pub(crate) fn data(&self) -> DataConfig {
+        DataConfig { train_fraction: 1.0, ..DataConfig::at(self.path()) }
+    }
+
+    pub(crate) fn inspect(&self) -> Profile {
+        inspect(&self.data(), &PreprocessConfig::default(), &Silent).expect("a log")
+    }
+
+    pub(crate) fn load(&self) -> Dataset {
+        load_with(&self.data(), &PreprocessConfig::default())
+    }
+}
+
+pub(crate) fn load_with(data: &DataConfig, preprocess: &PreprocessConfig) -> Dataset {
+    load(data, preprocess, &Silent).expect("a log")
+}
+
+pub(crate) fn refused(data: &DataConfig, preprocess: &PreprocessConfig) -> DataError {
+    load(data, preprocess, &Silent).expect_err("refused")
+}
+
+pub(crate) fn seconds(seconds: impl IntoIterator<Item = i64>) -> Vec<Timestamp> {
+    let micros = |second: i64| Timestamp::from_micros(second * 1_000_000);
+    seconds.into_iter().map(micros).collect()
+}
+
+/// A log with a row a second from second `start` on.
+pub(crate) fn log(start: i64, channels: &[(&str, &[f64])]) -> Table {
+    let rows = channels.first().map_or(0, |(_, values)| values.len() as i64);
+    log_at(start..start + rows, channels)
+}
+
+/// A log with rows at these seconds.
+pub(crate) fn log_at(times: impl IntoIterator<Item = i64>, channels: &[(&str, &[f64])]) -> Table {
+    let table = Table::new().with("timestamp", seconds(times));
+    channels
+        .iter()
+        .fold(table, |table, (name, values)| table.with_optional(*name, optional(values)))
+}
+
+pub(crate) fn optional(values: &[f64]) -> Vec<Option<f64>> {
+    let values = values.iter().map(|&value| (!value.is_nan()).then_some(value));
+    values.collect()
+}
+
+/// Seconds of the rows of the training range.
+pub(crate) fn train_seconds(dataset: &Dataset) -> Vec<f64> {
+    let timestamps = dataset.train.timestamps().iter();
+    timestamps.map(|time| time.as_micros() as f64 / 1e6).collect()
+}
+
+/// Physical values of a column of the training range.
+pub(crate) fn train_values(dataset: &Dataset, column: &str) -> Vec<f64> {
+    let position = dataset.normaliser.position(column).expect("a column");
+    let states = dataset.train.states();
+    (0..states.rows())
+        .map(|row| {
+            let value = calib_core::Normalised(states.row(row)[position]);
+            let physical = dataset.normaliser.physical(position, value).0;
+            // The states are f32.
+            (physical * 1e4).round() / 1e4
+        })
+        .collect()
+}
+
+pub(crate) fn segment_lengths(dataset: &Dataset) -> Vec<usize> {
+    dataset.train.segments().iter().map(|segment| segment.rows().len()).collect()
+}
