@@ -8,7 +8,9 @@ use clap_complete::Shell;
 /// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
 #[derive(Debug, Parser)]
 #[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = "Start with `calib quickstart`: it simulates a plant, runs the whole chain and ends with a verdict.")]
+#[command(
+    after_help = "Start with `calib quickstart`: it simulates a plant, runs the whole chain and ends with a verdict."
+)]
 pub struct Cli {
     #[command(flatten)]
     pub(crate) global: GlobalArgs,

@@ -8,7 +8,10 @@ pub(crate) struct Stopwatch(Instant);
 
 impl Stopwatch {
     /// Start it.
-    #[expect(clippy::disallowed_methods, reason = "timings are reported beside results, not in them")]
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "timings are reported beside results, not in them"
+    )]
     pub(crate) fn start() -> Self {
         Self(Instant::now())
     }

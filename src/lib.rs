@@ -36,7 +36,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(Ok(status)) => status,
         Ok(Err(error)) => exit::report(&error, &printer),
         Err(_) => {
-            printer.error("this is a bug in calib: please report the message above and the command");
+            printer
+                .error("this is a bug in calib: please report the message above and the command");
             ExitStatus::Internal
         }
     };

@@ -1,8 +1,12 @@
 //! Results that are made once: a directory counts only with a manifest that names its inputs.
 
-use std::path::Path;
+use std::{
+    fs::{self, File, TryLockError},
+    io,
+    path::{Path, PathBuf},
+};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use calib_files::{Fingerprint, Fingerprinter, read_json, write_json};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -34,7 +38,7 @@ pub(super) fn read<M: Manifest>(directory: &Path) -> Option<M> {
 pub(super) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::Result<M> {
     let path = directory.join(MANIFEST);
     if !path.exists() {
-        anyhow::bail!("{} does not exist; run `calib {command}` first", path.display());
+        bail!("{} does not exist; run `calib {command}` first", path.display());
     }
     let manifest: M = read_json(&path)
         .with_context(|| format!("run `calib {command} --force` to make it again"))?;
@@ -48,20 +52,61 @@ pub(super) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
     Ok(manifest)
 }
 
-/// Begin to write `directory`: from here until [`complete`] it does not count.
-pub(super) fn begin(directory: &Path) -> anyhow::Result<()> {
-    calib_files::create_directory(directory)?;
-    match std::fs::remove_file(directory.join(MANIFEST)) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot write {}", directory.display()))
+/// A directory that this process writes, and no other one. The claim ends with the process, however it ends.
+pub(super) struct Claim {
+    directory: PathBuf,
+    /// Locked while it is open.
+    _lock: File,
+}
+
+impl Claim {
+    /// Claim `directory`, and remove what a killed process left half-written in it.
+    ///
+    /// # Errors
+    /// If it cannot be written, or another process has claimed it.
+    pub(super) fn new(directory: &Path) -> anyhow::Result<Self> {
+        calib_files::create_directory(directory)?;
+        let refused = || format!("cannot write to {}", directory.display());
+        let lock = File::create(directory.join(".lock")).with_context(refused)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => bail!(
+                "another calib is writing to {}; wait for it, or choose another --output",
+                directory.display()
+            ),
+            // Some network file systems have no locks: work on without.
+            Err(TryLockError::Error(_)) => {}
         }
-        _ => Ok(()),
+        remove_temporaries(directory).with_context(refused)?;
+        Ok(Self { directory: directory.to_owned(), _lock: lock })
+    }
+
+    /// From here until [`complete`](Self::complete) the directory does not count as a result.
+    pub(super) fn begin(&self) -> anyhow::Result<()> {
+        match fs::remove_file(self.directory.join(MANIFEST)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(error).with_context(|| format!("cannot write to {}", self.directory.display()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Complete the directory with its manifest.
+    pub(super) fn complete<M: Manifest>(self, manifest: &M) -> anyhow::Result<()> {
+        Ok(write_json(&self.directory.join(MANIFEST), manifest)?)
     }
 }
 
-/// Complete `directory` with its manifest.
-pub(super) fn complete<M: Manifest>(directory: &Path, manifest: &M) -> anyhow::Result<()> {
-    Ok(write_json(&directory.join(MANIFEST), manifest)?)
+fn remove_temporaries(directory: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            remove_temporaries(&path)?;
+        } else if calib_files::is_temporary(&path) {
+            fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 /// Fingerprint of some inputs.

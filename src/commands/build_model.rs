@@ -9,7 +9,7 @@ use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, TOOL},
+    artefact::{self, Claim, TOOL},
     load_study,
     model_files::{self, MemberSummary, ModelManifest, model_key},
 };
@@ -53,7 +53,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     } else {
         summarise(&manifest, &directory, built, clock, printer)?;
     }
-    printer.say(&format!("next: calib rollout {0}  or  calib sweep {0}", args.study.study.display()));
+    printer
+        .say(&format!("next: calib rollout {0}  or  calib sweep {0}", args.study.study.display()));
     Ok(status)
 }
 
@@ -91,14 +92,16 @@ fn build(
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
-    artefact::begin(directory)?;
+    let claim = Claim::new(directory)?;
+    claim.begin()?;
     let read = clock.elapsed();
     let transitions = Transitions::new(dataset.train.segments().clone());
     let states = dataset.train.states().clone();
     let knn = KnnModel::build(states, transitions, &study.model, &printer.progress())?;
     let searched = clock.elapsed();
     model_files::write(directory, dataset, &knn)?;
-    let members = (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    let members =
+        (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
     let manifest = ModelManifest {
         format: <ModelManifest as artefact::Manifest>::FORMAT,
         tool: TOOL.to_owned(),
@@ -121,7 +124,7 @@ fn build(
             writing_secs: (clock.elapsed() - searched).as_secs_f64(),
         },
     )?;
-    artefact::complete(directory, &manifest)?;
+    claim.complete(&manifest)?;
     Ok(manifest)
 }
 
@@ -146,7 +149,8 @@ fn fingerprints(
     directory: &std::path::Path,
     members: usize,
 ) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
-    let mut names = vec!["states.npy".to_owned(), "rows.parquet".to_owned(), "profile.json".to_owned()];
+    let mut names =
+        vec!["states.npy".to_owned(), "rows.parquet".to_owned(), "profile.json".to_owned()];
     for member in 0..members {
         names.push(format!("members/{member}/neighbors.npy"));
         names.push(format!("members/{member}/distances.npy"));

@@ -73,7 +73,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         let selection = &verdict.selection;
         selection.worst_ranks.len() == 1 || selection.tie_set.len() < selection.worst_ranks.len()
     };
-    Ok(if summary.verdicts.iter().all(told_apart) { ExitStatus::Done } else { ExitStatus::Negative })
+    Ok(if summary.verdicts.iter().all(told_apart) {
+        ExitStatus::Done
+    } else {
+        ExitStatus::Negative
+    })
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
@@ -95,7 +99,9 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
             paths.sweep().display()
         );
     }
-    if artefact::read::<ModelManifest>(&paths.model()).is_some_and(|model| model.key != manifest.model) {
+    if artefact::read::<ModelManifest>(&paths.model())
+        .is_some_and(|model| model.key != manifest.model)
+    {
         bail!("the model was built again after the sweep; run `calib sweep` again");
     }
     Ok(manifest)

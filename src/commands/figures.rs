@@ -9,8 +9,11 @@ use calib_report::{Figure, RolloutFigure, Trajectory};
 /// Write a figure as `NAME.svg` and `NAME.png`.
 pub(super) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
     let (svg, png) = (figure.svg(), figure.png()?);
-    let name = name.replace(|character: char| !character.is_ascii_alphanumeric() && character != '-', "_");
-    write_atomically(&directory.join(format!("{name}.svg")), |file| file.write_all(svg.as_bytes()))?;
+    let name =
+        name.replace(|character: char| !character.is_ascii_alphanumeric() && character != '-', "_");
+    write_atomically(&directory.join(format!("{name}.svg")), |file| {
+        file.write_all(svg.as_bytes())
+    })?;
     write_atomically(&directory.join(format!("{name}.png")), |file| file.write_all(&png))?;
     Ok(())
 }

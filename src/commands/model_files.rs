@@ -3,8 +3,13 @@
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions};
-use calib_data::{Dataset, Profile, table::{Table, read_parquet_columns}};
+use calib_core::{
+    Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions,
+};
+use calib_data::{
+    Dataset, Profile,
+    table::{Table, read_parquet_columns},
+};
 use calib_files::{Fingerprint, map_npy, read_json, write_json, write_npy};
 use calib_knn::{KnnModel, ModelConfig};
 use calib_rollout::JumpStatistics;
@@ -106,7 +111,9 @@ pub(super) fn open(directory: &Path, study: &Study) -> anyhow::Result<OpenModel>
             directory.display()
         );
     }
-    let again = || format!("the model in {} is damaged; run `calib build-model --force`", directory.display());
+    let again = || {
+        format!("the model in {} is damaged; run `calib build-model --force`", directory.display())
+    };
     let mapped = map_npy::<f32>(&directory.join("states.npy")).with_context(again)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     let states = States::from_shared(Arc::new(mapped), rows, columns).with_context(again)?;
@@ -119,7 +126,8 @@ pub(super) fn open(directory: &Path, study: &Study) -> anyhow::Result<OpenModel>
     let frames = Frames::new(timestamps, segments, states.clone()).with_context(again)?;
     let members = manifest.study.model.members;
     let exclusion = manifest.study.model.exclusion();
-    let knn = KnnModel::open(directory, states, transitions, members, exclusion).with_context(again)?;
+    let knn =
+        KnnModel::open(directory, states, transitions, members, exclusion).with_context(again)?;
     Ok(OpenModel { manifest, frames, knn })
 }
 
@@ -137,14 +145,6 @@ pub(super) fn sensor_column(
     if let Some(column) = normaliser.position(sensor) {
         return Ok(column);
     }
-    if let Some(channel) = profile.channels.iter().find(|channel| channel.name == sensor) {
-        bail!(
-            "sensor {sensor} was dropped by preprocessing: {}; see `calib inspect`",
-            channel.reason.as_deref().unwrap_or("no reason was recorded")
-        );
-    }
-    let names: Vec<&str> = normaliser.columns().iter().map(|column| column.name.as_str()).collect();
-    let hint = crate::study::nearest(sensor, &names)
-        .map_or_else(String::new, |name| format!("; did you mean {name}?"));
-    bail!("there is no sensor {sensor} in the data{hint} (`calib inspect` lists all)")
+    profile.require_sensor(sensor)?;
+    bail!("sensor {sensor} is not a column of the states")
 }

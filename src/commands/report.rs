@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 
-use calib_data::{Profile, table::read_parquet_columns};
+use calib_data::{ChannelProfile, Profile, format_time, table::read_parquet_columns};
 use calib_files::write_atomically;
 use calib_report::{
     Agreement, Alternative, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
@@ -198,12 +198,55 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
 }
 
 fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
-    todo_profile(profile, model)
+    let train = &profile.train;
+    let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
+    let mut facts = vec![
+        fact("rows of the log", profile.rows),
+        fact("files", profile.files as u64),
+        fact("gaps", profile.gaps.count),
+        fact(
+            "duplicate rows dropped",
+            profile.duplicates.identical + profile.duplicates.conflicting,
+        ),
+        fact("steps back in time", profile.backward_steps.count),
+        fact("rows dropped for missing values", train.dropped_rows),
+        fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
+    ];
+    if let Some(held_out) = &profile.held_out {
+        facts.push(fact("held-out states", held_out.rows));
+        let range = format!("{} to {}", format_time(held_out.start), format_time(held_out.end));
+        facts.push(("held-out range".to_owned(), range));
+    }
+    DataProfile {
+        rows: train.rows,
+        segments: train.segments,
+        period_secs: model.period.as_secs(),
+        first: format_time(train.start),
+        last: format_time(train.end),
+        facts,
+        channels: profile.channels.iter().map(channel).collect(),
+    }
+}
+
+fn channel(of: &ChannelProfile) -> Channel {
+    Channel {
+        name: of.name.clone(),
+        unit: None,
+        min: of.values.as_ref().map(|values| values.min),
+        max: of.values.as_ref().map(|values| values.max),
+        missing: of.missing_fraction,
+        status: of
+            .dropped
+            .as_ref()
+            .map_or(ChannelStatus::Kept, |reason| ChannelStatus::Dropped(reason.to_string())),
+    }
 }
 
 fn reproduction(study: &Study, sweep: &SweepManifest) -> anyhow::Result<Reproduction> {
     Ok(Reproduction {
-        command: "calib build-model STUDY; calib rollout STUDY; calib sweep STUDY; calib evaluate STUDY".to_owned(),
+        command:
+            "calib build-model STUDY; calib rollout STUDY; calib sweep STUDY; calib evaluate STUDY"
+                .to_owned(),
         study_toml: toml::to_string(study)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), study.seed)],

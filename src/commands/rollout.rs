@@ -7,7 +7,7 @@ use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, StartKind, rollouts}
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest, TOOL},
+    artefact::{self, Claim, Manifest, TOOL},
     figures, load_study,
     model_files::{self, OpenModel},
     starts::starts,
@@ -83,7 +83,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     if args.json {
         printer.json(&manifest)?;
     } else {
-        printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
+        printer.result(&format!(
+            "{verb} {} in {}",
+            directory.display(),
+            duration(clock.elapsed())
+        ))?;
         summarise(&manifest, printer)?;
     }
     printer.say(&format!("next: calib sweep {}", args.study.display()));
@@ -103,8 +107,8 @@ fn sensors(
     }
     let profile = model_files::read_profile(directory)?;
     let column = |sensor: &String| {
-        let column = model_files::sensor_column(sensor, normaliser, &profile)
-            .context("sweep.sensors")?;
+        let column =
+            model_files::sensor_column(sensor, normaliser, &profile).context("sweep.sensors")?;
         Ok((sensor.clone(), column))
     };
     study.sweep.sensors.iter().map(column).collect()
@@ -130,7 +134,8 @@ fn roll_out(
     printer: &Printer,
 ) -> anyhow::Result<RolloutManifest> {
     let held_out = held_out(study, printer)?;
-    artefact::begin(directory)?;
+    let claim = Claim::new(directory)?;
+    claim.begin()?;
     let weights = study.model.weights()?;
     let seed = Seed::new(study.seed).child("rollout");
     let progress = printer.progress();
@@ -159,7 +164,7 @@ fn roll_out(
         period_secs,
         members: all.iter().map(|rollouts| member_rollouts(rollouts)).collect(),
     };
-    artefact::complete(directory, &manifest)?;
+    claim.complete(&manifest)?;
     Ok(manifest)
 }
 
@@ -221,11 +226,15 @@ fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usi
         .with("timestamp", timestamps);
     for (sensor, column) in sensors {
         let normalised = |row: &RowIndex| states.row(row.get())[*column];
-        let physical =
-            |row: &RowIndex| model.manifest.normaliser.physical(*column, Normalised(normalised(row))).0;
+        let physical = |row: &RowIndex| {
+            model.manifest.normaliser.physical(*column, Normalised(normalised(row))).0
+        };
         table = table
             .with(sensor, visited.iter().map(physical).collect::<Vec<f64>>())
-            .with(format!("{sensor}.normalised"), visited.iter().map(normalised).collect::<Vec<f32>>())
+            .with(
+                format!("{sensor}.normalised"),
+                visited.iter().map(normalised).collect::<Vec<f32>>(),
+            )
             .with_optional(
                 format!("{sensor}.recorded"),
                 truth.iter().map(|row| row.as_ref().map(physical)).collect::<Vec<Option<f64>>>(),

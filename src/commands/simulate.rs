@@ -7,7 +7,7 @@ use calib_files::{read_json, write_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use serde::{Deserialize, Serialize};
 
-use super::artefact::TOOL;
+use super::artefact::{Claim, TOOL};
 use crate::{
     cli::SimulateArgs,
     clock::Stopwatch,
@@ -55,8 +55,9 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Exit
 
 fn options(args: &SimulateArgs) -> anyhow::Result<PlantOptions> {
     let start = Moment::new(&args.start).map_err(|reason| anyhow::anyhow!("--start: {reason}"))?;
-    let period = Period::from_secs(args.period)
-        .with_context(|| format!("--period must be a positive number of seconds, got {}", args.period))?;
+    let period = Period::from_secs(args.period).with_context(|| {
+        format!("--period must be a positive number of seconds, got {}", args.period)
+    })?;
     let options = PlantOptions {
         channels: args.channels,
         days: args.days,
@@ -86,7 +87,8 @@ pub(super) fn simulate(
     let mut plant = Plant::new(options.clone())?;
     let simulation =
         Simulation { tool: TOOL.to_owned(), options, channels: plant.schema().to_vec() };
-    claim(directory, &simulation, force)?;
+    let _claim = Claim::new(directory)?;
+    own(directory, &simulation, force)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
     let per_day = plant.instants() * (4 * names.len() as u64 + 8) / u64::from(plant.days()).max(1);
     printer.say(&format!(
@@ -127,7 +129,7 @@ pub(super) fn simulate(
 }
 
 /// Make the directory this simulation's, unless it is another one's.
-fn claim(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<()> {
+fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<()> {
     let path = directory.join("simulation.json");
     match read_json::<Simulation>(&path) {
         Ok(found) if found == *simulation => return Ok(()),
@@ -166,7 +168,8 @@ fn remove_days(directory: &Path) -> anyhow::Result<()> {
     for day in 0..previous.options.days.ceil() as u32 {
         let path = directory.join(file_name(previous.options.start, day));
         if path.exists() {
-            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            std::fs::remove_file(&path)
+                .with_context(|| format!("cannot remove {}", path.display()))?;
         }
     }
     Ok(())

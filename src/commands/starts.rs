@@ -31,11 +31,14 @@ pub(super) fn starts(
         },
         StartKind::CalendarMonth => {
             let deployment = held_out.and_then(|held_out| held_out.timestamps().first().copied());
-            let month = config
-                .month
-                .or_else(|| deployment.map(month_of))
-                .context("rollout.start = \"calendar_month\" wants rollout.month, or a held-out range")?;
-            StartSource::CalendarMonth { timestamps: frames.timestamps(), month, before: deployment }
+            let month = config.month.or_else(|| deployment.map(month_of)).context(
+                "rollout.start = \"calendar_month\" wants rollout.month, or a held-out range",
+            )?;
+            StartSource::CalendarMonth {
+                timestamps: frames.timestamps(),
+                month,
+                before: deployment,
+            }
         }
     };
     start_states(member, source, count, seed).context("[rollout]")
@@ -45,8 +48,8 @@ pub(super) fn starts(
 fn listed_rows(config: &RolloutConfig, frames: &Frames) -> anyhow::Result<Vec<RowIndex>> {
     let mut rows = config.rows.clone();
     for text in &config.timestamps {
-        let moment = Moment::new(text)
-            .map_err(|reason| anyhow::anyhow!("rollout.timestamps: {reason}"))?;
+        let moment =
+            Moment::new(text).map_err(|reason| anyhow::anyhow!("rollout.timestamps: {reason}"))?;
         rows.push(row_at(frames, moment.instant(), text)?);
     }
     Ok(rows)

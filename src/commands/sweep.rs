@@ -5,14 +5,14 @@ use calib_core::{Period, Seed};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
-    ReplayEnvironment, RolloutOptions, UnitResult, UnitStore, candidates,
+    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
+    RolloutOptions, UnitResult, UnitStore, candidates,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest, TOOL},
+    artefact::{self, Claim, Manifest, TOOL},
     load_study,
     model_files::{self, OpenModel},
     starts::starts,
@@ -114,7 +114,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    artefact::begin(&directory)?;
+    let claim = Claim::new(&directory)?;
+    claim.begin()?;
     if args.force {
         remove_units(&store)?;
     }
@@ -139,7 +140,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
             &Timings { units: missing, wall_secs: clock.elapsed().as_secs_f64() },
         )?;
     }
-    artefact::complete(&directory, &manifest)?;
+    claim.complete(&manifest)?;
     finish(args, &paths, &manifest, missing, clock, printer)?;
     Ok(ExitStatus::Done)
 }
@@ -173,7 +174,8 @@ impl Lengths {
         shorten(dataset.train.rows().saturating_sub(1), "training");
         match &dataset.held_out {
             Some(held_out) => shorten(held_out.rows().saturating_sub(1), "held-out"),
-            None => notes.push("no held-out range: the choice cannot be compared with Online".to_owned()),
+            None => notes
+                .push("no held-out range: the choice cannot be compared with Online".to_owned()),
         }
         for note in &notes {
             printer.warn(note);
@@ -203,8 +205,7 @@ fn environments<'a>(
         let held_out = dataset.held_out.as_ref();
         let runs = sweep.member_runs;
         let starts = starts(&member, &study.rollout, &model.frames, held_out, runs, rollout_seed)?;
-        let options =
-            RolloutOptions { steps, weights, seed: rollout_seed, inputs: inputs.clone() };
+        let options = RolloutOptions { steps, weights, seed: rollout_seed, inputs: inputs.clone() };
         let states = model.frames.states();
         environments.push(Box::new(MemberEnvironment::new(member, states, starts, options)));
     }
@@ -247,8 +248,9 @@ fn announce(
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {
     match std::fs::remove_dir_all(store.directory()) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error)
-            .with_context(|| format!("cannot remove {}", store.directory().display())),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", store.directory().display()))
+        }
         _ => Ok(()),
     }
 }
@@ -265,8 +267,10 @@ fn write_tables(
 }
 
 fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Result<Table> {
-    let rows: Vec<_> =
-        results.iter().flat_map(|result| result.rows.iter().map(move |row| (result, row))).collect();
+    let rows: Vec<_> = results
+        .iter()
+        .flat_map(|result| result.rows.iter().map(move |row| (result, row)))
+        .collect();
     let mut table = Table::new()
         .with("environment", rows.iter().map(|(r, _)| r.unit.environment.to_string()).collect())
         .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())

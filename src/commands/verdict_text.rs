@@ -5,7 +5,11 @@ use calib_sweep::{Agreement, Candidate, SensorVerdict};
 use crate::output::{percent, significant};
 
 /// What to deploy for one sensor, and why: one line of advice and a few of evidence.
-pub(super) fn lines(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) -> Vec<String> {
+pub(super) fn lines(
+    verdict: &SensorVerdict,
+    candidates: &[Candidate],
+    top_k: usize,
+) -> Vec<String> {
     let label = |candidate: usize| candidates[candidate].label();
     let selection = &verdict.selection;
     let chosen = selection.chosen;
@@ -19,14 +23,19 @@ pub(super) fn lines(verdict: &SensorVerdict, candidates: &[Candidate], top_k: us
         ties(selection.tie_set.iter().filter(|&&tied| tied != chosen).map(|&tied| label(tied))),
     )];
     if let (Some(model), Some(best)) = (&verdict.model_agreement, verdict.best_online) {
-        let online = verdict.online.as_ref().map_or(f64::NAN, |online| online.candidates[best].mean);
+        let online =
+            verdict.online.as_ref().map_or(f64::NAN, |online| online.candidates[best].mean);
         lines.push(format!(
             "Online: NRMSE {} against {} of the best ({}); regret {}; {}",
             significant(model.online_error),
             significant(online),
             label(best),
             cost(model.regret),
-            if model.top_k_hit { format!("among the best {top_k}") } else { format!("not among the best {top_k}") },
+            if model.top_k_hit {
+                format!("among the best {top_k}")
+            } else {
+                format!("not among the best {top_k}")
+            },
         ));
         lines.push(format!(
             "agreement of the ranking with Online: Spearman {}, Kendall {}",
@@ -37,10 +46,18 @@ pub(super) fn lines(verdict: &SensorVerdict, candidates: &[Candidate], top_k: us
         lines.push("no held-out range: how well this agrees with Online is unknown".to_owned());
     }
     if let Some(default) = &verdict.default_agreement {
-        lines.push(format!("the default ({}) would have: {}", label(default.chosen), outcome(default)));
+        lines.push(format!(
+            "the default ({}) would have: {}",
+            label(default.chosen),
+            outcome(default)
+        ));
     }
     if let Some(replay) = &verdict.log_replay_agreement {
-        lines.push(format!("log replay would choose {}: {}", label(replay.chosen), outcome(replay)));
+        lines.push(format!(
+            "log replay would choose {}: {}",
+            label(replay.chosen),
+            outcome(replay)
+        ));
     }
     lines.extend(verdict.warnings.iter().map(|warning| format!("note: {warning}")));
     lines

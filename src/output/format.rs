@@ -117,7 +117,10 @@ mod tests {
 
     #[test]
     fn tables_align() {
-        let text = table(&["name", "n"], &[vec!["a".into(), "1".into()], vec!["bcd".into(), "200".into()]]);
+        let text = table(
+            &["name", "n"],
+            &[vec!["a".into(), "1".into()], vec!["bcd".into(), "200".into()]],
+        );
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 3);
         assert!(lines[1].ends_with('1') && lines[2].ends_with("200"), "{text}");

@@ -18,16 +18,18 @@ impl Study {
     /// each named with file, line and key.
     pub fn load(path: &Path, overrides: &[String]) -> anyhow::Result<(Self, StudyPaths)> {
         let text = fs::read_to_string(path).with_context(|| {
-            format!("cannot read the study {}; expected a TOML file such as configs/quickstart.toml", path.display())
+            format!(
+                "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
+                path.display()
+            )
         })?;
         // The text is read for its own sake first, because only then a mistake has a line number.
         let mut table = parse(path, &text)?;
         for text in overrides {
             apply(&mut table, text)?;
         }
-        let mut study = Self::deserialize(Value::Table(table)).map_err(|error| {
-            anyhow!("{}: {}", with_overrides(path, overrides), located(&error))
-        })?;
+        let mut study = Self::deserialize(Value::Table(table))
+            .map_err(|error| anyhow!("{}: {}", with_overrides(path, overrides), located(&error)))?;
         let directory = match path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
@@ -38,6 +40,22 @@ impl Study {
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
         Ok((study, StudyPaths::new(directory.join(output))))
+    }
+
+    /// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
+    ///
+    /// # Errors
+    /// A key that does not exist, or a value that is not valid.
+    pub fn of_data(path: &Path, overrides: &[String]) -> anyhow::Result<Self> {
+        let mut table = Table::new();
+        for text in overrides {
+            apply(&mut table, text)?;
+        }
+        let mut study = Self::deserialize(Value::Table(table))
+            .map_err(|error| anyhow!("--set {}: {}", overrides.join(" --set "), located(&error)))?;
+        study.data.path = path.to_owned().into();
+        study.check()?;
+        Ok(study)
     }
 
     /// Check what the types alone do not.
@@ -79,14 +97,16 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
 /// Apply one `section.key=value`; the value is TOML, or else plain text.
 fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
     let expected = "expected section.key=value, such as agent.gamma=0.9";
-    let (keys, value) = text.split_once('=').with_context(|| format!("--set {text}: {expected}"))?;
+    let (keys, value) =
+        text.split_once('=').with_context(|| format!("--set {text}: {expected}"))?;
     let value = value.trim();
     let parsed = toml::from_str::<Table>(&format!("value = {value}"))
         .ok()
         .and_then(|mut parsed| parsed.remove("value"))
         .unwrap_or_else(|| Value::String(value.to_owned()));
     let keys: Vec<&str> = keys.trim().split('.').map(str::trim).collect();
-    let (last, sections) = keys.split_last().with_context(|| format!("--set {text}: {expected}"))?;
+    let (last, sections) =
+        keys.split_last().with_context(|| format!("--set {text}: {expected}"))?;
     if keys.iter().any(|key| key.is_empty()) {
         bail!("--set {text}: {expected}");
     }
@@ -162,11 +182,17 @@ mod tests {
     fn mistakes_name_file_line_and_nearest_key() {
         let of = |text: &str, set: &[&str]| format!("{:#}", load(text, set).expect_err("invalid"));
         let key = of("[agent]\nlearning_rat = 0.1\n", &[]);
-        assert!(key.contains("study.toml:2:1") && key.contains("did you mean `learning_rate`"), "{key}");
+        assert!(
+            key.contains("study.toml:2:1") && key.contains("did you mean `learning_rate`"),
+            "{key}"
+        );
         let section = of("[agnt]\n", &[]);
         assert!(section.contains("did you mean `agent`"), "{section}");
         let set = of("", &["agent.gama=0.9"]);
-        assert!(set.contains("--set agent.gama=0.9") && set.contains("did you mean `gamma`"), "{set}");
+        assert!(
+            set.contains("--set agent.gama=0.9") && set.contains("did you mean `gamma`"),
+            "{set}"
+        );
         let form = of("", &["gamma"]);
         assert!(form.contains("expected section.key=value"), "{form}");
         let syntax = of("[agent\n", &[]);

@@ -31,8 +31,9 @@ fn quoted(text: &str) -> Vec<&str> {
 }
 
 /// The most similar word, if it is similar at all.
-pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
-    let similarity = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
+fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
+    let similarity =
+        |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
     valid
         .iter()
         .copied()
@@ -48,11 +49,17 @@ mod tests {
     fn the_nearest_key_is_named() {
         let message = "unknown field `learning_rat`, expected one of `learning_rate`, `gamma`";
         let told = friendly(message);
-        assert!(told.starts_with("unknown key `learning_rat`; did you mean `learning_rate`?"), "{told}");
+        assert!(
+            told.starts_with("unknown key `learning_rat`; did you mean `learning_rate`?"),
+            "{told}"
+        );
         let far = friendly("unknown field `zzz`, expected `gamma` or `beta1`");
         assert_eq!(far, "unknown key `zzz` (known keys: gamma, beta1)");
         assert_eq!(friendly("invalid type: string"), "invalid type: string");
         let value = friendly("unknown variant `adm`, expected `adam` or `sgd`");
-        assert_eq!(value, "unknown value \"adm\"; did you mean \"adam\"? (known values: \"adam\", \"sgd\")");
+        assert_eq!(
+            value,
+            "unknown value \"adm\"; did you mean \"adam\"? (known values: \"adam\", \"sgd\")"
+        );
     }
 }

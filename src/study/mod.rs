@@ -13,7 +13,6 @@ use calib_rollout::RolloutConfig;
 use calib_sweep::SweepConfig;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use message::nearest;
 pub use paths::StudyPaths;
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.

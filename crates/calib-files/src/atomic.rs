@@ -6,6 +6,16 @@ use std::{
 
 use crate::FileError;
 
+const PREFIX: &str = ".calib-";
+const SUFFIX: &str = ".tmp";
+
+/// Whether `path` has the name of a temporary file of [`write_atomically`]:
+/// one that no process writes any more is left over from a kill and may be removed.
+pub fn is_temporary(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX))
+}
+
 /// Create `path` and its parents, if they do not exist.
 ///
 /// # Errors
@@ -30,8 +40,8 @@ pub fn write_atomically(
     create_directory(directory)?;
     let refused = |source| FileError::io("write", path, source);
     let mut temporary = tempfile::Builder::new()
-        .prefix(".calib-")
-        .suffix(".tmp")
+        .prefix(PREFIX)
+        .suffix(SUFFIX)
         .permissions(default_permissions())
         .tempfile_in(directory)
         .map_err(refused)?;
@@ -73,6 +83,9 @@ mod tests {
         write_atomically(&path, |file| file.write_all(b"old")).expect("written");
         let failed = write_atomically(&path, |file| {
             file.write_all(b"half of the n")?;
+            let mut entries = fs::read_dir(path.parent().expect("has one")).expect("readable");
+            assert!(entries.any(|entry| is_temporary(&entry.expect("an entry").path())));
+            assert!(!is_temporary(&path));
             Err(io::Error::other("interrupted"))
         });
         assert!(failed.is_err());

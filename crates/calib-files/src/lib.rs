@@ -10,7 +10,7 @@ mod fingerprint;
 mod json;
 mod npy;
 
-pub use atomic::{create_directory, write_atomically};
+pub use atomic::{create_directory, is_temporary, write_atomically};
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};

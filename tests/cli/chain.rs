@@ -1,0 +1,120 @@
+//! From logs to a verdict, and the same bytes every time.
+
+use crate::harness::Place;
+
+#[test]
+fn the_chain_ends_with_a_verdict_and_a_report() {
+    let place = Place::with_study();
+    let inspected = place.calib(&["inspect", "study.toml"]).succeeds();
+    assert!(inspected.contains("PIT300") && inspected.contains("transitions"), "{inspected}");
+    let built = place.calib(&["build-model", "study.toml", "--verify", "50"]);
+    assert!(built.succeeds().contains("member 2"));
+    assert!(built.stderr().contains("verified: 50 rows agree"), "{}", built.stderr());
+    place.calib(&["rollout", "study.toml"]).succeeds();
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();
+    assert!(verdict.contains("PIT300: use learning_rate = "), "{verdict}");
+    assert!(verdict.contains("TIT101: use learning_rate = "), "{verdict}");
+    assert!(verdict.contains("regret"), "{verdict}");
+    for file in [
+        "model/manifest.json",
+        "model/states.npy",
+        "model/rows.parquet",
+        "model/members/2/neighbors.npy",
+        "rollout/trajectories.parquet",
+        "rollout/figures/PIT300.svg",
+        "sweep/runs.parquet",
+        "sweep/curves.parquet",
+        "evaluate/summary.json",
+        "evaluate/figures/sensitivity-PIT300.png",
+        "report.html",
+    ] {
+        assert!(place.path().join("study-results").join(file).is_file(), "{file} is missing");
+    }
+    let json = place.calib(&["evaluate", "study.toml", "--json", "-q"]).succeeds();
+    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    assert_eq!(summary["verdicts"].as_array().expect("a list").len(), 2);
+}
+
+#[test]
+fn results_are_the_same_bytes_for_any_number_of_threads() {
+    let place = Place::with_study();
+    for (threads, output) in [("1", "one"), ("4", "four")] {
+        for command in ["build-model", "rollout", "sweep", "evaluate"] {
+            place
+                .calib(&[command, "study.toml", "--output", output, "--threads", threads])
+                .succeeds();
+        }
+    }
+    let (one, four) = (place.content("one"), place.content("four"));
+    assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
+    for (path, content) in &one {
+        assert!(four[path] == *content, "{} differs", path.display());
+    }
+}
+
+#[test]
+fn what_is_up_to_date_is_not_made_again() {
+    let place = Place::with_study();
+    let run = |command: &str| place.calib(&[command, "study.toml"]).succeeds();
+    assert!(run("build-model").contains("wrote"));
+    assert!(run("build-model").contains("up to date"));
+    assert!(run("rollout").contains("wrote"));
+    assert!(run("rollout").contains("up to date"));
+    assert!(run("sweep").contains("units run"));
+    assert!(run("sweep").contains("up to date"));
+    let before = place.content("study-results");
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml", "--force"]).succeeds();
+    }
+    assert!(place.content("study-results") == before, "made again, it is the same");
+
+    // One more value: only a changed grid is run, the model stays.
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
+    assert!(run("build-model").contains("up to date"));
+    assert!(run("sweep").contains("units run"));
+    run("evaluate");
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml", "--dry-run"]).succeeds();
+    assert!(!place.path().join("study-results").exists());
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["sweep", "study.toml", "--dry-run"]).succeeds();
+    assert!(!place.path().join("study-results/sweep").exists());
+}
+
+#[test]
+fn any_agent_field_can_be_swept() {
+    let place = Place::with_study();
+    place.edit_study(
+        "learning_rate = [1e-5, 1e-3, 1e-2]",
+        "optimiser = [\"adam\", \"sgd\"]\ngamma = [0.5, 0.9]",
+    );
+    for command in ["build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let verdict = place.calib(&["evaluate", "study.toml"]);
+    assert!(verdict.stdout().contains("gamma = 0."), "{}{}", verdict.stdout(), verdict.stderr());
+}
+
+#[test]
+fn without_a_held_out_range_there_is_a_choice_but_no_regret() {
+    let place = Place::with_study();
+    place.edit_study("train_fraction = 0.7", "train_fraction = 1.0");
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
+    assert!(verdict.contains("no held-out range"), "{verdict}");
+}
+
+#[test]
+fn completions_and_man_pages_are_generated() {
+    let place = Place::new();
+    assert!(place.calib(&["completions", "bash"]).succeeds().contains("build-model"));
+    place.calib(&["man", "man"]).succeeds();
+    assert!(place.path().join("man/calib-build-model.1").is_file());
+}

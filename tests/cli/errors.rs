@@ -1,0 +1,176 @@
+//! Every mistake gets one message: what, where, what was expected, what to do; and exit code 2.
+
+use std::fs;
+
+use insta::assert_snapshot;
+
+use crate::harness::Place;
+
+#[test]
+fn a_misspelt_key_is_named_with_its_neighbour() {
+    let place = Place::with_study();
+    place.edit_study("batch_size = 16", "batch_sise = 16");
+    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
+}
+
+#[test]
+fn a_misspelt_override_is_named() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["sweep", "study.toml", "--set", "agent.gama=0.5"]).fails(2));
+}
+
+#[test]
+fn a_value_out_of_range_is_named() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["sweep", "study.toml", "--set", "agent.gamma=1.5"]).fails(2));
+}
+
+#[test]
+fn a_study_that_does_not_exist() {
+    assert_snapshot!(Place::new().calib(&["sweep", "nowhere.toml"]).fails(2));
+}
+
+#[test]
+fn no_files() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "data.path=nowhere/*.parquet"]).fails(2));
+}
+
+#[test]
+fn a_wrong_timestamp_column() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "data.timestamp=when"]).fails(2));
+}
+
+#[test]
+fn a_sensor_that_is_not_there() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "sweep.sensors=[\"PIT30\"]"]).fails(2));
+}
+
+#[test]
+fn a_truncated_file() {
+    let place = Place::with_study();
+    let path = place.path().join("data/2022-11-02.parquet");
+    let whole = fs::read(&path).expect("readable");
+    fs::write(&path, &whole[..whole.len() / 2]).expect("writable");
+    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
+    assert!(!place.path().join("study-results/model/manifest.json").exists());
+}
+
+#[test]
+fn more_neighbours_than_a_member_has() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "model.neighbors=100000"]).fails(2));
+}
+
+#[test]
+fn a_held_out_range_outside_the_data() {
+    let place = Place::with_study();
+    place.edit_study(
+        "train_fraction = 0.7",
+        "train = { start = 2022-11-01, end = 2022-11-03 }\nheld_out = { start = 2031-01-01, end = 2031-02-01 }",
+    );
+    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
+}
+
+#[test]
+fn ranges_that_overlap() {
+    let place = Place::with_study();
+    place.edit_study(
+        "train_fraction = 0.7",
+        "train = { start = 2022-11-01, end = 2022-11-03 }\nheld_out = { start = 2022-11-02, end = 2022-11-04 }",
+    );
+    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
+}
+
+#[test]
+fn a_model_of_other_data() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"]).succeeds();
+    let message = place.calib(&["sweep", "study.toml", "--set", "data.path=other"]).fails(2);
+    assert!(message.contains("was built from other data") && message.contains("build-model"), "{message}");
+}
+
+#[test]
+fn a_model_that_was_not_built() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["sweep", "study.toml"]).fails(2));
+}
+
+#[test]
+fn a_damaged_model() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let path = place.path().join("study-results/model/members/1/neighbors.npy");
+    let whole = fs::read(&path).expect("readable");
+    fs::write(&path, &whole[..whole.len() - 7]).expect("writable");
+    let message = place.calib(&["rollout", "study.toml"]).fails(2);
+    assert!(message.contains("members/1/neighbors.npy") && message.contains("--force"), "{message}");
+}
+
+#[test]
+fn an_output_that_cannot_be_written() {
+    let place = Place::with_study();
+    place.write("taken", "a file");
+    assert_snapshot!(place.calib(&["build-model", "study.toml", "--output", "taken/results"]).fails(2));
+}
+
+#[test]
+fn a_sweep_that_was_not_run() {
+    let place = Place::with_study();
+    assert_snapshot!(place.calib(&["evaluate", "study.toml"]).fails(2));
+}
+
+#[test]
+fn a_sweep_of_another_study() {
+    let place = Place::with_study();
+    for command in ["build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    assert_snapshot!(place.calib(&["evaluate", "study.toml", "--set", "agent.gamma=0.8"]).fails(2));
+}
+
+#[test]
+fn streams_that_are_too_short_to_score() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let short = ["sweep", "study.toml", "--set", "sweep.steps=30"];
+    let message = place.calib(&short).fails(2);
+    assert!(message.contains("no step can be scored"), "{message}");
+}
+
+#[test]
+fn a_directory_with_other_files_is_not_simulated_into() {
+    let place = Place::new();
+    place.simulate("data");
+    let message = place.calib(&["simulate", "data", "--days", "1"]).fails(2);
+    assert!(message.contains("another simulation") && message.contains("--force"), "{message}");
+    fs::remove_file(place.path().join("data/simulation.json")).expect("there");
+    let message = place.calib(&["simulate", "data", "--days", "1"]).fails(2);
+    assert!(message.contains("did not simulate"), "{message}");
+}
+
+#[test]
+fn two_commands_do_not_write_to_one_place() {
+    let place = Place::with_study();
+    let model = place.path().join("study-results/model");
+    fs::create_dir_all(&model).expect("writable");
+    let lock = fs::File::create(model.join(".lock")).expect("writable");
+    lock.lock().expect("nobody else has it");
+    let message = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(message.contains("another calib is writing"), "{message}");
+    drop(lock);
+    place.calib(&["build-model", "study.toml"]).succeeds();
+}
+
+#[test]
+fn wrong_usage() {
+    let place = Place::new();
+    assert_eq!(place.calib(&["sweeep"]).code(), 2);
+    assert_eq!(place.calib(&["simulate", "x", "--channels", "1"]).code(), 2);
+    assert_eq!(place.calib(&["simulate", "x", "--start", "soon"]).code(), 2);
+    assert_eq!(place.calib(&["inspect", "x", "--threads", "0"]).code(), 2);
+    assert_eq!(place.calib(&["--help"]).code(), 0);
+}

@@ -1,0 +1,80 @@
+//! Killed at any moment, a command that is run again gives what it would have given undisturbed.
+
+use std::{process::Stdio, thread, time::Duration};
+
+use crate::harness::Place;
+
+/// Start `calib`, kill it after some milliseconds, again and again with more time, then let it finish.
+fn kill_and_rerun(place: &Place, args: &[&str]) {
+    let mut killed = 0;
+    for milliseconds in [5, 15, 30, 60, 100, 160, 250, 400, 600, 900] {
+        let mut child = place
+            .command(args)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("calib runs");
+        thread::sleep(Duration::from_millis(milliseconds));
+        if child.try_wait().expect("a status").is_some() {
+            break;
+        }
+        child.kill().expect("it was running");
+        child.wait().expect("a status");
+        killed += 1;
+    }
+    assert!(killed > 0, "the command was too fast to be killed even once");
+    place.calib(args).succeeds();
+}
+
+#[test]
+fn a_killed_simulation_goes_on() {
+    let place = Place::new();
+    let args = |name| ["simulate", name, "--days", "6", "--channels", "40", "--period", "10"];
+    place.calib(&args("whole")).succeeds();
+    kill_and_rerun(&place, &args("killed"));
+    assert!(place.content("whole") == place.content("killed"));
+}
+
+#[test]
+fn a_killed_study_goes_on() {
+    let place = Place::with_study();
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml", "--output", "whole"]).succeeds();
+        kill_and_rerun(&place, &[command, "study.toml", "--output", "killed"]);
+        let (whole, killed) = (place.content("whole"), place.content("killed"));
+        assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
+        for (path, content) in &whole {
+            assert!(killed[path] == *content, "{command}: {} differs", path.display());
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    // Long enough that the signal arrives in the middle.
+    place.edit_study("online_runs = 3", "online_runs = 4000");
+    let child = place
+        .command(&["sweep", "study.toml", "--threads", "1"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("calib runs");
+    let units = place.path().join("study-results/sweep/units");
+    for _ in 0..600 {
+        if units.join("PIT300").is_dir() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+    let interrupt = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(interrupt.expect("kill runs").success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("run the same command again"));
+    assert!(!place.path().join("study-results/sweep/manifest.json").exists());
+    place.edit_study("online_runs = 4000", "online_runs = 3");
+    place.calib(&["sweep", "study.toml"]).succeeds();
+}

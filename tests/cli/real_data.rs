@@ -1,0 +1,50 @@
+//! The studies on real plants, much shortened. They want `CALIB_DATA` and skip without it.
+
+use std::path::Path;
+
+use crate::harness::Place;
+
+fn run_shortened(study: &str, folder: &str, more: &[&str]) {
+    let Some(data) = std::env::var_os("CALIB_DATA") else {
+        eprintln!("skipped: CALIB_DATA is not set, so {folder} is not at hand");
+        return;
+    };
+    let place = Place::new();
+    let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(study);
+    let mut set = vec![
+        "agent.value_function=linear",
+        "agent.batch_size=16",
+        "sweep.steps=1500",
+        "sweep.online_runs=2",
+        "sweep.member_runs=1",
+        "sweep.log_replay_runs=1",
+        "rollout.steps=500",
+        "rollout.rollouts=1",
+    ];
+    set.extend(more);
+    for command in ["build-model", "rollout", "sweep", "evaluate"] {
+        let mut calib = place.command(&[command]);
+        calib.arg(&study).args(["--output", "results"]).env("CALIB_DATA", &data);
+        for text in &set {
+            calib.args(["--set", text]);
+        }
+        let output = calib.output().expect("calib runs");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{command}: {told}");
+        if command == "evaluate" {
+            let verdict = String::from_utf8_lossy(&output.stdout);
+            assert_eq!(verdict.matches(": use learning_rate = ").count(), 3, "{verdict}");
+        }
+    }
+    assert!(place.path().join("results/report.html").is_file());
+}
+
+#[test]
+fn the_membrane_bioreactor_gets_a_verdict() {
+    run_shortened("mbr.toml", "mbr-mines", &["preprocess.subsample=4"]);
+}
+
+#[test]
+fn the_oil_wells_get_a_verdict() {
+    run_shortened("wells.toml", "3w-field-2017-08", &["preprocess.subsample=40"]);
+}
