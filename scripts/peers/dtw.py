@@ -81,7 +81,7 @@ def worker(peer, patterns, query, reference, length):
     print("ready", flush=True)
     for _ in sys.stdin:
         wall, busy = time.perf_counter(), time.process_time()
-        raw = [float(function(x, y)) for function in functions for x, y in zip(query, reference)]
+        raw = [float(function(x, y)) for x, y in zip(query, reference) for function in functions]
         seconds, processor = time.perf_counter() - wall, time.process_time() - busy
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         print(json.dumps({"seconds": seconds, "processor": processor, "raw": raw, "peak_kib": peak}), flush=True)
@@ -246,10 +246,8 @@ def main():
             [] if options.quick else ["dtw-python"], max(1, options.rounds // 3), 1)
     if options.quick:
         return None
-    for peer, memory in CLASSIC.items():
-        if memory == "N x M":
-            print(f"\nleft out below: {peer} keeps an N x M matrix, 7.2 GB for 30,000 x 30,000")
-    print("left out below: dtw-python, for the same reason")
+    whole = [peer for peer, memory in CLASSIC.items() if memory == "N x M"]
+    print(f"\nleft out below: {', '.join(whole)}, dtw-python (they keep an N x M matrix: 7.2 GB)")
     rounds = max(1, options.rounds // 2)
     contest("classic recursion, squared differences, 30,000 x 30,000", 1, 30000, "distance:squared", ["symmetric1"],
             ["dtaidistance"], rounds, 1)

@@ -136,7 +136,9 @@ impl fmt::Display for NoPath {
             Some(most) => write!(f, "references of {fewest} to {most} samples")?,
             None => write!(f, "references of {fewest} samples or more")?,
         }
+        let within = self.reference >= fewest && most.is_none_or(|most| self.reference <= most);
         match self.window {
+            Window::None if within => f.write_str(", but no combination of its steps fits these"),
             Window::None => {
                 f.write_str("; use another step pattern or make the lengths more alike")
             }

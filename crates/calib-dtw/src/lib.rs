@@ -24,5 +24,5 @@ pub use pattern::{
 };
 pub use pattern_set::{ByPattern, PatternSet};
 pub use series::{Role, Series};
-pub use settings::{Ends, LocalDistance, Settings};
+pub use settings::{Ends, LocalDistance, ParseSettingError, Settings};
 pub use window::{ParseWindowError, Window};

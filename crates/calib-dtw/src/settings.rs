@@ -1,5 +1,7 @@
 //! What, apart from the step pattern, defines a distance: local distance, window, ends.
 
+use std::{fmt, str::FromStr};
+
 use crate::Window;
 
 /// The distance between one sample of the query and one of the reference.
@@ -73,4 +75,81 @@ pub struct Settings {
     pub window: Window,
     /// Ends of the reference that may be left unmatched.
     pub ends: Ends,
+}
+
+/// A text that names no local distance or no ends.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {what} `{text}`: expected {expected}")]
+pub struct ParseSettingError {
+    /// What was to be read.
+    pub what: &'static str,
+    /// The text.
+    pub text: String,
+    /// The names there are.
+    pub expected: &'static str,
+}
+
+/// Names of the variants of a setting, both ways; upper and lower case are the same.
+macro_rules! names {
+    ($type:ident, $what:literal, $expected:literal: $($name:literal => $variant:ident),+) => {
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.pad(match self {
+                    $(Self::$variant => $name),+
+                })
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = ParseSettingError;
+
+            fn from_str(text: &str) -> Result<Self, Self::Err> {
+                match text.trim() {
+                    $(name if name.eq_ignore_ascii_case($name) => Ok(Self::$variant),)+
+                    _ => Err(ParseSettingError {
+                        what: $what,
+                        text: text.to_owned(),
+                        expected: $expected,
+                    }),
+                }
+            }
+        }
+    };
+}
+
+names! {
+    LocalDistance, "local distance", "absolute, squared or euclidean":
+    "absolute" => Absolute, "squared" => Squared, "euclidean" => Euclidean
+}
+
+names! {
+    Ends, "ends", "closed, openEnd, openBegin or openBoth":
+    "closed" => Closed, "openEnd" => OpenEnd, "openBegin" => OpenBegin, "openBoth" => OpenBoth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_read_back() {
+        for ends in [Ends::Closed, Ends::OpenEnd, Ends::OpenBegin, Ends::OpenBoth] {
+            assert_eq!(ends.to_string().parse::<Ends>().unwrap(), ends);
+        }
+        for local in [LocalDistance::Absolute, LocalDistance::Squared, LocalDistance::Euclidean] {
+            assert_eq!(local.to_string().parse::<LocalDistance>().unwrap(), local);
+        }
+        assert_eq!(
+            "open".parse::<Ends>().unwrap_err().to_string(),
+            "unknown ends `open`: expected closed, openEnd, openBegin or openBoth"
+        );
+    }
+
+    #[test]
+    fn local_distances_of_two_channels() {
+        let between = |local: LocalDistance| local.between(&[0.0, 1.0], &[3.0, 5.0]);
+        assert_eq!(between(LocalDistance::Absolute), 7.0);
+        assert_eq!(between(LocalDistance::Squared), 25.0);
+        assert_eq!(between(LocalDistance::Euclidean), 5.0);
+    }
 }

@@ -33,13 +33,15 @@ impl Window {
         let (last_row, last_column) = (query - 1, reference - 1);
         let range = match self {
             Self::None => 0..reference,
-            Self::SakoeChiba { radius } => row.saturating_sub(radius)..row + radius + 1,
+            Self::SakoeChiba { radius } => {
+                row.saturating_sub(radius)..row.saturating_add(radius).saturating_add(1)
+            }
             // A single row has no slope: all of it is on the diagonal.
             Self::Slanted { .. } if last_row == 0 => 0..reference,
             Self::Slanted { radius } => {
                 let diagonal = row * last_column;
                 let low = diagonal.div_ceil(last_row).saturating_sub(radius);
-                low..diagonal / last_row + radius + 1
+                low..(diagonal / last_row + 1).saturating_add(radius)
             }
             Self::Itakura => {
                 let rest = last_row - row;
@@ -135,6 +137,14 @@ mod tests {
                     before = columns;
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_radius_beyond_all_lengths_is_no_window() {
+        let radius = usize::MAX;
+        for window in [Window::SakoeChiba { radius }, Window::Slanted { radius }] {
+            assert_eq!(window.columns(3, 7, 5), 0..5);
         }
     }
 

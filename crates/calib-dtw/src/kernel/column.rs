@@ -242,7 +242,7 @@ pub(crate) unsafe fn compiled<L: Lanes, S: Shape, const MASKED: bool>(input: &mu
     assert!(past.iter().all(|column| column.len() == rows));
     assert!(input.local.len() >= S::LOCAL_COLUMNS);
     let local_rows = input.local_halo + height;
-    assert!(input.local_halo + 1 >= S::HALO);
+    assert!(input.local_halo >= S::HALO);
     assert!(input.local.iter().all(|column| column.len() == local_rows));
 
     let (halo, own) = current.split_at_mut(S::HALO);

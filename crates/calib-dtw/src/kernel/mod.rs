@@ -1,7 +1,7 @@
 //! How distances are computed: strips of sixteen lanes swept column by column, in memory that
 //! grows with N + M.
 //!
-//! [`lanes`] (and `x86`) holds the registers, [`shapes`] the recursions, [`column`] one column of a strip,
+//! [`lanes`] (and `x86`) holds the registers, [`shapes`] the recursions, [`mod@column`] one column of a strip,
 //! [`dispatch`] picks what the processor has, [`sweep`] goes over the whole rectangle.
 
 #![expect(

@@ -1,7 +1,8 @@
 //! What is refused, and in which words.
 
 use calib_dtw::{
-    Dtw, DtwError, Ends, LocalDistance, PatternSet, Role, Series, Settings, StepPattern, Window,
+    Branch, Dtw, DtwError, Ends, LocalDistance, Normalisation, PatternSet, Role, Series, Settings,
+    Step, StepPattern, Window,
 };
 
 fn message(error: impl std::fmt::Display) -> String {
@@ -72,6 +73,19 @@ fn lengths_beyond_the_slope_limits_say_what_would_do() {
     assert!(dtw.distance(&[0.0; 10], &[0.0; 19]).is_ok());
     assert!(dtw.distance(&[0.0; 10], &[0.0; 6]).is_ok());
     assert!(dtw.distance(&[0.0; 10], &[0.0; 5]).is_err());
+}
+
+#[test]
+fn lengths_that_no_combination_of_steps_fits_are_told_apart() {
+    let steps = Branch::new([Step::new(2, 2, 1.0)]);
+    let pattern = StepPattern::new("even", [steps], Normalisation::Query).unwrap();
+    let dtw = Dtw::new(pattern);
+    assert!(dtw.distance(&[0.0; 5], &[0.0; 5]).is_ok());
+    let error = dtw.distance(&[0.0; 4], &[0.0; 4]).unwrap_err();
+    assert!(
+        message(error)
+            .ends_with("references of 4 to 4 samples, but no combination of its steps fits these")
+    );
 }
 
 #[test]
