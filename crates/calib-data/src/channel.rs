@@ -123,6 +123,8 @@ pub(crate) fn quantile(values: &mut Vec<f64>, q: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::slice::from_ref;
+
     use super::*;
 
     const NAN: f64 = f64::NAN;
@@ -156,10 +158,10 @@ mod tests {
         assert_eq!(movement.distinct, Some(3));
         // Pairs: 0-1, 1-2, 2-3, 5-6 | 7-8, 8-9.
         assert!((movement.unchanged - 4.0 / 6.0).abs() < 1e-15);
-        let one = Movement::of(&values, &timestamps, &[0..10]);
+        let one = Movement::of(&values, &timestamps, from_ref(&(0..10)));
         assert_eq!(one.longest_stuck, 3);
         assert_eq!(
-            Movement::of(&[NAN], &timestamps, &[0..1]),
+            Movement::of(&[NAN], &timestamps, from_ref(&(0..1))),
             Movement { distinct: Some(0), ..Movement::default() }
         );
     }

@@ -46,7 +46,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
                 .collect(),
         },
         overlapping_files: irregular.overlaps.len() as u64,
-        short_steps: log.steps.short_steps,
+        short_steps: log.steps.short,
         gaps: Gaps {
             count: log.steps.gaps,
             longest_secs: log.steps.longest_gap as f64 / 1e6,

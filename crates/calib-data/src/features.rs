@@ -28,6 +28,8 @@ pub(crate) fn time_of_day(timestamps: &[Timestamp]) -> [Vec<f64>; 2] {
 
 #[cfg(test)]
 mod tests {
+    use std::slice::from_ref;
+
     use super::*;
 
     #[test]
@@ -36,7 +38,7 @@ mod tests {
         trace(&mut values, &[0..2, 3..5], 0.5);
         assert_eq!(values, [1.0, 2.0, 99.0, 5.0, 5.0]);
         let mut values = [1.0, 3.0];
-        trace(&mut values, &[0..2], 0.0);
+        trace(&mut values, from_ref(&(0..2)), 0.0);
         assert_eq!(values, [1.0, 3.0], "no decay is no trace");
     }
 

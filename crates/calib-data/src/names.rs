@@ -18,7 +18,7 @@ impl<'a> Names<'a> {
     /// The entries that match none of `channels`.
     pub(crate) fn unused<'b>(
         &self,
-        channels: impl Iterator<Item = &'b str> + Clone,
+        channels: &(impl Iterator<Item = &'b str> + Clone),
     ) -> Vec<&'a str> {
         self.0
             .iter()
@@ -32,7 +32,7 @@ impl<'a> Names<'a> {
         &self,
         channels: impl Iterator<Item = &'b str> + Clone,
     ) -> Result<(), DataError> {
-        match self.unused(channels.clone()).first() {
+        match self.unused(&channels).first() {
             None => Ok(()),
             Some(&pattern) => Err(DataError::NoSuchPattern {
                 pattern: pattern.to_owned(),
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(names.matching("T[1]"), Some("T[1]"));
         assert_eq!(names.matching("PIT301"), None);
         let channels = ["PIT300", "T[1]", "FLUX"];
-        assert_eq!(names.unused(channels.into_iter()), ["FLOW_*"]);
+        assert_eq!(names.unused(&channels.into_iter()), ["FLOW_*"]);
     }
 
     #[test]

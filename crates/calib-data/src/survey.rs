@@ -56,7 +56,7 @@ impl Survey {
         let log = Log::open(data, monitor)?;
         let names = || log.channels.iter().map(|channel| channel.name.as_str());
         Names::new(&data.include).check(names())?;
-        let unused = Names::new(&data.exclude).unused(names());
+        let unused = Names::new(&data.exclude).unused(&names());
         let unused_excludes = unused.into_iter().map(str::to_owned).collect();
         let stretches = log.stretches();
         let modes = Modes::read(&log, preprocess, monitor)?;
@@ -106,7 +106,7 @@ impl Survey {
             unseen_modes: unseen_modes(&log, modes.as_ref()),
             ..describe_rows(&log, conflicting)
         };
-        Ok(Self { stretches, profile, sensors, modes, train, held_out, log })
+        Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
     }
 }
 

@@ -1,6 +1,6 @@
 //! One Parquet file of the log.
 
-use std::{fs::File, ops::Range, path::PathBuf, sync::Arc};
+use std::{fs::File, ops::Range, path::Path, sync::Arc};
 
 use calib_files::FileError;
 use pl::SerReader as _;
@@ -62,7 +62,7 @@ impl LogFile {
         Ok(Self { fields, rows: metadata.num_rows, bytes, metadata, source })
     }
 
-    pub(crate) fn path(&self) -> &PathBuf {
+    pub(crate) fn path(&self) -> &Path {
         &self.source.path
     }
 
@@ -109,7 +109,7 @@ impl LogFile {
             .map_err(|error| self.damaged(&error))?;
         if columns.iter().any(|column| column.len() != rows.len()) {
             return Err(DataError::NotParquet {
-                path: self.path().clone(),
+                path: self.path().to_owned(),
                 reason: format!("fewer rows than the {} it declares", self.rows),
             });
         }
@@ -121,12 +121,12 @@ impl LogFile {
     }
 }
 
-fn open(path: &PathBuf) -> Result<File, DataError> {
+fn open(path: &Path) -> Result<File, DataError> {
     Ok(File::open(path).map_err(|source| FileError::io("open", path, source))?)
 }
 
-fn not_parquet(path: &PathBuf, error: &pl::PolarsError) -> DataError {
-    DataError::NotParquet { path: path.clone(), reason: error.to_string() }
+fn not_parquet(path: &Path, error: &pl::PolarsError) -> DataError {
+    DataError::NotParquet { path: path.to_owned(), reason: error.to_string() }
 }
 
 fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {

@@ -17,7 +17,7 @@ pub(crate) struct Steps {
     /// Last row before the gap, first row after it.
     pub(crate) first_gaps: Vec<(Timestamp, Timestamp)>,
     /// Steps shorter than the period divided by the tolerance.
-    pub(crate) short_steps: u64,
+    pub(crate) short: u64,
 }
 
 /// The median step, `None` for fewer than two rows.
@@ -49,7 +49,7 @@ pub(crate) fn find_steps(timestamps: &[Timestamp], period: Period, tolerance: f6
             found.stretches.push(start..row + 1);
             start = row + 1;
         } else if step < shortest {
-            found.short_steps += 1;
+            found.short += 1;
         }
     }
     if start < timestamps.len() {
@@ -86,12 +86,12 @@ mod tests {
     }
 
     #[test]
-    fn gaps_split_and_short_steps_do_not() {
+    fn gaps_split_and_short_do_not() {
         let times = seconds(&[0.0, 1.0, 2.5, 3.0, 4.51, 5.51, 20.0]);
         let period = Period::from_secs(1.0).expect("positive");
         let steps = find_steps(&times, period, 1.5);
         assert_eq!(steps.stretches, [0..4, 4..6, 6..7], "1.5 periods are tolerated");
-        assert_eq!((steps.gaps, steps.short_steps), (2, 1));
+        assert_eq!((steps.gaps, steps.short), (2, 1));
         assert_eq!(steps.longest_gap, 14_490_000);
         assert_eq!(steps.total_gap, 16_000_000);
         assert_eq!(steps.first_gaps[0], (times[3], times[4]));

@@ -1,5 +1,6 @@
 //! The timestamps of one file.
 
+use calib_core::Timestamp;
 use polars::prelude as pl;
 
 use super::{file::LogFile, rows::NO_TIME};
@@ -24,7 +25,7 @@ pub(crate) fn timestamp_field(file: &LogFile, data: &DataConfig) -> Result<usize
         });
         let candidates = if likely.is_empty() { list(&|_| true) } else { likely };
         DataError::NoTimestamp {
-            path: file.path().clone(),
+            path: file.path().to_owned(),
             column: data.timestamp.clone(),
             candidates,
         }
@@ -35,7 +36,7 @@ pub(crate) fn timestamp_field(file: &LogFile, data: &DataConfig) -> Result<usize
 pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i64>, DataError> {
     let field = timestamp_field(file, data)?;
     let bad = |reason: String| DataError::BadTimestamp {
-        path: file.path().clone(),
+        path: file.path().to_owned(),
         column: data.timestamp.clone(),
         reason,
     };
@@ -67,7 +68,7 @@ pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i
                 for (row, text) in text.str().map_err(damaged)?.iter().enumerate() {
                     times.push(match text.map(str::trim) {
                         None | Some("") => NO_TIME,
-                        Some(text) => parse_time(text).map(|time| time.as_micros()).ok_or_else(|| {
+                        Some(text) => parse_time(text).map(Timestamp::as_micros).ok_or_else(|| {
                             bad(format!(
                                 "row {} is {text:?}; expected ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z",
                                 slice.start + row

@@ -38,12 +38,12 @@ pub(crate) fn to_numbers(
 ) -> pl::PolarsResult<()> {
     use pl::DataType as D;
     macro_rules! numbers {
-        ($array:ident) => {{
+        ($array:ident, $convert:expr) => {{
             let mut rest = out;
             for chunk in column.$array()?.downcast_iter() {
                 let (part, next) = rest.split_at_mut(chunk.len());
                 rest = next;
-                let values = chunk.values().iter().map(|&value| value as f64);
+                let values = chunk.values().iter().copied().map($convert);
                 match chunk.validity() {
                     None => part.iter_mut().zip(values).for_each(|(out, value)| {
                         *out = finite(value, &mut not_numbers.non_finite);
@@ -62,16 +62,16 @@ pub(crate) fn to_numbers(
         }};
     }
     match column.dtype() {
-        D::Float64 => numbers!(f64),
-        D::Float32 => numbers!(f32),
-        D::Int8 => numbers!(i8),
-        D::Int16 => numbers!(i16),
-        D::Int32 => numbers!(i32),
-        D::Int64 => numbers!(i64),
-        D::UInt8 => numbers!(u8),
-        D::UInt16 => numbers!(u16),
-        D::UInt32 => numbers!(u32),
-        D::UInt64 => numbers!(u64),
+        D::Float64 => numbers!(f64, |value| value),
+        D::Float32 => numbers!(f32, f64::from),
+        D::Int8 => numbers!(i8, f64::from),
+        D::Int16 => numbers!(i16, f64::from),
+        D::Int32 => numbers!(i32, f64::from),
+        D::Int64 => numbers!(i64, |value| value as f64),
+        D::UInt8 => numbers!(u8, f64::from),
+        D::UInt16 => numbers!(u16, f64::from),
+        D::UInt32 => numbers!(u32, f64::from),
+        D::UInt64 => numbers!(u64, |value| value as f64),
         D::Boolean => {
             for (out, value) in out.iter_mut().zip(column.bool()?.iter()) {
                 *out = value.map_or(f64::NAN, |value| f64::from(u8::from(value)));
@@ -124,12 +124,11 @@ fn parse(text: &str, not_numbers: &mut NotNumbers) -> f64 {
     if text.is_empty() {
         return f64::NAN;
     }
-    match text.parse() {
-        Ok(value) => finite(value, &mut not_numbers.non_finite),
-        Err(_) => {
-            not_numbers.word(text);
-            f64::NAN
-        }
+    if let Ok(value) = text.parse() {
+        finite(value, &mut not_numbers.non_finite)
+    } else {
+        not_numbers.word(text);
+        f64::NAN
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use calib_core::Silent;
 use calib_data::{DataConfig, PreprocessConfig, Profile, inspect, load};
 
+#[expect(clippy::print_stderr, reason = "a skipped test must say so")]
 fn folder(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("CALIB_DATA").map(|root| PathBuf::from(root).join(name));
     let found = folder.filter(|folder| folder.exists());
