@@ -12,7 +12,7 @@ use crate::{Exclusion, KnnError, SelfMatch, Weights};
 /// | `theiler` | 0 | Theiler window in rows; 0 for none |
 /// | `weights` | `"linear"` | how a neighbour is drawn: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"` |
 /// | `temperature` | 1.0 | only for `"softmax"`; positive, in units of distance |
-/// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"scan"`; the tables are the same |
+/// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
@@ -65,12 +65,14 @@ pub enum WeightsKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
-    /// By the number of columns; see [`IndexKind::resolve`].
+    /// Whichever suits the data.
     #[default]
     Auto,
-    /// A k-d tree, for few columns.
+    /// A k-d tree, for few columns: [`KdTree`](crate::KdTree).
     KdTree,
-    /// A blocked scan, for any number of columns.
+    /// Leaves and boxes, for data with structure: [`Join`](crate::Join).
+    Join,
+    /// Every pair, for data without structure: [`Scan`](crate::Scan).
     Scan,
 }
 

@@ -59,9 +59,7 @@ pub enum KnnError {
         got: usize,
     },
     /// The k-d tree was asked for more dimensions than it is compiled for.
-    #[error(
-        "the k-d tree supports at most {max} columns, got {columns}; set `index` to \"auto\" or \"scan\""
-    )]
+    #[error("the k-d tree supports at most {max} columns, got {columns}; set `index` to \"auto\"")]
     Dimensions {
         /// Columns of the states.
         columns: usize,

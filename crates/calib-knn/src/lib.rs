@@ -2,7 +2,7 @@
 //!
 //! - [`Blocks`]: which transitions each member of the ensemble contains.
 //! - [`Exclusion`]: which sources may not be neighbours of a recorded row.
-//! - [`NeighborIndex`], [`KdTree`], [`Scan`]: exact search; every structure finds the same lists.
+//! - [`NeighborIndex`], [`KdTree`], [`Join`], [`Scan`]: exact search; every structure finds the same lists.
 //! - [`build_tables`], [`NeighborTable`]: for each member and transition `i` the `k` nearest source states to
 //!   the next state `s'_i`.
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
@@ -42,7 +42,7 @@ pub use blocks::Blocks;
 pub use config::{IndexKind, ModelConfig, WeightsKind};
 pub use error::KnnError;
 pub use exclusion::{Exclusion, SelfMatch};
-pub use index::{KdTree, NeighborIndex, Queries, Scan, Sink, Sources};
+pub use index::{Join, KdTree, NeighborIndex, Queries, Scan, Sink, Sources};
 pub use lists::MemberLists;
 pub use model::{KnnModel, Member, Neighbor};
 pub use store::{open_table, write_table};

@@ -1,9 +1,11 @@
 //! Exact search, one contract and several structures.
 
+mod join;
 mod kd_tree;
 mod query;
 mod scan;
 
+pub use join::Join;
 pub use kd_tree::KdTree;
 pub use query::{Queries, Sources};
 pub use scan::Scan;
@@ -42,7 +44,11 @@ impl<'a> Sources<'a> {
     /// If the k-d tree is asked for more columns than it supports.
     pub fn index(&self, kind: IndexKind) -> Result<Box<dyn NeighborIndex + 'a>, KnnError> {
         match kind {
-            IndexKind::Auto | IndexKind::Scan => Ok(Box::new(Scan::new(*self))),
+            IndexKind::Auto | IndexKind::Join => Ok(match Join::new(*self) {
+                Some(join) => Box::new(join),
+                None => Box::new(Scan::new(*self)),
+            }),
+            IndexKind::Scan => Ok(Box::new(Scan::new(*self))),
             IndexKind::KdTree => Ok(Box::new(KdTree::new(*self)?)),
         }
     }

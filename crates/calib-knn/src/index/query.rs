@@ -49,6 +49,11 @@ impl<'a> Sources<'a> {
         self.states
     }
 
+    /// The source state of `transition`.
+    pub(crate) fn state(&self, transition: u32) -> &'a [f32] {
+        self.states.row(self.transitions.sources()[transition as usize] as usize)
+    }
+
     /// The transitions.
     pub fn transitions(&self) -> &'a Transitions {
         self.transitions
@@ -156,6 +161,49 @@ impl<'a> Queries<'a> {
             }
             Kind::External(_) => 0..0,
         }
+    }
+
+    /// The recorded row that query `query` is, and the transitions of the data.
+    fn recorded(&self, query: usize) -> Option<(RowIndex, &'a Transitions)> {
+        match self.kind {
+            Kind::NextStates(transitions, _) => {
+                Some((transitions.next(TransitionIndex::new(query)), transitions))
+            }
+            Kind::Rows(rows, transitions, ..) => Some((rows[query], transitions)),
+            Kind::External(_) => None,
+        }
+    }
+
+    /// The transition that starts from the query's row, or else the one that ends there.
+    pub(crate) fn own_transition(&self, query: usize) -> Option<u32> {
+        let (row, transitions) = self.recorded(query)?;
+        let own = transitions.starting_at(row).or_else(|| transitions.ending_in(row));
+        own.map(|TransitionIndex(transition)| transition)
+    }
+
+    /// Up to `2 * count` sources outside the forbidden range whose transitions are nearest in time.
+    pub(crate) fn near_in_time(
+        &self,
+        query: usize,
+        count: usize,
+    ) -> impl Iterator<Item = u32> + use<'a> {
+        let count = count as u32;
+        let forbidden = self.forbidden(query);
+        let around = match self.own_transition(query) {
+            Some(_) if !forbidden.is_empty() => forbidden.clone(),
+            Some(own) => own..own,
+            None => 0..0,
+        };
+        let (before, after) = if self.own_transition(query).is_some() {
+            let last = self.blocks.transitions() as u32;
+            (
+                around.start.saturating_sub(count)..around.start,
+                around.end..last.min(around.end + count),
+            )
+        } else {
+            (0..0, 0..0)
+        };
+        before.chain(after)
     }
 
     /// The members whose lists query `query` wants.

@@ -1,0 +1,177 @@
+//! A map into few dimensions that never lengthens a distance by more than a known error.
+
+use calib_core::Seed;
+use rayon::prelude::*;
+
+use super::linear::{covariance, leading_axes};
+use crate::{Sources, groups::Groups};
+
+/// Most coordinates of an embedding.
+pub(super) const MOST: usize = 32;
+/// Coordinates are stored in multiples of this, the rest are zero.
+const STEP: usize = 16;
+/// Rows from which the axes are estimated. Any axes are correct; better ones prune more.
+const SAMPLE: usize = 16_384;
+/// Work of the estimate is bounded: rows × columns².
+const SAMPLE_WORK: usize = 2_000_000_000;
+
+/// Coordinates along the axes of largest variance and, where axes are left out, the distance from their span:
+/// `e(x) = (A(x − μ), √(‖x − μ‖² − ‖A(x − μ)‖²))`.
+///
+/// `A` has orthonormal rows, and by the triangle inequality in the complement
+/// `‖e(x) − e(y)‖ ≤ ‖x − y‖`. The coordinates are computed in f64 and stored in f32, so the stored images may be
+/// further apart than the states by [`slack`](Self::slack).
+#[derive(Debug)]
+pub(super) struct Embedding {
+    mean: Vec<f64>,
+    /// `[columns, axes]`.
+    axes: Vec<f64>,
+    /// Where each axis, and last the distance from the span, is stored.
+    places: Vec<usize>,
+    width: usize,
+    spans: bool,
+}
+
+impl Embedding {
+    /// An embedding that suits the sources.
+    pub(super) fn new(sources: &Sources<'_>, groups: &Groups) -> Self {
+        let columns = sources.columns();
+        let rows = sources.transitions().sources();
+        let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(4 * columns);
+        let stride = groups.len().div_ceil(most).max(1);
+        let sample: Vec<&[f32]> = (0..groups.len())
+            .step_by(stride)
+            .map(|group| sources.states().row(rows[groups.first(group) as usize] as usize))
+            .collect();
+        let (mean, covariance) = covariance(&sample, columns);
+        let spans = columns <= MOST;
+        let count = if spans { columns } else { MOST - 1 };
+        let axes = leading_axes(&covariance, columns, count, Seed::new(0));
+        let used = count + usize::from(!spans);
+        let mut this = Self {
+            mean,
+            axes,
+            places: (0..used).collect(),
+            width: used.next_multiple_of(STEP),
+            spans,
+        };
+        this.sort_by_variance(&sample);
+        this
+    }
+
+    /// Put coordinates of large variance first, so that sums of squares grow early.
+    fn sort_by_variance(&mut self, sample: &[&[f32]]) {
+        let used = self.places.len();
+        let images: Vec<f32> = sample
+            .par_iter()
+            .flat_map_iter(|state| {
+                let mut image = vec![0.0; self.width];
+                self.map(state, &mut image);
+                image
+            })
+            .collect();
+        let variance = |place: usize| {
+            let values = images.iter().skip(place).step_by(self.width).map(|&v| f64::from(v));
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for value in values {
+                sum += value;
+                squares += value * value;
+            }
+            squares - sum * sum / sample.len() as f64
+        };
+        let variances: Vec<f64> = (0..used).map(variance).collect();
+        let mut order: Vec<usize> = (0..used).collect();
+        order.sort_by(|&a, &b| variances[b].total_cmp(&variances[a]));
+        for (place, &coordinate) in order.iter().enumerate() {
+            self.places[coordinate] = place;
+        }
+    }
+
+    /// Coordinates of an image, a multiple of 16.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Write the image of `state`; returns `‖x − μ‖`.
+    pub(super) fn map(&self, state: &[f32], image: &mut [f32]) -> f64 {
+        let count = self.axes.len() / self.mean.len().max(1);
+        let mut sums = [0.0_f64; MOST];
+        let sums = &mut sums[..count];
+        let mut norm = 0.0;
+        let columns = state.iter().zip(&self.mean).zip(self.axes.chunks_exact(count.max(1)));
+        for ((&value, mean), axes) in columns {
+            let centred = f64::from(value) - mean;
+            norm += centred * centred;
+            for (sum, axis) in sums.iter_mut().zip(axes) {
+                *sum += centred * axis;
+            }
+        }
+        let mut inside = 0.0;
+        for (&sum, &place) in sums.iter().zip(&self.places) {
+            inside += sum * sum;
+            image[place] = sum as f32;
+        }
+        if !self.spans {
+            image[self.places[count]] = (norm - inside).max(0.0).sqrt() as f32;
+        }
+        norm.sqrt()
+    }
+
+    /// By how much the distance of two stored images may exceed the distance of the states, if these are
+    /// at most `a` and `b` from the mean.
+    ///
+    /// Storing a coordinate errs by `2⁻²⁴` of it, so an image by `2⁻²⁴ ‖x − μ‖`. In f64 the axes, the sums and
+    /// the squared norms err by less than `4(d + 64)·2⁻⁵³` of `‖x − μ‖²`; the square root of the
+    /// difference of two such numbers errs by the root of that. Everything is doubled.
+    pub(super) fn slack(&self, a: f64, b: f64) -> f64 {
+        let double = 4.0 * (self.mean.len() as f64 + 64.0) * f64::EPSILON;
+        let stored = f64::from(f32::EPSILON);
+        let root = if self.spans { 0.0 } else { double.sqrt() };
+        2.0 * (a + b) * (stored + double + root)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, States, Transitions};
+
+    use super::*;
+    use crate::{Blocks, distance::squared};
+
+    #[test]
+    fn images_are_no_further_apart_than_states() {
+        for columns in [1, 5, 32, 33, 70] {
+            let mut rng = Seed::new(4).number(columns as u64).rng();
+            let rows = 200;
+            // Few directions of variation, copies, and points that almost coincide.
+            let factors: Vec<f64> = (0..3 * columns).map(|_| rng.normal()).collect();
+            let mut values = Vec::new();
+            for row in 0..rows {
+                let f: Vec<f64> =
+                    (0..3).map(|_| if row % 5 == 0 { 1.0 } else { rng.normal() }).collect();
+                for column in 0..columns {
+                    let mixed: f64 = (0..3).map(|i| f[i] * factors[i * columns + column]).sum();
+                    values.push((1000.0 + mixed + 1e-5 * rng.normal()) as f32);
+                }
+            }
+            let states = States::new(values, rows, columns).expect("valid");
+            let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+            let blocks = Blocks::new(&transitions, 2).expect("valid");
+            let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+            let embedding = Embedding::new(&sources, &Groups::new(&sources));
+            let mut images = vec![vec![0.0; embedding.width()]; rows];
+            let norms: Vec<f64> =
+                (0..rows).map(|row| embedding.map(states.row(row), &mut images[row])).collect();
+            let mut best = 0.0_f64;
+            for a in 0..rows {
+                for b in 0..a {
+                    let image = squared(&images[a], &images[b]).sqrt();
+                    let state = squared(states.row(a), states.row(b)).sqrt();
+                    assert!(image <= state + embedding.slack(norms[a], norms[b]));
+                    best = best.max(image / state);
+                }
+            }
+            assert!(best > 0.9, "the leading axes carry the distance: {best}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The little linear algebra behind an embedding.
+
+use calib_core::Seed;
+use rayon::prelude::*;
+
+/// Rounds of subspace iteration. The axes need not have converged.
+const ROUNDS: usize = 12;
+
+/// Mean and covariance `[columns, columns]` of some states, in f64.
+pub(super) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
+    let count = sample.len().max(1) as f64;
+    let mut mean = vec![0.0; columns];
+    for state in sample {
+        for (sum, &value) in mean.iter_mut().zip(*state) {
+            *sum += f64::from(value);
+        }
+    }
+    for sum in &mut mean {
+        *sum /= count;
+    }
+    // Chunks are added in order, so the result does not depend on the number of threads.
+    let parts: Vec<Vec<f64>> = sample
+        .par_chunks(1024)
+        .map(|chunk| {
+            let mut part = vec![0.0; columns * columns];
+            let mut centred = vec![0.0; columns];
+            for state in chunk {
+                for ((centred, &value), mean) in centred.iter_mut().zip(*state).zip(&mean) {
+                    *centred = f64::from(value) - mean;
+                }
+                for (row, &a) in part.chunks_exact_mut(columns).zip(&centred) {
+                    for (sum, &b) in row.iter_mut().zip(&centred) {
+                        *sum += a * b;
+                    }
+                }
+            }
+            part
+        })
+        .collect();
+    let mut total = vec![0.0; columns * columns];
+    for part in parts {
+        for (total, part) in total.iter_mut().zip(part) {
+            *total += part / count;
+        }
+    }
+    (mean, total)
+}
+
+/// About the `count` eigenvectors of the largest eigenvalues, exactly orthonormal up to rounding, as
+/// `[columns, count]`: subspace iteration from a fixed start.
+pub(super) fn leading_axes(
+    covariance: &[f64],
+    columns: usize,
+    count: usize,
+    seed: Seed,
+) -> Vec<f64> {
+    let mut rng = seed.rng();
+    // The axes as rows, which is the convenient order here.
+    let mut axes: Vec<Vec<f64>> =
+        (0..count).map(|_| (0..columns).map(|_| rng.normal()).collect()).collect();
+    orthonormalise(&mut axes, &mut rng);
+    for _ in 0..ROUNDS {
+        axes = axes
+            .par_iter()
+            .map(|axis| covariance.chunks_exact(columns).map(|row| dot(row, axis)).collect())
+            .collect();
+        orthonormalise(&mut axes, &mut rng);
+    }
+    let mut transposed = vec![0.0; columns * count];
+    for (number, axis) in axes.iter().enumerate() {
+        for (column, &value) in axis.iter().enumerate() {
+            transposed[column * count + number] = value;
+        }
+    }
+    transposed
+}
+
+fn scale(axis: &mut [f64], factor: f64) {
+    for value in axis {
+        *value *= factor;
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Gram–Schmidt, each axis twice against all before it ("twice is enough", Giraud et al. 2005).
+/// An axis that vanishes is replaced by a random one.
+fn orthonormalise(axes: &mut [Vec<f64>], rng: &mut calib_core::Rng) {
+    for current in 0..axes.len() {
+        let (before, rest) = axes.split_at_mut(current);
+        let axis = &mut rest[0];
+        loop {
+            let length = dot(axis, axis).sqrt();
+            if length > 0.0 {
+                scale(axis, 1.0 / length);
+            }
+            for _ in 0..2 {
+                for other in &*before {
+                    let share = dot(axis, other);
+                    for (value, other) in axis.iter_mut().zip(other) {
+                        *value -= share * other;
+                    }
+                }
+            }
+            let length = dot(axis, axis).sqrt();
+            // Where little is left, one more round takes out what rounding brought back.
+            if length > 0.5 {
+                scale(axis, 1.0 / length);
+                break;
+            }
+            if length < 1e-6 {
+                for value in axis.iter_mut() {
+                    *value = rng.normal();
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_orthonormal_and_lead() {
+        // Covariance diag(1, 1/4, 1/9, …) in rotated coordinates is found again as its leading axes.
+        let columns = 20;
+        let mut covariance = vec![0.0; columns * columns];
+        for i in 0..columns {
+            covariance[i * columns + i] = 0.3_f64.powi(i as i32);
+        }
+        let count = 6;
+        let axes = leading_axes(&covariance, columns, count, Seed::new(1));
+        for a in 0..count {
+            for b in 0..count {
+                let product: f64 =
+                    (0..columns).map(|c| axes[c * count + a] * axes[c * count + b]).sum();
+                assert!((product - f64::from(u8::from(a == b))).abs() < 1e-14);
+            }
+        }
+        for c in 0..count {
+            let inside: f64 = (0..count).map(|a| axes[c * count + a].powi(2)).sum();
+            assert!(inside > 0.999, "column {c}: {inside}");
+        }
+    }
+
+    #[test]
+    fn no_variance_still_gives_orthonormal_axes() {
+        let axes = leading_axes(&[0.0; 9], 3, 3, Seed::new(1));
+        for a in 0..3 {
+            let length: f64 = (0..3).map(|c| axes[c * 3 + a].powi(2)).sum();
+            assert!((length - 1.0).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn covariance_is_the_formula() {
+        let sample: [&[f32]; 4] = [&[0.0, 1.0], &[2.0, 1.0], &[0.0, 3.0], &[2.0, 3.0]];
+        let (mean, covariance) = covariance(&sample, 2);
+        assert_eq!(mean, [1.0, 2.0]);
+        assert_eq!(covariance, [1.0, 0.0, 0.0, 1.0]);
+    }
+}

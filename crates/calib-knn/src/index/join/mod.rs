@@ -1,0 +1,128 @@
+use calib_core::Monitor;
+use pulp::Arch;
+use rayon::prelude::*;
+
+mod block;
+mod embedding;
+mod kernel;
+mod linear;
+mod tree;
+
+use super::{NeighborIndex, Queries, Sink, Sources};
+use crate::{KnnError, MemberLists, groups::Groups};
+use block::Block;
+use embedding::Embedding;
+use tree::Tree;
+
+/// Most queries of a block.
+const QUERIES: usize = 64;
+/// Blocks between two looks at the monitor.
+const GROUP: usize = 64;
+/// Beyond this distance from the mean f32 images could overflow.
+const FARTHEST: f64 = 1e15;
+
+/// An exact join of queries and sources, for data in which most sources can be ruled out unseen.
+///
+/// The different source states are mapped into at most 32 dimensions by a map that lengthens no distance, and
+/// sorted into leaves of near neighbours with a tree of boxes over them. Queries are searched in blocks of one
+/// leaf: the boxes nearest to the block first, until they are further than any query's `k`-th neighbour. Sources
+/// whose images are near enough are computed in f32, and those within the margin of f32 by the definition.
+#[derive(Debug)]
+pub struct Join<'a> {
+    sources: Sources<'a>,
+    groups: Groups,
+    embedding: Embedding,
+    tree: Tree,
+    /// The leaf of each group.
+    leaf_of_group: Vec<u32>,
+    /// The group of each transition.
+    group_of: Vec<u32>,
+    /// The largest distance of a source from the mean.
+    norm: f64,
+}
+
+impl<'a> Join<'a> {
+    /// Map and sort the sources; `None` if their values are too large for images in f32.
+    pub fn new(sources: Sources<'a>) -> Option<Self> {
+        let groups = Groups::new(&sources);
+        let embedding = Embedding::new(&sources, &groups);
+        let width = embedding.width();
+        let mut images = vec![0.0; groups.len() * width];
+        let norm = images
+            .par_chunks_exact_mut(width)
+            .enumerate()
+            .map(|(group, image)| embedding.map(sources.state(groups.first(group)), image))
+            .reduce(|| 0.0, f64::max);
+        if norm > FARTHEST {
+            return None;
+        }
+        let tree = Tree::new(&images, width);
+        let mut leaf_of_group = vec![0; groups.len()];
+        for leaf in 0..tree.leaves() {
+            for &group in tree.images(leaf) {
+                leaf_of_group[group as usize] = leaf as u32;
+            }
+        }
+        let mut group_of = vec![0; sources.len()];
+        for group in 0..groups.len() {
+            for &transition in groups.transitions(group) {
+                group_of[transition as usize] = group as u32;
+            }
+        }
+        Some(Self { sources, groups, embedding, tree, leaf_of_group, group_of, norm })
+    }
+
+    /// The leaf near which the query lies: that of its own state if it is a source.
+    fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
+        if let Some(transition) = queries.own_transition(query) {
+            return self.leaf_of_group[self.group_of[transition as usize] as usize] as usize;
+        }
+        let mut image = vec![0.0; self.embedding.width()];
+        self.embedding.map(queries.states().row(queries.row(query)), &mut image);
+        self.tree.nearest_leaf(&image)
+    }
+}
+
+impl NeighborIndex for Join<'_> {
+    fn search(
+        &self,
+        queries: &Queries<'_>,
+        k: usize,
+        sink: &mut Sink<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), KnnError> {
+        let mut placed: Vec<(u32, u32)> = (0..queries.len())
+            .into_par_iter()
+            .map(|query| (self.leaf(queries, query) as u32, query as u32))
+            .collect();
+        placed.par_sort_unstable();
+        let numbers: Vec<u32> = placed.iter().map(|&(_, query)| query).collect();
+        let mut blocks: Vec<(usize, &[u32])> = Vec::new();
+        let mut start = 0;
+        for run in placed.chunk_by(|a, b| a.0 == b.0) {
+            let leaf = run[0].0 as usize;
+            let of_leaf = &numbers[start..start + run.len()];
+            blocks.extend(of_leaf.chunks(QUERIES).map(|chunk| (leaf, chunk)));
+            start += run.len();
+        }
+        let arch = Arch::new();
+        for group in blocks.chunks(GROUP) {
+            if monitor.interrupted() {
+                return Err(KnnError::Interrupted);
+            }
+            let found: Vec<Vec<MemberLists>> = group
+                .par_iter()
+                .map(|&(leaf, numbers)| {
+                    arch.dispatch(Block { join: self, queries, numbers, leaf, k })
+                })
+                .collect();
+            for (&(_, numbers), lists) in group.iter().zip(&found) {
+                for (&query, lists) in numbers.iter().zip(lists) {
+                    sink(query as usize, lists);
+                }
+                monitor.advance(numbers.len() as u64);
+            }
+        }
+        Ok(())
+    }
+}
