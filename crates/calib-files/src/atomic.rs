@@ -46,14 +46,10 @@ pub fn write_atomically(
         .tempfile_in(directory)
         .map_err(refused)?;
     let mut writer = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
-    fill(&mut writer)
-        .and_then(|()| writer.flush())
-        .map_err(refused)?;
+    fill(&mut writer).and_then(|()| writer.flush()).map_err(refused)?;
     drop(writer);
     temporary.as_file().sync_all().map_err(refused)?;
-    temporary
-        .persist(path)
-        .map_err(|failed| refused(failed.error))?;
+    temporary.persist(path).map_err(|failed| refused(failed.error))?;
     Ok(())
 }
 
@@ -66,10 +62,8 @@ fn default_permissions() -> fs::Permissions {
 
 #[cfg(not(unix))]
 fn default_permissions() -> fs::Permissions {
-    fs::metadata(".").map_or_else(
-        |_| unreachable!("the working directory exists"),
-        |m| m.permissions(),
-    )
+    fs::metadata(".")
+        .map_or_else(|_| unreachable!("the working directory exists"), |m| m.permissions())
 }
 
 #[cfg(test)]
@@ -90,9 +84,7 @@ mod tests {
         });
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).expect("readable"), b"old");
-        let left = fs::read_dir(path.parent().expect("has one"))
-            .expect("readable")
-            .count();
+        let left = fs::read_dir(path.parent().expect("has one")).expect("readable").count();
         assert_eq!(left, 1, "no temporary file is left behind");
     }
 }

@@ -16,9 +16,17 @@ pub enum FileError {
         /// The system's reason.
         source: io::Error,
     },
-    /// A NumPy file that is not what calib writes.
+    /// A NumPy file that is not what calib writes or reads.
     #[error("{} is not a usable NumPy array: {reason}", path.display())]
     Npy {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and what was found.
+        reason: String,
+    },
+    /// A CSV file whose records are not equally long, or that holds none.
+    #[error("{} is not a usable CSV file: {reason}", path.display())]
+    Csv {
         /// The file.
         path: PathBuf,
         /// What was expected and what was found.
@@ -37,11 +45,7 @@ pub enum FileError {
 impl FileError {
     /// The system's refusal to do `action` with `path`.
     pub fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
-        Self::Io {
-            action,
-            path: path.to_owned(),
-            source,
-        }
+        Self::Io { action, path: path.to_owned(), source }
     }
 
     /// Whether the file simply does not exist.

@@ -44,9 +44,7 @@ pub struct Fingerprinter(blake3::Hasher);
 impl Fingerprinter {
     /// Add a part.
     pub fn add(&mut self, bytes: &[u8]) -> &mut Self {
-        self.0
-            .update(&(bytes.len() as u64).to_le_bytes())
-            .update(bytes);
+        self.0.update(&(bytes.len() as u64).to_le_bytes()).update(bytes);
         self
     }
 
@@ -96,9 +94,6 @@ mod tests {
     fn a_file_has_the_fingerprint_of_its_bytes() {
         let file = tempfile::NamedTempFile::new().expect("a file");
         std::fs::write(file.path(), b"content").expect("written");
-        assert_eq!(
-            fingerprint_file(file.path()).expect("readable"),
-            Fingerprint::of(b"content")
-        );
+        assert_eq!(fingerprint_file(file.path()).expect("readable"), Fingerprint::of(b"content"));
     }
 }

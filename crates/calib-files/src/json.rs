@@ -10,10 +10,8 @@ use crate::{FileError, write_atomically};
 /// If it cannot be read or does not have the form of `T`.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
     let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
-    serde_json::from_slice(&bytes).map_err(|source| FileError::Json {
-        path: path.to_owned(),
-        source,
-    })
+    serde_json::from_slice(&bytes)
+        .map_err(|source| FileError::Json { path: path.to_owned(), source })
 }
 
 /// Write `value` as indented JSON with a final newline, atomically.

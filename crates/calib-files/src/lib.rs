@@ -3,14 +3,20 @@
 //! Every file of calib is written to a temporary name beside its place, synced and renamed
 //! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
 //! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
+//! Series that come from elsewhere are read as `f64` from NumPy files of any number type
+//! ([`read_array`]) and from CSV ([`read_csv`]).
 
+mod array;
 mod atomic;
+mod csv;
 mod error;
 mod fingerprint;
 mod json;
 mod npy;
 
+pub use array::{Array, read_array};
 pub use atomic::{create_directory, is_temporary, write_atomically};
+pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};

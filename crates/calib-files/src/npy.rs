@@ -56,11 +56,7 @@ pub fn write_npy<T: NpyElement>(
     rows: usize,
     columns: usize,
 ) -> Result<(), FileError> {
-    assert_eq!(
-        values.len(),
-        rows * columns,
-        "an array has rows x columns values"
-    );
+    assert_eq!(values.len(), rows * columns, "an array has rows x columns values");
     write_atomically(path, |file| {
         file.write_all(&header::<T>(rows, columns))?;
         file.write_all(bytemuck::cast_slice(values))
@@ -110,10 +106,7 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     // so a map keeps the content that it was opened with.
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
     let map = unsafe { Mmap::map(&file) }.map_err(|source| FileError::io("map", path, source))?;
-    let bad = |reason: String| FileError::Npy {
-        path: path.to_owned(),
-        reason,
-    };
+    let bad = |reason: String| FileError::Npy { path: path.to_owned(), reason };
     if map.len() < MAGIC.len() + 2 || &map[..6] != b"\x93NUMPY" || map[6] != 1 {
         return Err(bad("expected NumPy format version 1".to_owned()));
     }
@@ -132,34 +125,20 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
         )));
     }
     if !offset.is_multiple_of(align_of::<T>()) {
-        return Err(bad(
-            "the data is not aligned; save it again with NumPy".to_owned()
-        ));
+        return Err(bad("the data is not aligned; save it again with NumPy".to_owned()));
     }
-    Ok(MappedNpy {
-        map,
-        offset,
-        rows,
-        columns,
-        element: PhantomData,
-    })
+    Ok(MappedNpy { map, offset, rows, columns, element: PhantomData })
 }
 
 fn parse_header<T: NpyElement>(text: &str) -> Result<(usize, usize), String> {
     let value = |key: &str| -> Result<&str, String> {
-        let start = text
-            .find(key)
-            .ok_or_else(|| format!("the header has no {key}"))?
-            + key.len();
+        let start = text.find(key).ok_or_else(|| format!("the header has no {key}"))? + key.len();
         Ok(text[start..].trim_start_matches([':', ' ']))
     };
     let description = value("'descr'")?;
     if !description.starts_with(&format!("'{}'", T::DESCRIPTION)) {
         let got = description.split(',').next().unwrap_or_default();
-        return Err(format!(
-            "expected elements of type '{}', got {got}",
-            T::DESCRIPTION
-        ));
+        return Err(format!("expected elements of type '{}', got {got}", T::DESCRIPTION));
     }
     if !value("'fortran_order'")?.starts_with("False") {
         return Err("expected row-major (C) order, got Fortran order".to_owned());
@@ -168,12 +147,7 @@ fn parse_header<T: NpyElement>(text: &str) -> Result<(usize, usize), String> {
     let numbers: Option<Vec<usize>> = shape
         .strip_prefix('(')
         .and_then(|rest| rest.split(')').next())
-        .map(|inner| {
-            inner
-                .split(',')
-                .map(str::trim)
-                .filter(|part| !part.is_empty())
-        })
+        .map(|inner| inner.split(',').map(str::trim).filter(|part| !part.is_empty()))
         .and_then(|parts| parts.map(|part| part.parse().ok()).collect());
     match numbers.as_deref() {
         Some(&[rows, columns]) => Ok((rows, columns)),

@@ -1,0 +1,212 @@
+use std::{fs, path::Path};
+
+use crate::FileError;
+
+/// An array of numbers, as `f64`, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Length of each dimension; none for a single number.
+    pub shape: Vec<usize>,
+    /// The values, last dimension fastest.
+    pub values: Vec<f64>,
+}
+
+/// Read a NumPy file of any shape and any real number type up to 64 bits, either byte order, row-
+/// or column-major.
+///
+/// # Errors
+/// If the file cannot be read, is not NumPy's, is cut off, or holds anything but numbers.
+pub fn read_array(path: &Path) -> Result<Array, FileError> {
+    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    parse(&bytes).map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
+}
+
+fn parse(bytes: &[u8]) -> Result<Array, String> {
+    let cut = || "the header is cut off".to_owned();
+    let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
+        return Err("it does not begin as NumPy files do".to_owned());
+    };
+    let (version, rest) = rest.split_at_checked(2).ok_or_else(cut)?;
+    let (length, rest) = match version[0] {
+        1 => {
+            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+            (usize::from(u16::from_le_bytes(*length)), rest)
+        }
+        2 | 3 => {
+            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+            (u32::from_le_bytes(*length) as usize, rest)
+        }
+        got => return Err(format!("expected format version 1 to 3, got {got}")),
+    };
+    let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
+    let header = std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
+    let kind = Kind::of(entry(header, "'descr'")?)?;
+    let shape = shape(entry(header, "'shape'")?)?;
+    let values: Vec<f64> = data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)).collect();
+    let expected = shape.iter().try_fold(kind.size, |product, &length| product.checked_mul(length));
+    if expected != Some(data.len()) {
+        return Err(format!(
+            "expected {} bytes of data for the shape {shape:?}, got {}: the file is truncated or damaged",
+            expected.map_or_else(|| "more".to_owned(), |expected| expected.to_string()),
+            data.len()
+        ));
+    }
+    let values = if entry(header, "'fortran_order'")?.starts_with("True") {
+        row_major(&values, &shape)
+    } else {
+        values
+    };
+    Ok(Array { shape, values })
+}
+
+/// What follows `key` in the header's dictionary.
+fn entry<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
+    let start = header.find(key).ok_or_else(|| format!("the header has no {key}"))? + key.len();
+    Ok(header[start..].trim_start_matches([':', ' ']))
+}
+
+fn shape(text: &str) -> Result<Vec<usize>, String> {
+    let inner = text.strip_prefix('(').and_then(|rest| rest.split_once(')'));
+    let numbers = inner.and_then(|(inner, _)| {
+        let parts = inner.split(',').map(str::trim).filter(|part| !part.is_empty());
+        parts.map(|part| part.parse().ok()).collect()
+    });
+    numbers.ok_or_else(|| format!("the header has no usable shape: {text}"))
+}
+
+/// How a number is stored.
+struct Kind {
+    letter: char,
+    size: usize,
+    big_endian: bool,
+}
+
+impl Kind {
+    fn of(text: &str) -> Result<Self, String> {
+        let name = text.strip_prefix('\'').and_then(|rest| rest.split('\'').next());
+        let name = name.unwrap_or(text.trim_end());
+        let expected = || format!("expected real numbers of at most 64 bits, got type '{name}'");
+        let mut characters = name.chars();
+        let order = characters.next().ok_or_else(expected)?;
+        let letter = characters.next().ok_or_else(expected)?;
+        let size = characters.as_str().parse().map_err(|_| expected())?;
+        let known = match letter {
+            'f' => matches!(size, 4 | 8),
+            'i' | 'u' => matches!(size, 1 | 2 | 4 | 8),
+            'b' => size == 1,
+            _ => false,
+        };
+        if !known || !matches!(order, '<' | '>' | '|' | '=') {
+            return Err(expected());
+        }
+        Ok(Self { letter, size, big_endian: order == '>' })
+    }
+
+    fn read(&self, chunk: &[u8]) -> f64 {
+        let mut bytes = [0; 8];
+        bytes[..self.size].copy_from_slice(chunk);
+        if self.big_endian {
+            bytes[..self.size].reverse();
+        }
+        let bits = u64::from_le_bytes(bytes);
+        // Signed numbers are shifted up and back, which extends the sign.
+        let unused = 64 - 8 * self.size as u32;
+        match (self.letter, self.size) {
+            ('f', 4) => f64::from(f32::from_bits(bits as u32)),
+            ('f', _) => f64::from_bits(bits),
+            ('i', _) => ((bits << unused) as i64 >> unused) as f64,
+            _ => bits as f64,
+        }
+    }
+}
+
+/// Column-major values in row-major order.
+fn row_major(values: &[f64], shape: &[usize]) -> Vec<f64> {
+    let mut index = vec![0; shape.len()];
+    let mut ordered = Vec::with_capacity(values.len());
+    for _ in 0..values.len() {
+        let place = index.iter().zip(shape).rev().fold(0, |place, (i, length)| place * length + i);
+        ordered.push(values[place]);
+        for (i, length) in index.iter_mut().zip(shape).rev() {
+            *i += 1;
+            if *i < *length {
+                break;
+            }
+            *i = 0;
+        }
+    }
+    ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn npy(version: u8, descr: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header =
+            format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY".to_vec();
+        bytes.extend([version, 0]);
+        match version {
+            1 => bytes.extend((header.len() as u16).to_le_bytes()),
+            _ => bytes.extend((header.len() as u32).to_le_bytes()),
+        }
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    #[test]
+    fn every_number_type_is_read() {
+        let read = |descr: &str, data: &[u8]| {
+            parse(&npy(1, descr, "False", "(2,)", data)).expect(descr).values
+        };
+        assert_eq!(read("|i1", &[1, 0xff]), [1.0, -1.0]);
+        assert_eq!(read("|u1", &[1, 0xff]), [1.0, 255.0]);
+        assert_eq!(read("|b1", &[1, 0]), [1.0, 0.0]);
+        assert_eq!(read("<i2", &[1, 0, 0xfe, 0xff]), [1.0, -2.0]);
+        assert_eq!(read(">i2", &[0, 1, 0xff, 0xfe]), [1.0, -2.0]);
+        assert_eq!(read(">u4", &[0, 0, 0, 1, 0xff, 0, 0, 0]), [1.0, 4_278_190_080.0]);
+        let both = |one: &[u8], two: &[u8]| [one, two].concat();
+        assert_eq!(read("<i8", &both(&7_i64.to_le_bytes(), &(-7_i64).to_le_bytes())), [7.0, -7.0]);
+        let floats = both(&1.5_f32.to_le_bytes(), &(-0.25_f32).to_le_bytes());
+        assert_eq!(read("<f4", &floats), [1.5, -0.25]);
+        let doubles = both(&0.1_f64.to_be_bytes(), &f64::MAX.to_be_bytes());
+        assert_eq!(read(">f8", &doubles), [0.1, f64::MAX]);
+    }
+
+    #[test]
+    fn shapes_and_orders() {
+        let data = [0, 1, 2, 3, 4, 5];
+        let array = parse(&npy(2, "|u1", "False", "(2, 3)", &data)).expect("valid");
+        assert_eq!((array.shape, array.values[2]), (vec![2, 3], 2.0));
+        let array = parse(&npy(3, "|u1", "True", "(2, 3)", &data)).expect("valid");
+        assert_eq!(array.values, [0.0, 2.0, 4.0, 1.0, 3.0, 5.0]);
+        let number = parse(&npy(1, "|u1", "False", "()", &[9])).expect("valid");
+        assert_eq!((number.shape.len(), number.values), (0, vec![9.0]));
+        let none = parse(&npy(1, "<f8", "False", "(0,)", &[])).expect("valid");
+        assert_eq!((none.shape, none.values), (vec![0], vec![]));
+    }
+
+    #[test]
+    fn what_calib_writes_is_read() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.npy");
+        crate::write_npy(&path, &[1.0_f32, 2.0, 3.0, 4.0], 2, 2).expect("written");
+        let array = read_array(&path).expect("readable");
+        assert_eq!(array, Array { shape: vec![2, 2], values: vec![1.0, 2.0, 3.0, 4.0] });
+    }
+
+    #[test]
+    fn other_files_are_refused_with_the_reason() {
+        let reason = |bytes: &[u8]| parse(bytes).expect_err("refused");
+        assert!(reason(b"PAR1").contains("does not begin"));
+        assert!(reason(b"\x93NUMPY\x01\x00\xff\xff{").contains("cut off"));
+        assert!(reason(&npy(1, "<c16", "False", "(1,)", &[0; 16])).contains("'<c16'"));
+        assert!(reason(&npy(1, "<U3", "False", "(1,)", &[0; 12])).contains("real numbers"));
+        let short = reason(&npy(1, "<f8", "False", "(3,)", &[0; 17]));
+        assert!(short.contains("expected 24 bytes") && short.contains("got 17"), "{short}");
+        let huge = "(18446744073709551615, 2)";
+        assert!(reason(&npy(1, "<f8", "False", huge, &[])).contains("truncated or damaged"));
+    }
+}

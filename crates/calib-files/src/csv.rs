@@ -1,0 +1,210 @@
+use std::{fs, path::Path};
+
+use csv_core::{ReadRecordResult, Reader};
+
+use crate::FileError;
+
+/// A column of a CSV file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CsvColumn {
+    /// From the header; without a header the column's number, from 0.
+    pub name: String,
+    /// The numbers, NaN where a cell is empty; or the first cell that is no number.
+    pub numbers: Result<Vec<f64>, NotANumber>,
+}
+
+/// A cell that is no number.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected numbers, got `{text}` in line {line}")]
+pub struct NotANumber {
+    /// Line of the record's end, from 1.
+    pub line: u64,
+    /// The cell.
+    pub text: String,
+}
+
+impl CsvColumn {
+    /// Whether there are numbers in it, and nothing else.
+    pub fn is_numeric(&self) -> bool {
+        self.numbers.as_ref().is_ok_and(|numbers| !numbers.iter().all(|number| number.is_nan()))
+    }
+
+    fn push(&mut self, cell: &str, line: u64) {
+        let Ok(numbers) = &mut self.numbers else {
+            return;
+        };
+        match cell.trim() {
+            "" => numbers.push(f64::NAN),
+            text => match text.parse() {
+                Ok(number) => numbers.push(number),
+                Err(_) => {
+                    let text = text.to_owned();
+                    self.numbers = Err(NotANumber { line, text });
+                }
+            },
+        }
+    }
+}
+
+/// Read a CSV file (commas, `"` as quotes, any line ends, empty lines skipped).
+///
+/// The first record is a header if it has a cell that is neither a number nor empty.
+///
+/// # Errors
+/// If the file cannot be read, has no records, or has records of different lengths.
+pub fn read_csv(path: &Path) -> Result<Vec<CsvColumn>, FileError> {
+    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    parse(&bytes).map_err(|reason| FileError::Csv { path: path.to_owned(), reason })
+}
+
+fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
+    let mut records = Records::new(bytes);
+    let first = records.next().ok_or("expected a header or numbers, got nothing")?;
+    let is_header = first.cells.iter().any(|cell| {
+        let cell = cell.trim();
+        !cell.is_empty() && cell.parse::<f64>().is_err()
+    });
+    let name = |(number, cell): (usize, &String)| {
+        if is_header { cell.trim().to_owned() } else { number.to_string() }
+    };
+    let mut columns: Vec<CsvColumn> = first
+        .cells
+        .iter()
+        .enumerate()
+        .map(|cell| CsvColumn { name: name(cell), numbers: Ok(Vec::new()) })
+        .collect();
+    let expected = columns.len();
+    for record in (!is_header).then_some(first).into_iter().chain(records) {
+        let Record { cells, line } = record;
+        if cells.len() != expected {
+            let got = cells.len();
+            return Err(format!(
+                "expected {expected} cells as in the first record, got {got} in line {line}"
+            ));
+        }
+        for (column, cell) in columns.iter_mut().zip(&cells) {
+            column.push(cell, line);
+        }
+    }
+    Ok(columns)
+}
+
+struct Record {
+    cells: Vec<String>,
+    line: u64,
+}
+
+/// The records of a file that is in memory.
+struct Records<'a> {
+    reader: Reader,
+    rest: &'a [u8],
+    /// Room for the longest record that there can be, unquoted.
+    text: Vec<u8>,
+    /// Where its cells end.
+    ends: Vec<usize>,
+}
+
+impl<'a> Records<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            reader: Reader::new(),
+            rest: bytes,
+            text: vec![0; bytes.len() + 1],
+            ends: vec![0; 16],
+        }
+    }
+
+    fn record(&self, cells: usize, last: Option<&u8>) -> Record {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let cells = starts
+            .zip(&self.ends[..cells])
+            .map(|(start, &end)| String::from_utf8_lossy(&self.text[start..end]).into_owned());
+        // A line feed that ends the record is counted already.
+        let line = self.reader.line() - u64::from(last == Some(&b'\n'));
+        Record { cells: cells.collect(), line }
+    }
+}
+
+impl Iterator for Records<'_> {
+    type Item = Record;
+
+    fn next(&mut self) -> Option<Record> {
+        let (mut written, mut cells) = (0, 0);
+        loop {
+            let (result, read, more_text, more_cells) = self.reader.read_record(
+                self.rest,
+                &mut self.text[written..],
+                &mut self.ends[cells..],
+            );
+            let (now, rest) = self.rest.split_at(read);
+            self.rest = rest;
+            written += more_text;
+            cells += more_cells;
+            match result {
+                ReadRecordResult::Record => return Some(self.record(cells, now.last())),
+                // Without input left, the next call ends the last record.
+                ReadRecordResult::InputEmpty => {}
+                ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
+                ReadRecordResult::OutputFull | ReadRecordResult::End => return None,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(columns: &[CsvColumn]) -> Vec<&str> {
+        columns.iter().map(|column| column.name.as_str()).collect()
+    }
+
+    fn numbers(column: &CsvColumn) -> &[f64] {
+        column.numbers.as_deref().expect("numbers")
+    }
+
+    #[test]
+    fn a_header_names_the_columns() {
+        let text = "\u{feff}time,\"flow, total\",p\r\n2022-11-01,1.5,-2e-3\r\n\r\n2022-11-02,2,4";
+        let columns = parse(text.as_bytes()).expect("valid");
+        assert_eq!(names(&columns), ["time", "flow, total", "p"]);
+        assert_eq!(numbers(&columns[1]), [1.5, 2.0]);
+        assert_eq!(numbers(&columns[2]), [-2e-3, 4.0]);
+        let numeric: Vec<bool> = columns.iter().map(CsvColumn::is_numeric).collect();
+        assert_eq!(numeric, [false, true, true]);
+        let cell = columns[0].numbers.clone().expect_err("dates");
+        assert_eq!(cell.to_string(), "expected numbers, got `2022-11-01` in line 2");
+    }
+
+    #[test]
+    fn without_a_header_columns_have_numbers() {
+        let columns = parse(b"1,2\n3, 4 \n").expect("valid");
+        assert_eq!(names(&columns), ["0", "1"]);
+        assert_eq!(numbers(&columns[1]), [2.0, 4.0]);
+    }
+
+    #[test]
+    fn empty_cells_are_missing_and_nothing_else_is_no_number() {
+        let columns = parse(b"a,b,c\n1,,\n,2,\n3,x,\n").expect("valid");
+        let a = numbers(&columns[0]);
+        assert!(a[0] == 1.0 && a[1].is_nan() && a[2] == 3.0);
+        let cell = columns[1].numbers.clone().expect_err("an x");
+        assert_eq!((cell.line, cell.text.as_str()), (4, "x"));
+        assert!(!columns[2].is_numeric());
+    }
+
+    #[test]
+    fn records_are_equally_long() {
+        let error = parse(b"a,b\n1,2\n3\n").expect_err("ragged");
+        assert_eq!(error, "expected 2 cells as in the first record, got 1 in line 3");
+        assert!(parse(b"").is_err() && parse(b"\n\n").is_err());
+    }
+
+    #[test]
+    fn many_columns() {
+        let wide: Vec<String> = (0..1000).map(|number| number.to_string()).collect();
+        let columns = parse(wide.join(",").as_bytes()).expect("valid");
+        assert_eq!(columns.len(), 1000);
+        assert_eq!(numbers(&columns[999]), [999.0]);
+    }
+}
