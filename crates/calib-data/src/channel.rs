@@ -7,6 +7,11 @@ use calib_core::Timestamp;
 /// Values that are told apart; more are not counted.
 const DISTINCT: usize = 256;
 
+/// Values that are looked at twice while they are in the cache.
+const BLOCK: usize = 4_096;
+/// Sums that run side by side: few enough for registers, and always the same order of additions.
+const LANES: usize = 4;
+
 /// Moments of the values in a range of rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moments {
@@ -15,34 +20,68 @@ pub(crate) struct Moments {
     pub(crate) min: f64,
     pub(crate) max: f64,
     pub(crate) mean: f64,
-    /// Standard deviation, divided by the count.
-    pub(crate) std: f64,
+    /// Sum of the squared differences from the mean.
+    squares: f64,
 }
 
 impl Moments {
     /// Of `values`, NaN meaning missing; `None` if all are.
     pub(crate) fn of(values: &[f64]) -> Option<Self> {
-        let (mut count, mut sum) = (0_usize, 0.0);
-        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
-        for &value in values {
-            if !value.is_nan() {
-                count += 1;
-                sum += value;
-                min = min.min(value);
-                max = max.max(value);
+        values.chunks(BLOCK).filter_map(Self::of_block).reduce(Self::merge)
+    }
+
+    /// Standard deviation, divided by the count.
+    pub(crate) fn std(&self) -> f64 {
+        (self.squares / self.count as f64).sqrt()
+    }
+
+    /// Of the values of both (Chan, Golub and `LeVeque` 1979): one far outlier does not cost the
+    /// digits of all others.
+    pub(crate) fn merge(self, other: Self) -> Self {
+        let count = self.count + other.count;
+        let share = other.count as f64 / count as f64;
+        let difference = other.mean - self.mean;
+        Self {
+            count,
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            mean: self.mean + difference * share,
+            squares: self.squares
+                + other.squares
+                + difference * difference * share * self.count as f64,
+        }
+    }
+
+    fn of_block(values: &[f64]) -> Option<Self> {
+        let mut counts = [0_u64; LANES];
+        let mut sums = [0.0; LANES];
+        let mut mins = [f64::INFINITY; LANES];
+        let mut maxs = [f64::NEG_INFINITY; LANES];
+        for chunk in values.chunks(LANES) {
+            for (lane, &value) in chunk.iter().enumerate() {
+                let present = !value.is_nan();
+                counts[lane] += u64::from(present);
+                sums[lane] += if present { value } else { 0.0 };
+                // Comparisons with NaN are false.
+                mins[lane] = if value < mins[lane] { value } else { mins[lane] };
+                maxs[lane] = if value > maxs[lane] { value } else { maxs[lane] };
             }
         }
+        let count = counts.iter().sum::<u64>() as usize;
         if count == 0 {
             return None;
         }
-        let mean = (sum / count as f64).clamp(min, max);
-        // A second pass: one far outlier must not cost the digits of all others.
-        let squares: f64 = values
-            .iter()
-            .filter(|value| !value.is_nan())
-            .map(|value| (value - mean) * (value - mean))
-            .sum();
-        Some(Self { count, min, max, mean, std: (squares / count as f64).sqrt() })
+        let min = mins.into_iter().fold(f64::INFINITY, f64::min);
+        let max = maxs.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let mean = (sums.iter().sum::<f64>() / count as f64).clamp(min, max);
+        let mut squares = [0.0; LANES];
+        for chunk in values.chunks(LANES) {
+            for (lane, &value) in chunk.iter().enumerate() {
+                let difference = if value.is_nan() { 0.0 } else { value - mean };
+                squares[lane] += difference * difference;
+            }
+        }
+        Some(Self { count, min, max, mean, squares: squares.iter().sum() })
     }
 }
 
@@ -125,6 +164,8 @@ pub(crate) fn quantile(values: &mut Vec<f64>, q: f64) -> f64 {
 mod tests {
     use std::slice::from_ref;
 
+    use proptest::prelude::*;
+
     use super::*;
 
     const NAN: f64 = f64::NAN;
@@ -133,19 +174,42 @@ mod tests {
     fn moments_skip_missing_values() {
         let moments = Moments::of(&[NAN, 2.0, 4.0, NAN, 6.0]).expect("three values");
         assert_eq!((moments.count, moments.min, moments.max, moments.mean), (3, 2.0, 6.0, 4.0));
-        assert!((moments.std - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
+        assert!((moments.std() - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
         assert_eq!(Moments::of(&[NAN]), None);
         let constant = Moments::of(&[0.1; 1_000]).expect("values");
-        assert_eq!((constant.mean, constant.std), (0.1, 0.0));
+        assert_eq!((constant.mean, constant.std()), (0.1, 0.0));
     }
 
     #[test]
     fn an_outlier_does_not_cost_the_digits() {
         let mut values = vec![1e9];
         values.extend((0..1_000).map(|i| if i % 2 == 0 { 1.0 } else { 1.02 }));
-        let std = Moments::of(&values).expect("values").std;
+        let std = Moments::of(&values).expect("values").std();
         let expected = 1e9 * (1_000.0_f64 / 1_001.0 / 1_001.0).sqrt();
         assert!((std / expected - 1.0).abs() < 1e-6);
+    }
+
+    proptest! {
+        #[test]
+        fn blocks_merge_to_the_whole(
+            values in prop::collection::vec(prop_oneof![5 => -1e3_f64..1e3, 1 => Just(NAN)], 1..60),
+            cut in 0_usize..60,
+        ) {
+            let cut = cut.min(values.len());
+            let parts = [Moments::of(&values[..cut]), Moments::of(&values[cut..])];
+            let merged = parts.into_iter().flatten().reduce(Moments::merge);
+            let present: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+            prop_assert_eq!(merged.map_or(0, |moments| moments.count), present.len());
+            if let Some(moments) = merged {
+                let count = present.len() as f64;
+                let mean = present.iter().sum::<f64>() / count;
+                let variance = present.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+                prop_assert!((moments.mean - mean).abs() < 1e-9);
+                prop_assert!((moments.std() - variance.sqrt()).abs() < 1e-9);
+                prop_assert_eq!(moments.min, present.iter().copied().fold(f64::INFINITY, f64::min));
+                prop_assert_eq!(moments.max, present.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+            }
+        }
     }
 
     #[test]

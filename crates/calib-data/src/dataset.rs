@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use calib_core::{
-    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, States,
+    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, Physical, States,
     StatesError, Timestamp,
 };
 use calib_files::{Fingerprint, Fingerprinter};
@@ -14,7 +14,7 @@ use crate::{
     impute::impute,
     log::Batch,
     sample::Samples,
-    survey::{Part, Survey, sampled_period},
+    survey::{Part, Sensor, Survey, sampled_period},
     time::format_time,
 };
 
@@ -37,7 +37,7 @@ pub struct Dataset {
 }
 
 /// Rows of the states that one task fills.
-const BLOCK_ROWS: usize = 4096;
+const BLOCK_ROWS: usize = 256;
 
 /// Read, clean, split and normalise a log.
 ///
@@ -108,11 +108,11 @@ impl<'a> Matrix<'a> {
     fn fill(&mut self, first: usize, columns: &[(&[f64], Bounds)]) {
         let (samples, width): (&Samples, usize) = (&self.part.samples, self.width);
         self.values.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
-            for (row, state) in rows.chunks_exact_mut(width).enumerate() {
-                let row = block * BLOCK_ROWS + row;
-                for (state, (values, bounds)) in state[first..].iter_mut().zip(columns) {
-                    let physical = calib_core::Physical(samples.value(values, row));
-                    *state = bounds.normalise(physical).0;
+            // Column by column: reads are contiguous, writes stay in the cache.
+            for (column, &(values, bounds)) in (first..).zip(columns) {
+                for (row, state) in rows.chunks_exact_mut(width).enumerate() {
+                    let physical = samples.value(values, block * BLOCK_ROWS + row);
+                    state[column] = bounds.normalise(Physical(physical)).0;
                 }
             }
         });
@@ -181,7 +181,7 @@ impl Survey {
             let channels: Vec<usize> = sensors.iter().map(|sensor| sensor.channel).collect();
             let channels = self.log.read(&channels, &mut batch, monitor)?;
             channels.par_iter_mut().zip(sensors).for_each(|(channel, sensor)| {
-                self.repair(&mut channel.values, sensor.bounds, preprocess);
+                self.repair(&mut channel.values, sensor, preprocess);
             });
             let bounded: Vec<(&[f64], Bounds)> = channels
                 .iter()
@@ -231,10 +231,13 @@ impl Survey {
     }
 
     /// Fill what the first pass filled, and clip.
-    fn repair(&self, values: &mut [f64], bounds: Bounds, preprocess: &PreprocessConfig) {
-        let timestamps = &self.log.rows.timestamps;
-        let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
-        impute(values, timestamps, &self.stretches, missing, limit, |_| {});
+    fn repair(&self, values: &mut [f64], sensor: &Sensor, preprocess: &PreprocessConfig) {
+        if self.profile.channels[sensor.channel].imputed > 0 {
+            let timestamps = &self.log.rows.timestamps;
+            let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
+            impute(values, timestamps, &self.stretches, missing, limit, |_| {});
+        }
+        let bounds = sensor.bounds;
         if preprocess.clip {
             let (low, high) = (bounds.offset, bounds.offset + bounds.scale);
             for value in values {

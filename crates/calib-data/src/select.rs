@@ -1,6 +1,6 @@
 //! Which channels become sensors of the states, and why the others do not.
 
-use std::{fmt, ops::Range};
+use std::fmt;
 
 use calib_core::Bounds;
 use serde::{Deserialize, Serialize};
@@ -76,15 +76,14 @@ impl fmt::Display for DropReason {
 }
 
 /// The normalisation of a channel with these values, or why it is dropped.
-/// Fitted on the recorded values of the training rows only.
+/// Fitted on the recorded values of the training rows only; `values` and `moments` are theirs.
 pub(crate) fn fit(
     values: &[f64],
-    train: &Range<usize>,
+    moments: Option<Moments>,
     has_words: bool,
     preprocess: &PreprocessConfig,
 ) -> Result<Bounds, DropReason> {
-    let values = &values[train.clone()];
-    let Some(moments) = Moments::of(values) else {
+    let Some(moments) = moments else {
         return Err(if has_words { DropReason::Text } else { DropReason::AllMissing });
     };
     let fraction = 1.0 - moments.count as f64 / values.len() as f64;
@@ -96,7 +95,7 @@ pub(crate) fn fit(
         return Err(DropReason::Constant { value: moments.min });
     }
     let (offset, scale) = match preprocess.normalise {
-        Normalisation::Standard => (moments.mean, moments.std),
+        Normalisation::Standard => (moments.mean, moments.std()),
         Normalisation::MinMax => (moments.min, moments.max - moments.min),
         Normalisation::Quantile => {
             let mut values = values.to_vec();
@@ -114,6 +113,8 @@ pub(crate) fn fit(
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use super::*;
 
     const NAN: f64 = f64::NAN;
@@ -123,7 +124,8 @@ mod tests {
         train: Range<usize>,
         preprocess: &PreprocessConfig,
     ) -> Result<Bounds, DropReason> {
-        fit(values, &train, false, preprocess)
+        let values = &values[train];
+        fit(values, Moments::of(values), false, preprocess)
     }
 
     #[test]
@@ -158,7 +160,7 @@ mod tests {
             "50.0 % missing in the training range, more than preprocess.max_missing = 0.25"
         );
         assert!(fitted(&[1.0, NAN, 3.0, 2.0], 0..4, &preprocess).is_ok());
-        let text = fit(&[NAN; 4], &(0..4), true, &preprocess).expect_err("dropped");
+        let text = fit(&[NAN; 4], None, true, &preprocess).expect_err("dropped");
         assert_eq!(text, DropReason::Text);
         let quantile = PreprocessConfig {
             normalise: Normalisation::Quantile,

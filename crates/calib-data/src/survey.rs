@@ -204,17 +204,20 @@ impl Scan<'_> {
             }
         }
         let values = &mut channel.values;
-        let moments = Moments::of(values);
-        let missing = values.len() - moments.map_or(0, |moments| moments.count);
-        let missing_in_train = values[log.train.clone()].iter().filter(|value| value.is_nan());
-        let missing_fraction = missing_in_train.count() as f64 / log.train.len() as f64;
+        let train = log.train.clone();
+        let in_train = Moments::of(&values[train.clone()]);
+        let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
+        let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
+        let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
+        let missing = values.len() - count(moments);
+        let missing_fraction = 1.0 - count(in_train) as f64 / train.len() as f64;
         let value_profile = moments.map(|moments| {
             let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
             ValueProfile {
                 min: moments.min,
                 max: moments.max,
                 mean: moments.mean,
-                std: moments.std,
+                std: moments.std(),
                 constant: moments.min == moments.max,
                 longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
                 smallest_change: movement.smallest_change,
@@ -223,7 +226,7 @@ impl Scan<'_> {
             }
         });
         let has_words = !channel.not_numbers.words.is_empty();
-        let bounds = fit(values, &log.train, has_words, self.preprocess);
+        let bounds = fit(&values[train], in_train, has_words, self.preprocess);
         let (mut imputed, mut unfilled) = (0, 0);
         if bounds.is_ok() && missing > 0 {
             imputed = impute(
