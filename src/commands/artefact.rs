@@ -21,9 +21,6 @@ pub(super) trait Manifest: Serialize + DeserializeOwned {
     /// Version of the directory's format; another version is another artefact.
     const FORMAT: u32;
 
-    /// Fingerprint of the inputs.
-    fn key(&self) -> &str;
-
     /// Version that was written.
     fn format(&self) -> u32;
 }

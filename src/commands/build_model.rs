@@ -10,14 +10,14 @@ use serde::Serialize;
 
 use super::{
     artefact::{self, Claim, TOOL},
-    load_study,
+    jumps, load_study,
     model_files::{self, MemberSummary, ModelManifest, model_key},
 };
 use crate::{
     cli::BuildModelArgs,
     clock::Stopwatch,
     exit::ExitStatus,
-    output::{Printer, bytes, count, duration, percent},
+    output::{Printer, bytes, count, duration},
     study::Study,
 };
 
@@ -188,25 +188,12 @@ fn summarise(
 ) -> anyhow::Result<()> {
     let verb = if built { "wrote" } else { "up to date:" };
     printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
-    let mut near_verbatim = Vec::new();
     for (number, member) in manifest.members.iter().enumerate() {
-        let jumps = &member.jumps;
-        printer.result(&format!(
-            "  member {number}: {} transitions, jump rate {}, mean run {:.1} steps",
-            count(member.transitions),
-            percent(jumps.jump_rate),
-            jumps.mean_run_length,
-        ))?;
-        if jumps.near_verbatim() {
-            near_verbatim.push(number.to_string());
-        }
+        let transitions = count(member.transitions);
+        let line = jumps::line(&member.jumps);
+        printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
     }
-    if !near_verbatim.is_empty() {
-        printer.warn(&format!(
-            "members {} replay the log nearly verbatim; consider model.exclude_self = true, \
-             model.theiler, or preprocess.subsample",
-            near_verbatim.join(", ")
-        ));
-    }
+    let members = manifest.members.iter();
+    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), printer);
     Ok(())
 }

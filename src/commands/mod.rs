@@ -6,6 +6,7 @@ mod evaluate;
 mod figures;
 mod generate;
 mod inspect;
+mod jumps;
 mod model_files;
 mod quickstart;
 mod report;

@@ -50,10 +50,6 @@ pub(super) struct MemberSummary {
 impl Manifest for ModelManifest {
     const FORMAT: u32 = 1;
 
-    fn key(&self) -> &str {
-        &self.key
-    }
-
     fn format(&self) -> u32 {
         self.format
     }

@@ -15,7 +15,7 @@ use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
 use super::{
     artefact,
     evaluate::Summary,
-    figures,
+    figures, jumps as jump_text,
     model_files::{self, ModelManifest},
     rollout::RolloutManifest,
     sweep::SweepManifest,
@@ -192,7 +192,7 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
             steps: summary.jumps.steps as u64,
             jump_rate: summary.jumps.jump_rate,
             mean_run_length: summary.jumps.mean_run_length,
-            note: summary.jumps.near_verbatim().then(|| "nearly a replay of the log".to_owned()),
+            note: jump_text::note(&summary.jumps, summary.transitions).map(str::to_owned),
         })
         .collect()
 }

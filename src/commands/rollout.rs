@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Claim, Manifest, TOOL},
-    figures, load_study,
+    figures, jumps, load_study,
     model_files::{self, OpenModel},
     starts::starts,
 };
@@ -16,7 +16,7 @@ use crate::{
     cli::StudyArgs,
     clock::Stopwatch,
     exit::ExitStatus,
-    output::{Printer, bytes, count, duration, percent},
+    output::{Printer, bytes, count, duration},
     study::Study,
 };
 
@@ -37,6 +37,8 @@ pub(super) struct RolloutManifest {
 /// What the rollouts of one member were like.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct MemberRollouts {
+    /// Transitions of the member.
+    pub(super) transitions: usize,
     pub(super) jumps: JumpStatistics,
     /// Rollouts whose start state the member lacks, so that it was replaced by a near one.
     pub(super) replaced_starts: usize,
@@ -44,10 +46,6 @@ pub(super) struct MemberRollouts {
 
 impl Manifest for RolloutManifest {
     const FORMAT: u32 = 1;
-
-    fn key(&self) -> &str {
-        &self.key
-    }
 
     fn format(&self) -> u32 {
         self.format
@@ -154,6 +152,14 @@ fn roll_out(
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
+    let members = all.iter().enumerate();
+    let members = members
+        .map(|(member, rollouts)| MemberRollouts {
+            transitions: model.knn.member(member).len(),
+            jumps: JumpStatistics::of(rollouts.iter().map(Rollout::rows)),
+            replaced_starts: rollouts.iter().filter(|of| of.start().replaced.is_some()).count(),
+        })
+        .collect();
     let manifest = RolloutManifest {
         format: RolloutManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -162,7 +168,7 @@ fn roll_out(
         rollout: config.clone(),
         sensors: names,
         period_secs,
-        members: all.iter().map(|rollouts| member_rollouts(rollouts)).collect(),
+        members,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
@@ -175,13 +181,6 @@ fn held_out(study: &Study, printer: &Printer) -> anyhow::Result<Option<Frames>> 
     }
     let dataset: Dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
     Ok(dataset.held_out)
-}
-
-fn member_rollouts(rollouts: &[Rollout]) -> MemberRollouts {
-    MemberRollouts {
-        jumps: JumpStatistics::of(rollouts.iter().map(Rollout::rows)),
-        replaced_starts: rollouts.iter().filter(|of| of.start().replaced.is_some()).count(),
-    }
 }
 
 /// The recorded rows after `start`, as far as its segment goes: the true trajectory.
@@ -245,23 +244,13 @@ fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usi
 
 fn summarise(manifest: &RolloutManifest, printer: &Printer) -> anyhow::Result<()> {
     for (number, member) in manifest.members.iter().enumerate() {
-        let jumps = &member.jumps;
         let replaced = match member.replaced_starts {
             0 => String::new(),
             starts => format!("; {starts} start states replaced by their nearest"),
         };
-        printer.result(&format!(
-            "  member {number}: jump rate {}, mean run {:.1} steps, {} distinct rows{replaced}",
-            percent(jumps.jump_rate),
-            jumps.mean_run_length,
-            count(jumps.distinct_rows),
-        ))?;
+        printer.result(&format!("  member {number}: {}{replaced}", jumps::line(&member.jumps)))?;
     }
-    if manifest.members.iter().any(|member| member.jumps.near_verbatim()) {
-        printer.warn(
-            "some members replay the log nearly verbatim; consider model.exclude_self = true, \
-             model.theiler, or preprocess.subsample",
-        );
-    }
+    let members = manifest.members.iter();
+    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), printer);
     Ok(())
 }

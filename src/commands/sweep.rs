@@ -47,10 +47,6 @@ pub(super) struct SweepManifest {
 impl Manifest for SweepManifest {
     const FORMAT: u32 = 1;
 
-    fn key(&self) -> &str {
-        &self.key
-    }
-
     fn format(&self) -> u32 {
         self.format
     }

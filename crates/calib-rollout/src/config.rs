@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 /// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
 /// | `absent` | `"external"` | for `"rows"`: what happens to a row that a member lacks: `"external"`, `"replace"` |
 /// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
-/// | `seed` | 0 | root of all draws |
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
@@ -30,8 +29,6 @@ pub struct RolloutConfig {
     pub absent: Absent,
     /// Month of the start states, 1 to 12.
     pub month: Option<u8>,
-    /// Root of all draws.
-    pub seed: u64,
 }
 
 impl Default for RolloutConfig {
@@ -44,7 +41,6 @@ impl Default for RolloutConfig {
             timestamps: Vec::new(),
             absent: Absent::External,
             month: None,
-            seed: 0,
         }
     }
 }

@@ -8,6 +8,9 @@ const VICINITY: u32 = 10;
 /// a second the model then leaves the record less than once in a hundred seconds.
 const NEAR_VERBATIM: f64 = 0.01;
 
+/// Rollouts that visit less than this share of the rows that they could are circling (our choice).
+const CIRCLING: f64 = 0.1;
+
 /// How much rollouts jump, and how much they merely replay.
 ///
 /// A step *jumps* if it does not continue the record: the row it emits is not the row after the current one,
@@ -75,6 +78,14 @@ impl JumpStatistics {
     pub fn near_verbatim(&self) -> bool {
         self.steps > 0 && self.departure_rate < NEAR_VERBATIM
     }
+
+    /// Whether the rollouts circle within few rows: they visit less than a tenth of the rows that they could,
+    /// given the member's number of transitions (our choice). It happens where a row's neighbours are its own
+    /// neighbours in time, so that with `exclude_self` or a `theiler` window a step leads back as often as on.
+    pub fn circling(&self, transitions: usize) -> bool {
+        self.steps > 0
+            && (self.distinct_rows as f64) < CIRCLING * self.steps.min(transitions) as f64
+    }
 }
 
 #[cfg(test)]
@@ -109,6 +120,16 @@ mod tests {
         assert!(statistics.jump_rate > 0.4 && statistics.near_verbatim());
         let away: Vec<RowIndex> = (0..500).map(|t| RowIndex(t % 50 * 11)).collect();
         assert!(!JumpStatistics::of([&away[..]]).near_verbatim());
+    }
+
+    #[test]
+    fn a_loop_is_circling_and_a_replay_is_not() {
+        let looped: Vec<RowIndex> = (0..500).map(|t| RowIndex(t % 15)).collect();
+        let statistics = JumpStatistics::of([&looped[..]]);
+        assert!(statistics.circling(10_000));
+        assert!(!statistics.circling(20), "there are no more rows to visit");
+        let replay: Vec<RowIndex> = (0..500).map(RowIndex).collect();
+        assert!(!JumpStatistics::of([&replay[..]]).circling(10_000));
     }
 
     #[test]

@@ -1,0 +1,57 @@
+//! Jump statistics in words.
+
+use calib_rollout::JumpStatistics;
+
+use crate::output::{Printer, count, percent};
+
+/// How a member's rollouts move through the log.
+pub(super) fn line(jumps: &JumpStatistics) -> String {
+    format!(
+        "jump rate {}, of which {} leave the neighbourhood in time; mean run {:.1} steps, {} distinct rows",
+        percent(jumps.jump_rate),
+        percent(jumps.departure_rate),
+        jumps.mean_run_length,
+        count(jumps.distinct_rows),
+    )
+}
+
+/// What is wrong with a member's rollouts, if anything is.
+pub(super) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'static str> {
+    // A rollout that circles departs from nowhere, so it would pass for a replay as well.
+    if jumps.circling(transitions) {
+        Some("circles within few rows")
+    } else if jumps.near_verbatim() {
+        Some("replays the log nearly verbatim")
+    } else {
+        None
+    }
+}
+
+/// Warn of members whose rollouts are no good, with what to try.
+pub(super) fn warn<'a>(
+    members: impl Iterator<Item = (&'a JumpStatistics, usize)>,
+    printer: &Printer,
+) {
+    let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
+    for (member, (jumps, transitions)) in members.enumerate() {
+        match note(jumps, transitions) {
+            Some(_) if jumps.circling(transitions) => circling.push(member.to_string()),
+            Some(_) => verbatim.push(member.to_string()),
+            None => {}
+        }
+    }
+    if !circling.is_empty() {
+        printer.warn(&format!(
+            "rollouts of members {} circle within few rows: they are no model of the plant; \
+             try model.exclude_self = false and model.theiler = 0, or a larger preprocess.subsample",
+            circling.join(", ")
+        ));
+    }
+    if !verbatim.is_empty() {
+        printer.warn(&format!(
+            "rollouts of members {} replay the log nearly verbatim; consider more neighbors, \
+             a larger preprocess.subsample, or a model.theiler window",
+            verbatim.join(", ")
+        ));
+    }
+}
