@@ -33,15 +33,14 @@ impl CsvColumn {
         let Ok(numbers) = &mut self.numbers else {
             return;
         };
-        match cell.trim() {
-            "" => numbers.push(f64::NAN),
-            text => match text.parse() {
-                Ok(number) => numbers.push(number),
-                Err(_) => {
-                    let text = text.to_owned();
-                    self.numbers = Err(NotANumber { line, text });
-                }
-            },
+        let text = cell.trim();
+        if text.is_empty() {
+            numbers.push(f64::NAN);
+        } else if let Ok(number) = text.parse() {
+            numbers.push(number);
+        } else {
+            let text = text.to_owned();
+            self.numbers = Err(NotANumber { line, text });
         }
     }
 }

@@ -45,6 +45,30 @@ pub enum StatsError {
         /// Which input.
         what: &'static str,
     },
+    /// A value is infinite where only numbers make sense.
+    #[error("{what}[{index}] is infinite; expected a finite number")]
+    Infinite {
+        /// Which input.
+        what: &'static str,
+        /// Index of the first infinity.
+        index: usize,
+    },
+    /// There are too few numbers.
+    #[error("{what} has {got} numbers; expected at least {expected}")]
+    TooShort {
+        /// Which input.
+        what: &'static str,
+        /// Fewest numbers allowed.
+        expected: usize,
+        /// Numbers found.
+        got: usize,
+    },
+    /// A length of segments that spectra cannot be taken of.
+    #[error("segments of {got} samples have no spectrum here; expected a power of two from 4")]
+    Segment {
+        /// The length.
+        got: usize,
+    },
     /// An index points past the end.
     #[error("index {index} of {what} is out of range; expected less than {len}")]
     OutOfRange {

@@ -11,6 +11,8 @@
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
 //! - [`quantile`], [`median`]: order statistics.
+//! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories,
+//!   beside warping.
 //!
 //! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last.
 //! NaN is a mistake, and always an error; see [`Direction::or_worst`].
@@ -40,6 +42,7 @@ mod quantile;
 mod ranks;
 mod selection;
 mod summary;
+mod trajectory;
 
 pub use agreement::{regret, top_k_hit};
 pub use correlation::{kendall_tau_b, spearman};
@@ -50,3 +53,7 @@ pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use selection::{Selection, select};
 pub use summary::{Interval, Summary, mean, sample_std, summarise};
+pub use trajectory::{
+    SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, increments, spectral_distance,
+    spectrum, usual_lags, usual_segment, wasserstein,
+};
