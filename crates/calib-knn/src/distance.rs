@@ -10,6 +10,19 @@ pub(crate) fn squared(a: &[f32], b: &[f32]) -> f64 {
     })
 }
 
+/// [`squared`] of four pairs at once: four sums in order, side by side.
+pub(crate) fn squared_of_four(a: &[f32], b: [&[f32]; 4]) -> [f64; 4] {
+    let mut sums = [0.0; 4];
+    let [p, q, r, s] = b;
+    for ((((&a, &p), &q), &r), &s) in a.iter().zip(p).zip(q).zip(r).zip(s) {
+        for (sum, b) in sums.iter_mut().zip([p, q, r, s]) {
+            let difference = f64::from(a) - f64::from(b);
+            *sum += difference * difference;
+        }
+    }
+    sums
+}
+
 /// The distance that tables store.
 pub(crate) fn stored(squared: f64) -> f32 {
     (squared.sqrt() as f32).min(f32::MAX)
@@ -35,6 +48,14 @@ impl Margin {
             relative: (columns + 4.0) * f64::from(f32::EPSILON),
             absolute: (columns + 4.0) * f64::from(f32::MIN_POSITIVE),
         }
+    }
+
+    /// A bound on [`squared`] from its f32 approximation.
+    pub(crate) fn upper(self, approximation: f32) -> f64 {
+        if approximation == f32::INFINITY {
+            return f64::INFINITY;
+        }
+        f64::from(approximation) * (1.0 + self.relative) + self.absolute
     }
 
     /// A number `t` so that every pair with `squared ≤ bound` has an f32 approximation `≤ t`.
@@ -65,7 +86,17 @@ mod tests {
                 values.iter().map(|(a, b)| (a * scale, b * scale)).unzip();
             let margin = Margin::new(a.len());
             prop_assert!(approximate(&a, &b) <= margin.threshold(squared(&a, &b)));
+            prop_assert!(squared(&a, &b) <= margin.upper(approximate(&a, &b)));
         }
+    }
+
+    #[test]
+    fn four_at_once_are_four_in_turn() {
+        let mut rng = calib_core::Seed::new(1).rng();
+        let rows: Vec<Vec<f32>> =
+            (0..5).map(|_| (0..37).map(|_| rng.normal() as f32).collect()).collect();
+        let four = [&rows[1][..], &rows[2], &rows[3], &rows[4]];
+        assert_eq!(squared_of_four(&rows[0], four), four.map(|row| squared(&rows[0], row)));
     }
 
     #[test]

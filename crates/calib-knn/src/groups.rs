@@ -1,7 +1,4 @@
-use std::{
-    hash::{BuildHasher as _, BuildHasherDefault, DefaultHasher, Hasher as _},
-    ops::Range,
-};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -28,11 +25,12 @@ impl Groups {
         let state =
             |transition: u32| &states[rows[transition as usize] as usize * columns..][..columns];
         let hash = |transition: u32| {
-            let mut hasher = BuildHasherDefault::<DefaultHasher>::default().build_hasher();
-            for &value in state(transition) {
-                hasher.write_u32((value + 0.0).to_bits());
-            }
-            hasher.finish()
+            state(transition).iter().fold(0_u64, |hash, &value| {
+                // Multiply and rotate; any function of the values would do.
+                (hash ^ u64::from((value + 0.0).to_bits()))
+                    .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+                    .rotate_left(29)
+            })
         };
         let mut hashed: Vec<(u64, u32)> =
             (0..rows.len() as u32).into_par_iter().map(|t| (hash(t), t)).collect();

@@ -174,6 +174,12 @@ impl<'a> Queries<'a> {
         }
     }
 
+    /// The transition that starts from the query's row.
+    pub(crate) fn own_source(&self, query: usize) -> Option<u32> {
+        let (row, transitions) = self.recorded(query)?;
+        transitions.starting_at(row).map(|TransitionIndex(transition)| transition)
+    }
+
     /// The transition that starts from the query's row, or else the one that ends there.
     pub(crate) fn own_transition(&self, query: usize) -> Option<u32> {
         let (row, transitions) = self.recorded(query)?;

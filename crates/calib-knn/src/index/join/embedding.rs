@@ -1,6 +1,7 @@
 //! A map into few dimensions that never lengthens a distance by more than a known error.
 
 use calib_core::Seed;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::linear::{covariance, leading_axes};
@@ -24,7 +25,7 @@ const SAMPLE_WORK: usize = 2_000_000_000;
 #[derive(Debug)]
 pub(super) struct Embedding {
     mean: Vec<f64>,
-    /// `[columns, axes]`.
+    /// `[columns, MOST]`, padded with zeros.
     axes: Vec<f64>,
     /// Where each axis, and last the distance from the span, is stored.
     places: Vec<usize>,
@@ -48,9 +49,13 @@ impl Embedding {
         let count = if spans { columns } else { MOST - 1 };
         let axes = leading_axes(&covariance, columns, count, Seed::new(0));
         let used = count + usize::from(!spans);
+        let mut padded = vec![0.0; columns * MOST];
+        for (to, from) in padded.chunks_exact_mut(MOST).zip(axes.chunks_exact(count)) {
+            to[..count].copy_from_slice(from);
+        }
         let mut this = Self {
             mean,
-            axes,
+            axes: padded,
             places: (0..used).collect(),
             width: used.next_multiple_of(STEP),
             spans,
@@ -94,27 +99,7 @@ impl Embedding {
 
     /// Write the image of `state`; returns `‖x − μ‖`.
     pub(super) fn map(&self, state: &[f32], image: &mut [f32]) -> f64 {
-        let count = self.axes.len() / self.mean.len().max(1);
-        let mut sums = [0.0_f64; MOST];
-        let sums = &mut sums[..count];
-        let mut norm = 0.0;
-        let columns = state.iter().zip(&self.mean).zip(self.axes.chunks_exact(count.max(1)));
-        for ((&value, mean), axes) in columns {
-            let centred = f64::from(value) - mean;
-            norm += centred * centred;
-            for (sum, axis) in sums.iter_mut().zip(axes) {
-                *sum += centred * axis;
-            }
-        }
-        let mut inside = 0.0;
-        for (&sum, &place) in sums.iter().zip(&self.places) {
-            inside += sum * sum;
-            image[place] = sum as f32;
-        }
-        if !self.spans {
-            image[self.places[count]] = (norm - inside).max(0.0).sqrt() as f32;
-        }
-        norm.sqrt()
+        Arch::new().dispatch(Map { embedding: self, state, image })
     }
 
     /// By how much the distance of two stored images may exceed the distance of the states, if these are
@@ -128,6 +113,45 @@ impl Embedding {
         let stored = f64::from(f32::EPSILON);
         let root = if self.spans { 0.0 } else { double.sqrt() };
         2.0 * (a + b) * (stored + double + root)
+    }
+}
+
+/// The work of [`Embedding::map`], for any instruction set.
+struct Map<'a> {
+    embedding: &'a Embedding,
+    state: &'a [f32],
+    image: &'a mut [f32],
+}
+
+impl WithSimd for Map<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "takes the instruction set of its caller")]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Embedding { mean, axes, places, spans, .. } = self.embedding;
+        let mut sums = [0.0_f64; MOST];
+        let mut norm = 0.0;
+        let columns = self.state.iter().zip(mean).zip(axes.as_chunks::<MOST>().0);
+        for ((&value, mean), axes) in columns {
+            let centred = f64::from(value) - mean;
+            norm += centred * centred;
+            let centred = simd.splat_f64s(centred);
+            let sums = S::as_mut_simd_f64s(&mut sums).0;
+            for (sum, &axis) in sums.iter_mut().zip(S::as_simd_f64s(axes).0) {
+                *sum = simd.mul_add_e_f64s(centred, axis, *sum);
+            }
+        }
+        let count = places.len() - usize::from(!spans);
+        let mut inside = 0.0;
+        for (&sum, &place) in sums.iter().zip(&places[..count]) {
+            inside += sum * sum;
+            self.image[place] = sum as f32;
+        }
+        if !spans {
+            self.image[places[count]] = (norm - inside).max(0.0).sqrt() as f32;
+        }
+        norm.sqrt()
     }
 }
 

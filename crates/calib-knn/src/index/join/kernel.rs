@@ -9,8 +9,10 @@ use pulp::Simd;
 
 use super::tree::LEAF;
 
-/// Registers that a pass over the lanes of a leaf keeps.
+/// Registers that a pass over lanes keeps.
 const SUMS: usize = 8;
+/// Coordinates between two looks at whether the rest is needed.
+const HALT: usize = 16;
 
 /// Squared distance between two boxes.
 #[inline(always)]
@@ -30,6 +32,51 @@ fn vectors<'a, S: Simd>(bounds: (&'a [f32], &'a [f32])) -> (&'a [S::f32s], &'a [
     (S::as_simd_f32s(bounds.0).0, S::as_simd_f32s(bounds.1).0)
 }
 
+/// Squared distances from a box to the lanes of `images`, `[coordinate, LANES]`, into `distances`.
+/// Returns whether any is within its threshold; where none is, the distances may be too small.
+#[inline(always)]
+pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
+    simd: S,
+    bounds: (&[f32], &[f32]),
+    images: &[f32],
+    thresholds: &[f32; LANES],
+    distances: &mut [f32; LANES],
+) -> bool {
+    let zero = simd.splat_f32s(0.0);
+    let mut any = false;
+    for first in (0..LANES).step_by(SUMS * S::F32_LANES) {
+        let used = SUMS.min((LANES - first) / S::F32_LANES);
+        let lanes = first..first + used * S::F32_LANES;
+        let limits = S::as_simd_f32s(&thresholds[lanes.clone()]).0;
+        let mut sums = [zero; SUMS];
+        let mut within = false;
+        let coordinates = bounds.0.chunks(HALT).zip(bounds.1.chunks(HALT));
+        for ((lower, upper), images) in coordinates.zip(images.chunks(HALT * LANES)) {
+            let rows = images.chunks_exact(LANES);
+            for ((&lower, &upper), row) in lower.iter().zip(upper).zip(rows) {
+                let (lower, upper) = (simd.splat_f32s(lower), simd.splat_f32s(upper));
+                for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(&row[lanes.clone()]).0) {
+                    let gap = simd.max_f32s(simd.sub_f32s(lower, lane), simd.sub_f32s(lane, upper));
+                    let gap = simd.max_f32s(gap, zero);
+                    *sum = simd.mul_add_e_f32s(gap, gap, *sum);
+                }
+            }
+            // The least amount by which a lane is beyond its threshold.
+            let mut least = simd.splat_f32s(f32::INFINITY);
+            for (&sum, &limit) in sums.iter().zip(limits) {
+                least = simd.min_f32s(least, simd.sub_f32s(sum, limit));
+            }
+            within = simd.reduce_min_f32s(least) <= 0.0;
+            if !within {
+                break;
+            }
+        }
+        any |= within;
+        S::as_mut_simd_f32s(&mut distances[lanes]).0.copy_from_slice(&sums[..used]);
+    }
+    any
+}
+
 /// Squared distances from `image` to the lanes of a leaf. Returns the smallest; gives up, and returns a
 /// lower bound of it, once that exceeds `threshold`.
 #[inline(always)]
@@ -40,19 +87,16 @@ pub(super) fn lane_distances<S: Simd>(
     threshold: f32,
     distances: &mut [f32; LEAF],
 ) -> f32 {
-    let step = SUMS * S::F32_LANES;
     let mut smallest = f32::INFINITY;
-    let mut first = 0;
-    while first < LEAF {
+    for first in (0..LEAF).step_by(SUMS * S::F32_LANES) {
         let used = SUMS.min((LEAF - first) / S::F32_LANES);
-        debug_assert!(used * S::F32_LANES == step.min(LEAF - first), "leaves are whole registers");
+        let part = first..first + used * S::F32_LANES;
         let mut sums = [simd.splat_f32s(0.0); SUMS];
         let mut least = f32::INFINITY;
-        for (number, coordinates) in image.chunks(16).enumerate() {
-            for (offset, &value) in coordinates.iter().enumerate() {
-                let row = &lanes[(16 * number + offset) * LEAF + first..][..used * S::F32_LANES];
+        for (coordinates, lanes) in image.chunks(HALT).zip(lanes.chunks(HALT * LEAF)) {
+            for (&value, row) in coordinates.iter().zip(lanes.chunks_exact(LEAF)) {
                 let value = simd.splat_f32s(value);
-                for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(row).0) {
+                for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(&row[part.clone()]).0) {
                     let difference = simd.sub_f32s(value, lane);
                     *sum = simd.mul_add_e_f32s(difference, difference, *sum);
                 }
@@ -66,10 +110,8 @@ pub(super) fn lane_distances<S: Simd>(
                 break;
             }
         }
-        let out = S::as_mut_simd_f32s(&mut distances[first..first + used * S::F32_LANES]).0;
-        out.copy_from_slice(&sums[..used]);
+        S::as_mut_simd_f32s(&mut distances[part]).0.copy_from_slice(&sums[..used]);
         smallest = smallest.min(least);
-        first += step;
     }
     smallest
 }

@@ -9,13 +9,11 @@ mod linear;
 mod tree;
 
 use super::{NeighborIndex, Queries, Sink, Sources};
-use crate::{KnnError, MemberLists, groups::Groups};
-use block::Block;
+use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
+use block::{Block, QUERIES};
 use embedding::Embedding;
-use tree::Tree;
+use tree::{LEAF, Tree};
 
-/// Most queries of a block.
-const QUERIES: usize = 64;
 /// Blocks between two looks at the monitor.
 const GROUP: usize = 64;
 /// Beyond this distance from the mean f32 images could overflow.
@@ -33,10 +31,10 @@ pub struct Join<'a> {
     groups: Groups,
     embedding: Embedding,
     tree: Tree,
-    /// The leaf of each group.
-    leaf_of_group: Vec<u32>,
-    /// The group of each transition.
-    group_of: Vec<u32>,
+    /// Where in the order of the tree the source of each transition lies.
+    place_of: Vec<u32>,
+    image_margin: Margin,
+    state_margin: Margin,
     /// The largest distance of a source from the mean.
     norm: f64,
 }
@@ -57,29 +55,38 @@ impl<'a> Join<'a> {
             return None;
         }
         let tree = Tree::new(&images, width);
-        let mut leaf_of_group = vec![0; groups.len()];
-        for leaf in 0..tree.leaves() {
-            for &group in tree.images(leaf) {
-                leaf_of_group[group as usize] = leaf as u32;
+        let mut place_of = vec![0; sources.len()];
+        for (place, &group) in tree.order().iter().enumerate() {
+            for &transition in groups.transitions(group as usize) {
+                place_of[transition as usize] = place as u32;
             }
         }
-        let mut group_of = vec![0; sources.len()];
-        for group in 0..groups.len() {
-            for &transition in groups.transitions(group) {
-                group_of[transition as usize] = group as u32;
-            }
-        }
-        Some(Self { sources, groups, embedding, tree, leaf_of_group, group_of, norm })
+        let image_margin = Margin::new(width);
+        let state_margin = Margin::new(sources.columns());
+        Some(Self { sources, groups, embedding, tree, place_of, image_margin, state_margin, norm })
     }
 
-    /// The leaf near which the query lies: that of its own state if it is a source.
+    /// The leaf near which the query lies: that of its own row if it is a source.
     fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
         if let Some(transition) = queries.own_transition(query) {
-            return self.leaf_of_group[self.group_of[transition as usize] as usize] as usize;
+            return self.tree.leaf_of(self.place_of[transition as usize] as usize).0;
         }
         let mut image = vec![0.0; self.embedding.width()];
         self.embedding.map(queries.states().row(queries.row(query)), &mut image);
         self.tree.nearest_leaf(&image)
+    }
+
+    /// Write the image of a query; returns a bound on its distance from the mean.
+    fn image(&self, queries: &Queries<'_>, query: usize, image: &mut [f32]) -> f64 {
+        let Some(transition) = queries.own_source(query) else {
+            return self.embedding.map(queries.states().row(queries.row(query)), image);
+        };
+        let (leaf, lane) = self.tree.leaf_of(self.place_of[transition as usize] as usize);
+        let lanes = self.tree.lanes(leaf).iter().skip(lane).step_by(LEAF);
+        for (coordinate, &value) in image.iter_mut().zip(lanes) {
+            *coordinate = value;
+        }
+        self.norm
     }
 }
 

@@ -112,6 +112,19 @@ impl Tree {
         self.starts.len() - 1
     }
 
+    /// The leaf that holds position `place` of the order, and the lane there.
+    pub(super) fn leaf_of(&self, place: usize) -> (usize, usize) {
+        // The last leaf whose boundary is not past the place.
+        let (count, leaves) = (self.order.len() as u64, self.leaves() as u64);
+        let leaf = (((place as u64 + 1) * leaves).div_ceil(count) - 1) as usize;
+        (leaf, place - self.starts[leaf] as usize)
+    }
+
+    /// Which image lies where, leaf by leaf.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
     /// The images in a leaf.
     pub(super) fn images(&self, leaf: usize) -> &[u32] {
         &self.order[self.starts[leaf] as usize..self.starts[leaf + 1] as usize]
@@ -241,6 +254,8 @@ mod tests {
                     assert_eq!(tree.node_of(leaf), node);
                     assert!(tree.images(leaf).len() <= LEAF);
                     for (lane, &image) in tree.images(leaf).iter().enumerate() {
+                        let place = tree.order().iter().position(|&i| i == image);
+                        assert_eq!(tree.leaf_of(place.expect("it is there")), (leaf, lane));
                         assert!(!std::mem::replace(&mut seen[image as usize], true));
                         let image = &images[image as usize * width..][..width];
                         for (c, &value) in image.iter().enumerate() {
