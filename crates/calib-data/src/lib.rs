@@ -17,6 +17,7 @@ mod dataset;
 mod describe;
 mod error;
 mod features;
+mod guard;
 mod impute;
 mod log;
 mod modes;

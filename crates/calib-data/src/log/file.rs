@@ -7,7 +7,7 @@ use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::source::Source;
-use crate::DataError;
+use crate::{DataError, guard::guard};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -48,10 +48,19 @@ impl LogFile {
         let file = open(&source.path)?;
         let bytes =
             file.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
-        let mut reader = pl::ParquetReader::new(file);
-        let not_parquet = |error: &pl::PolarsError| not_parquet(&source.path, error);
-        let metadata = Arc::clone(reader.get_metadata().map_err(|error| not_parquet(&error))?);
-        let schema = reader.schema().map_err(|error| not_parquet(&error))?;
+        let not_parquet = |reason| DataError::NotParquet { path: source.path.clone(), reason };
+        let (metadata, schema) = guard(|| {
+            let mut reader = pl::ParquetReader::new(file);
+            Ok((Arc::clone(reader.get_metadata()?), reader.schema()?))
+        })
+        .map_err(not_parquet)?;
+        let groups = metadata.row_groups.iter();
+        let rows = groups.fold(0_usize, |rows, group| rows.saturating_add(group.num_rows()));
+        if rows != metadata.num_rows {
+            let declared = metadata.num_rows;
+            let reason = format!("it declares {declared} rows and has {rows}");
+            return Err(not_parquet(reason));
+        }
         let fields = schema
             .iter()
             .map(|(name, field)| {
@@ -59,7 +68,7 @@ impl LogFile {
                 Field { name: name.to_string(), kind, type_name }
             })
             .collect();
-        Ok(Self { fields, rows: metadata.num_rows, bytes, metadata, source })
+        Ok(Self { source, fields, rows, bytes, metadata })
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -94,39 +103,36 @@ impl LogFile {
         fields: &[usize],
         rows: &Range<usize>,
     ) -> Result<Vec<pl::Column>, DataError> {
-        let mut reader = pl::ParquetReader::new(open(self.path())?);
-        reader.set_metadata(Arc::clone(&self.metadata));
-        let frame = reader
-            .with_projection(Some(fields.to_vec()))
-            .with_slice(Some((rows.start, rows.len())))
-            .read_parallel(pl::ParallelStrategy::Columns)
-            .finish()
-            .map_err(|error| self.damaged(&error))?;
-        let columns = fields
-            .iter()
-            .map(|&field| frame.column(&self.fields[field].name).cloned())
-            .collect::<pl::PolarsResult<Vec<_>>>()
-            .map_err(|error| self.damaged(&error))?;
+        let file = open(self.path())?;
+        let columns = guard(|| {
+            let mut reader = pl::ParquetReader::new(file);
+            reader.set_metadata(Arc::clone(&self.metadata));
+            let frame = reader
+                .with_projection(Some(fields.to_vec()))
+                .with_slice(Some((rows.start, rows.len())))
+                .read_parallel(pl::ParallelStrategy::Columns)
+                .finish()?;
+            let names = fields.iter().map(|&field| &self.fields[field].name);
+            names.map(|name| frame.column(name).cloned()).collect::<pl::PolarsResult<Vec<_>>>()
+        })
+        .map_err(|reason| self.not_parquet(reason))?;
         if columns.iter().any(|column| column.len() != rows.len()) {
-            return Err(DataError::NotParquet {
-                path: self.path().to_owned(),
-                reason: format!("fewer rows than the {} it declares", self.rows),
-            });
+            return Err(self.not_parquet(format!("fewer rows than the {} it declares", self.rows)));
         }
         Ok(columns)
     }
 
     pub(crate) fn damaged(&self, error: &pl::PolarsError) -> DataError {
-        not_parquet(self.path(), error)
+        self.not_parquet(error.to_string())
+    }
+
+    fn not_parquet(&self, reason: String) -> DataError {
+        DataError::NotParquet { path: self.path().to_owned(), reason }
     }
 }
 
 fn open(path: &Path) -> Result<File, DataError> {
     Ok(File::open(path).map_err(|source| FileError::io("open", path, source))?)
-}
-
-fn not_parquet(path: &Path, error: &pl::PolarsError) -> DataError {
-    DataError::NotParquet { path: path.to_owned(), reason: error.to_string() }
 }
 
 fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {

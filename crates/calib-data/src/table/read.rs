@@ -1,4 +1,4 @@
-use std::{collections::BTreeMap, fs::File, path::Path};
+use std::{collections::BTreeMap, fs::File, path::Path, sync::Arc};
 
 use calib_core::Timestamp;
 use calib_files::FileError;
@@ -6,6 +6,7 @@ use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::{Cells, Table, TableError, Values};
+use crate::guard::guard;
 
 /// Key under which Parquet writers keep their own description of the types; not ours to show.
 const SCHEMA_KEY: &str = "ARROW:schema";
@@ -30,22 +31,18 @@ pub fn read_parquet_columns(path: &Path, names: &[&str]) -> Result<Table, TableE
 }
 
 fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
-    let not_parquet = |source: pl::PolarsError| TableError::NotParquet {
-        path: path.to_owned(),
-        reason: source.to_string(),
-    };
+    let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = File::open(path).map_err(|source| FileError::io("open", path, source))?;
     let mut reader = pl::ParquetReader::new(file);
-    let metadata = reader
-        .get_metadata()
-        .map_err(not_parquet)?
+    let (metadata, schema) = guard(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
+        .map_err(not_parquet)?;
+    let metadata = metadata
         .key_value_metadata
         .iter()
         .flatten()
         .filter(|pair| pair.key != SCHEMA_KEY)
         .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
         .collect::<BTreeMap<_, _>>();
-    let schema = reader.schema().map_err(not_parquet)?;
     let available = || schema.iter_names().map(ToString::to_string).collect();
     let names: Vec<String> = match names {
         Some(names) => names.iter().map(|&name| name.to_owned()).collect(),
@@ -54,19 +51,20 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
         return Err(TableError::NoColumn { name: name.clone(), available: available() });
     }
-    let frame = reader.with_columns(Some(names.clone())).finish().map_err(not_parquet)?;
-    let mut columns = Vec::with_capacity(names.len());
-    for name in names {
-        let column = frame.column(&name).map_err(not_parquet)?;
-        let values =
-            from_polars(column).map_err(not_parquet)?.ok_or_else(|| TableError::UnknownType {
-                path: path.to_owned(),
-                name: name.clone(),
-                got: column.dtype().to_string(),
-            })?;
-        columns.push((name, values));
-    }
-    Ok(Table { columns, metadata })
+    let read = guard(|| {
+        let frame = reader.with_columns(Some(names.clone())).finish()?;
+        let read = |name: &String| {
+            let column = frame.column(name)?;
+            Ok((from_polars(column)?, column.dtype().to_string()))
+        };
+        names.iter().map(read).collect::<pl::PolarsResult<Vec<_>>>()
+    })
+    .map_err(not_parquet)?;
+    let columns = names.into_iter().zip(read).map(|(name, (values, got))| match values {
+        Some(values) => Ok((name, values)),
+        None => Err(TableError::UnknownType { path: path.to_owned(), name, got }),
+    });
+    Ok(Table { columns: columns.collect::<Result<_, _>>()?, metadata })
 }
 
 fn from_polars(column: &pl::Column) -> pl::PolarsResult<Option<Values>> {

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use calib_core::Silent;
+use calib_core::{Seed, Silent};
 use calib_data::{
     DataConfig, DropReason, PreprocessConfig, TimestampUnit, inspect,
     table::{Table, write_log},
@@ -78,6 +78,29 @@ fn damaged_files_are_named() {
             "{error}"
         );
     }
+}
+
+#[test]
+fn damage_anywhere_is_an_error_or_harmless() {
+    let folder = Folder::new();
+    let values: Vec<f64> = (0..200_i32).map(f64::from).collect();
+    folder.write("a.parquet", &log(0, &[("a", &values), ("b", &values)]));
+    let whole = fs::read(folder.file("a.parquet")).expect("readable");
+    let mut refused = 0;
+    for seed in 0..300 {
+        let mut rng = Seed::new(seed).rng();
+        let mut bytes = whole.clone();
+        for _ in 0..=rng.below(4) {
+            let position = rng.below(bytes.len());
+            bytes[position] = rng.bits() as u8;
+        }
+        fs::write(folder.file("a.parquet"), bytes).expect("written");
+        if let Err(error) = inspect(&folder.data(), &PreprocessConfig::default(), &Silent) {
+            refused += 1;
+            assert!(error.to_string().len() < 600, "{error}");
+        }
+    }
+    assert!(refused > 100, "{refused}");
 }
 
 #[test]
