@@ -9,7 +9,7 @@
 //! A log is read in two passes. The first (`log`, `survey`) puts the rows of all files in time order,
 //! looks at every channel, decides which are kept (`select`) and which rows are dropped (`impute`).
 //! The second (`dataset`) reads the kept channels again and writes the states. Both go through the
-//! channels in batches, file by file and slice by slice, so that memory does not grow with the log.
+//! channels in batches, file by file and slice by slice: memory is the states, the timestamps and one batch.
 
 mod channel;
 mod config;
