@@ -63,6 +63,16 @@ pub enum DtwError {
         /// Its normalisation.
         normalisation: Normalisation,
     },
+    /// A price of the time warp edit distance is negative, infinite or NaN.
+    #[error(
+        "the {name} of the time warp edit distance is {got}: expected a finite number, 0 or more"
+    )]
+    Price {
+        /// Which price.
+        name: &'static str,
+        /// The number.
+        got: f64,
+    },
     /// No path is admissible.
     #[error(transparent)]
     NoPath(#[from] NoPath),

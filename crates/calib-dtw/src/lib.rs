@@ -11,6 +11,7 @@ mod pattern;
 mod pattern_set;
 mod series;
 mod settings;
+mod time_warp_edit;
 mod window;
 
 pub use distance::Distance;
@@ -25,4 +26,5 @@ pub use pattern::{
 pub use pattern_set::{ByPattern, PatternSet};
 pub use series::{Role, Series};
 pub use settings::{Ends, LocalDistance, ParseSettingError, Settings};
+pub use time_warp_edit::TimeWarpEdit;
 pub use window::{ParseWindowError, Window};

@@ -76,10 +76,11 @@ pub struct ParseWindowError {
 impl FromStr for Window {
     type Err = ParseWindowError;
 
-    /// `none`, `sakoeChiba:10`, `slanted:10` or `itakura`; upper and lower case are the same.
+    /// `none`, `sakoeChiba:10`, `slanted:10` or `itakura`; upper and lower case are the same,
+    /// and hyphens may be written: `sakoe-chiba:10`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let unknown = || ParseWindowError { text: text.to_owned() };
-        let lower = text.trim().to_ascii_lowercase();
+        let lower = text.trim().to_ascii_lowercase().replace('-', "");
         let (name, radius) = match lower.split_once(':') {
             Some((name, radius)) => (name, Some(radius.parse().map_err(|_| unknown())?)),
             None => (lower.as_str(), None),
@@ -158,6 +159,8 @@ mod tests {
         ] {
             assert_eq!(window.to_string().parse::<Window>().unwrap(), window);
         }
+        let hyphen = "sakoe-chiba:5".parse::<Window>().unwrap();
+        assert_eq!(hyphen, Window::SakoeChiba { radius: 5 });
         for text in ["sakoeChiba", "slanted:x", "itakura:3", "band", ""] {
             assert!(text.parse::<Window>().is_err(), "{text}");
         }

@@ -12,6 +12,7 @@
 pub(crate) mod boundary;
 pub(crate) mod column;
 pub(crate) mod dispatch;
+pub(crate) mod edit;
 pub(crate) mod lanes;
 pub(crate) mod shapes;
 pub(crate) mod strip;

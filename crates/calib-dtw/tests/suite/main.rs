@@ -5,4 +5,5 @@ mod errors;
 mod golden;
 mod oracle;
 mod properties;
+mod time_warp_edit;
 mod whole_matrix;

@@ -3,7 +3,7 @@ use crate::{StatsError, mean};
 
 /// Autocorrelations of `values` `[n]` at the lags 1 to `lags`; beyond n − 1 they are 0.
 ///
-/// ρ(k) = Σ (x_t − x̄)(x_{t+k} − x̄) / Σ (x_t − x̄)². `None` for a constant series, which has none.
+/// `ρ(k) = Σ (x_t − x̄)(x_{t+k} − x̄) / Σ (x_t − x̄)²`. `None` for a constant series, which has none.
 /// Source: Box and Jenkins, *Time Series Analysis*, 1976.
 ///
 /// # Errors
@@ -27,7 +27,7 @@ pub fn autocorrelation(values: &[f64], lags: usize) -> Result<Option<Vec<f64>>, 
 }
 
 /// How differently two series `x` `[n]` and `y` `[m]` depend on their own past: the root mean square
-/// of ρ_x(k) − ρ_y(k) over the lags k = 1 … `lags`.
+/// of `ρ_x(k) − ρ_y(k)` over the lags k = 1 … `lags`.
 ///
 /// 0 for equal autocorrelations; it cannot exceed 2. `None` if either series is constant, or `lags` is 0.
 /// Source: Galeano and Peña, *Multivariate analysis in vector time series*, 2000 (their distance with

@@ -13,7 +13,7 @@ pub const SPECTRUM_FLOOR: f64 = 1e-12;
 /// frequencies 1 … segment / 2 cycles per segment.
 ///
 /// Welch's method: segments that overlap by half, each minus its mean and times a Hann window; the
-/// mean of their periodograms |Σ w_t x_t e^{−2πikt/L}|² / Σ w_t². White noise of variance σ² has σ²
+/// mean of their periodograms `|Σ w_t x_t e^{−2πikt/L}|² / Σ w_t²`. White noise of variance σ² has σ²
 /// everywhere. Source: Welch, *The use of fast Fourier transform for the estimation of power spectra*,
 /// 1967.
 ///

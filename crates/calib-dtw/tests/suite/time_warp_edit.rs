@@ -1,0 +1,74 @@
+//! The time warp edit distance against its definition, cell by cell.
+
+use calib_dtw::{DtwError, InstructionSet, Series, TimeWarpEdit};
+use proptest::prelude::*;
+
+/// The recursion as it is written down, with the whole matrix.
+fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) -> f64 {
+    let zero = vec![0.0; x.channels()];
+    let sample = |series: Series<'_>, index: usize| {
+        if index == 0 { zero.clone() } else { series.sample(index - 1).to_vec() }
+    };
+    let apart =
+        |a: Vec<f64>, b: Vec<f64>| -> f64 { a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum() };
+    let (n, m) = (x.len(), y.len());
+    let mut g = vec![vec![f64::INFINITY; m + 1]; n + 1];
+    g[0][0] = 0.0;
+    for i in 1..=n {
+        for j in 1..=m {
+            let same = apart(sample(x, i), sample(y, j));
+            let before = apart(sample(x, i - 1), sample(y, j - 1));
+            let time = 2.0 * stiffness * i.abs_diff(j) as f64;
+            let delete_x = apart(sample(x, i), sample(x, i - 1)) + stiffness + deletion;
+            let delete_y = apart(sample(y, j), sample(y, j - 1)) + stiffness + deletion;
+            g[i][j] = (g[i - 1][j - 1] + same + before + time)
+                .min(g[i - 1][j] + delete_x)
+                .min(g[i][j - 1] + delete_y);
+        }
+    }
+    g[n][m]
+}
+
+fn values() -> impl Strategy<Value = Vec<f64>> {
+    proptest::collection::vec(-2.0..2.0, 1..40)
+}
+
+proptest! {
+    #[test]
+    fn it_is_the_recursion_for_all_instructions(
+        x in values(), y in values(), channels in 1..4_usize,
+        stiffness in 0.0..0.5_f64, deletion in 0.0..2.0_f64,
+    ) {
+        let whole = |values: &[f64]| values.len().max(channels) / channels * channels;
+        let fill = |mut values: Vec<f64>| { values.resize(whole(&values), 0.5); values };
+        let (x, y) = (fill(x), fill(y));
+        let x = Series::with_channels(&x, channels).unwrap();
+        let y = Series::with_channels(&y, channels).unwrap();
+        let twed = TimeWarpEdit::new(stiffness, deletion).unwrap();
+        let found = twed.distance(x, y).unwrap();
+        prop_assert!((found - by_definition(x, y, stiffness, deletion)).abs() < 1e-9);
+        for set in InstructionSet::available() {
+            let same = twed.instruction_set(set).unwrap().distance(x, y).unwrap();
+            prop_assert_eq!(same.to_bits(), found.to_bits(), "{}", set);
+        }
+    }
+
+    #[test]
+    fn it_is_a_metric(x in values(), y in values(), z in values()) {
+        let d = |x: &Vec<f64>, y: &Vec<f64>| TimeWarpEdit::default().distance(x, y).unwrap();
+        prop_assert_eq!(d(&x, &x), 0.0);
+        prop_assert!((d(&x, &y) - d(&y, &x)).abs() < 1e-9);
+        prop_assert!(d(&x, &z) <= d(&x, &y) + d(&y, &z) + 1e-9);
+        prop_assert!(x == y || d(&x, &y) > 0.0);
+    }
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let twed = TimeWarpEdit::default();
+    assert!(matches!(twed.distance(&[], &[1.0]), Err(DtwError::Empty { .. })));
+    assert!(matches!(twed.distance(&[f64::NAN], &[1.0]), Err(DtwError::NotFinite { .. })));
+    let error = TimeWarpEdit::new(0.1, -1.0).unwrap_err().to_string();
+    assert!(error.contains("deletion") && error.contains("-1"), "{error}");
+    assert!(TimeWarpEdit::new(f64::NAN, 1.0).is_err());
+}
