@@ -9,7 +9,7 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
     assert!(inspected.contains("PIT300") && inspected.contains("transitions"), "{inspected}");
     let built = place.calib(&["build-model", "study.toml", "--verify", "50"]);
     assert!(built.succeeds().contains("member 2"));
-    assert!(built.stderr().contains("verified: 50 rows agree"), "{}", built.stderr());
+    assert!(built.stderr().contains("verified: 150 rows agree"), "{}", built.stderr());
     place.calib(&["rollout", "study.toml"]).succeeds();
     place.calib(&["sweep", "study.toml"]).succeeds();
     let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();

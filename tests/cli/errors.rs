@@ -33,19 +33,27 @@ fn a_study_that_does_not_exist() {
 #[test]
 fn no_files() {
     let place = Place::with_study();
-    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "data.path=nowhere/*.parquet"]).fails(2));
+    assert_snapshot!(
+        place
+            .calib(&["build-model", "study.toml", "--set", "data.path=nowhere/*.parquet"])
+            .fails(2)
+    );
 }
 
 #[test]
 fn a_wrong_timestamp_column() {
     let place = Place::with_study();
-    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "data.timestamp=when"]).fails(2));
+    assert_snapshot!(
+        place.calib(&["build-model", "study.toml", "--set", "data.timestamp=when"]).fails(2)
+    );
 }
 
 #[test]
 fn a_sensor_that_is_not_there() {
     let place = Place::with_study();
-    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "sweep.sensors=[\"PIT30\"]"]).fails(2));
+    assert_snapshot!(
+        place.calib(&["build-model", "study.toml", "--set", "sweep.sensors=[\"PIT30\"]"]).fails(2)
+    );
 }
 
 #[test]
@@ -61,7 +69,9 @@ fn a_truncated_file() {
 #[test]
 fn more_neighbours_than_a_member_has() {
     let place = Place::with_study();
-    assert_snapshot!(place.calib(&["build-model", "study.toml", "--set", "model.neighbors=100000"]).fails(2));
+    assert_snapshot!(
+        place.calib(&["build-model", "study.toml", "--set", "model.neighbors=100000"]).fails(2)
+    );
 }
 
 #[test]
@@ -88,9 +98,25 @@ fn ranges_that_overlap() {
 fn a_model_of_other_data() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    place.calib(&["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"]).succeeds();
+    place
+        .calib(&[
+            "simulate",
+            "other",
+            "--days",
+            "3",
+            "--channels",
+            "12",
+            "--period",
+            "60",
+            "--seed",
+            "9",
+        ])
+        .succeeds();
     let message = place.calib(&["sweep", "study.toml", "--set", "data.path=other"]).fails(2);
-    assert!(message.contains("was built from other data") && message.contains("build-model"), "{message}");
+    assert!(
+        message.contains("was built from other data") && message.contains("build-model"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -107,14 +133,19 @@ fn a_damaged_model() {
     let whole = fs::read(&path).expect("readable");
     fs::write(&path, &whole[..whole.len() - 7]).expect("writable");
     let message = place.calib(&["rollout", "study.toml"]).fails(2);
-    assert!(message.contains("members/1/neighbors.npy") && message.contains("--force"), "{message}");
+    assert!(
+        message.contains("members/1/neighbors.npy") && message.contains("--force"),
+        "{message}"
+    );
 }
 
 #[test]
 fn an_output_that_cannot_be_written() {
     let place = Place::with_study();
     place.write("taken", "a file");
-    assert_snapshot!(place.calib(&["build-model", "study.toml", "--output", "taken/results"]).fails(2));
+    assert_snapshot!(
+        place.calib(&["build-model", "study.toml", "--output", "taken/results"]).fails(2)
+    );
 }
 
 #[test]

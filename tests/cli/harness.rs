@@ -64,7 +64,18 @@ impl Place {
 
     /// Simulate a small plant into `name`.
     pub(crate) fn simulate(&self, name: &str) {
-        let args = ["simulate", name, "--days", "3", "--channels", "12", "--period", "60", "--gaps-per-day", "2"];
+        let args = [
+            "simulate",
+            name,
+            "--days",
+            "3",
+            "--channels",
+            "12",
+            "--period",
+            "60",
+            "--gaps-per-day",
+            "2",
+        ];
         self.calib(&args).succeeds();
     }
 
