@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use calib_dtw::{LocalDistance, StepPattern, Window};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
@@ -54,6 +55,8 @@ pub(crate) enum Command {
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
     Evaluate(StudyArgs),
+    /// Dynamic time warping distance between two series
+    Dtw(DtwArgs),
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -169,6 +172,40 @@ pub(crate) struct InspectArgs {
     #[arg(long)]
     pub(crate) all: bool,
     /// Print the profile as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The step patterns of the paper's Table 1.
+pub(crate) const STEP_PATTERNS: [&str; 4] =
+    ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];
+
+#[derive(Debug, Args)]
+pub(crate) struct DtwArgs {
+    /// The first series: FILE.npy, FILE.csv or FILE.parquet, with :COLUMN where there are several
+    pub(crate) query: String,
+    /// The second series, likewise
+    pub(crate) reference: String,
+    /// Which steps a warping path may take and what they cost, such as symmetricP2 or
+    /// rabinerJuang:3c:smoothed; may be given several times
+    #[arg(long, value_name = "PATTERN", default_values = STEP_PATTERNS)]
+    pub(crate) step_pattern: Vec<StepPattern>,
+    /// Which pairs of samples may be matched: none, sakoe-chiba:W, slanted:W or itakura
+    #[arg(long, value_name = "WINDOW", default_value = "none")]
+    pub(crate) window: Window,
+    /// The query may begin anywhere in the reference (patterns normalised by the query's length)
+    #[arg(long)]
+    pub(crate) open_begin: bool,
+    /// The query may end anywhere in the reference
+    #[arg(long)]
+    pub(crate) open_end: bool,
+    /// Distance of two samples: absolute, squared or euclidean
+    #[arg(long, value_name = "DISTANCE", default_value = "absolute")]
+    pub(crate) local_distance: LocalDistance,
+    /// Write the warping path as CSV; wants exactly one step pattern
+    #[arg(long, value_name = "FILE")]
+    pub(crate) path: Option<PathBuf>,
+    /// Print the distances as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -2,6 +2,7 @@
 
 mod artefact;
 mod build_model;
+mod dtw;
 mod evaluate;
 mod figures;
 mod generate;
@@ -11,6 +12,7 @@ mod model_files;
 mod quickstart;
 mod report;
 mod rollout;
+mod series;
 mod simulate;
 mod starts;
 mod sweep;
@@ -43,6 +45,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Rollout(args) => rollout::run(&args, printer),
         Command::Sweep(args) => sweep::run(&args, printer),
         Command::Evaluate(args) => evaluate::run(&args, printer),
+        Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),
         Command::Man { directory } => generate::man(&directory, printer),
     }

@@ -1,0 +1,141 @@
+use std::{io::Write as _, path::Path};
+
+use anyhow::{Context as _, bail};
+use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
+use calib_files::write_atomically;
+use serde::Serialize;
+
+use super::series;
+use crate::{
+    cli::DtwArgs,
+    exit::ExitStatus,
+    output::{Printer, count, table},
+};
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Results {
+    results: Vec<PatternResult>,
+}
+
+#[derive(Debug, Serialize)]
+struct PatternResult {
+    step_pattern: String,
+    distance: f64,
+    /// `null` for patterns without a normalisation.
+    normalized_distance: Option<f64>,
+}
+
+impl PatternResult {
+    fn new(pattern: &StepPattern, distance: Distance) -> Self {
+        Self {
+            step_pattern: pattern.name().to_owned(),
+            distance: distance.raw,
+            normalized_distance: distance.normalised,
+        }
+    }
+}
+
+/// Compare two series, with one or several step patterns.
+pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let query = series::read(&args.query).context("query")?;
+    let reference = series::read(&args.reference).context("reference")?;
+    let query = Series::with_channels(&query.values, query.channels)?;
+    let reference = Series::with_channels(&reference.values, reference.channels)?;
+    printer.say(&format!(
+        "dtw: query of {}, reference of {} samples",
+        count(query.len()),
+        count(reference.len())
+    ));
+    let settings = Settings {
+        local_distance: args.local_distance,
+        window: args.window,
+        ends: match (args.open_begin, args.open_end) {
+            (false, false) => Ends::Closed,
+            (false, true) => Ends::OpenEnd,
+            (true, false) => Ends::OpenBegin,
+            (true, true) => Ends::OpenBoth,
+        },
+    };
+    let results = match &args.path {
+        Some(path) => vec![aligned(args, settings, query, reference, path, printer)?],
+        None => compared(args, settings, query, reference)?,
+    };
+    if args.json {
+        printer.json(&Results { results })?;
+    } else {
+        show(&results, printer)?;
+    }
+    Ok(ExitStatus::Done)
+}
+
+fn compared(
+    args: &DtwArgs,
+    settings: Settings,
+    query: Series<'_>,
+    reference: Series<'_>,
+) -> anyhow::Result<Vec<PatternResult>> {
+    let set = PatternSet::new(args.step_pattern.as_slice(), settings);
+    let distances = set.distances(query, reference)?;
+    let patterns = args.step_pattern.iter().zip(distances);
+    patterns.map(|(pattern, distance)| Ok(PatternResult::new(pattern, distance?))).collect()
+}
+
+/// The distance of the one pattern, and its path in a file.
+fn aligned(
+    args: &DtwArgs,
+    settings: Settings,
+    query: Series<'_>,
+    reference: Series<'_>,
+    path: &Path,
+    printer: &Printer,
+) -> anyhow::Result<PatternResult> {
+    let [pattern] = args.step_pattern.as_slice() else {
+        bail!(
+            "--path wants exactly one --step-pattern, got {}; choose one, such as --step-pattern {}",
+            args.step_pattern.len(),
+            args.step_pattern.first().map_or("symmetric2", StepPattern::name),
+        );
+    };
+    let dtw = Dtw::with_settings(pattern.clone(), settings);
+    let alignment = dtw.align(query, reference)?;
+    write_path(path, &alignment)?;
+    printer.say(&format!(
+        "wrote {}: {} matched samples, counted from 0",
+        path.display(),
+        count(alignment.path.len())
+    ));
+    Ok(PatternResult::new(pattern, alignment.distance))
+}
+
+fn write_path(path: &Path, alignment: &Alignment) -> anyhow::Result<()> {
+    write_atomically(path, |file| {
+        writeln!(file, "query,reference")?;
+        for (query, reference) in &alignment.path {
+            writeln!(file, "{query},{reference}")?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+fn show(results: &[PatternResult], printer: &Printer) -> anyhow::Result<()> {
+    let number = |number: f64| {
+        if number == 0.0 || (1e-3..1e9).contains(&number) {
+            format!("{number:.6}")
+        } else {
+            format!("{number:.6e}")
+        }
+    };
+    let rows: Vec<Vec<String>> = results
+        .iter()
+        .map(|result| {
+            vec![
+                result.step_pattern.clone(),
+                number(result.distance),
+                result.normalized_distance.map_or_else(|| "–".to_owned(), number),
+            ]
+        })
+        .collect();
+    printer.result(&table(&["step pattern", "distance", "normalised"], &rows))
+}

@@ -1,0 +1,171 @@
+//! Series that the user names on the command line: `FILE` or `FILE:COLUMN`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use calib_data::table::{Table, read_parquet, read_parquet_columns};
+use calib_files::{read_array, read_csv};
+
+/// Columns that a message lists.
+const LISTED: usize = 20;
+
+/// Samples of one or several channels, sample after sample.
+#[derive(Debug, PartialEq)]
+pub(super) struct Samples {
+    pub(super) values: Vec<f64>,
+    pub(super) channels: usize,
+}
+
+impl Samples {
+    fn of_column(values: Vec<f64>) -> Self {
+        Self { values, channels: 1 }
+    }
+}
+
+/// A file and, where it was given, a column of it.
+#[derive(Debug, PartialEq)]
+struct Source {
+    path: PathBuf,
+    format: Format,
+    column: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Npy,
+    Csv,
+    Parquet,
+}
+
+impl Format {
+    const ALL: [(Self, &'static str); 3] =
+        [(Self::Npy, ".npy"), (Self::Csv, ".csv"), (Self::Parquet, ".parquet")];
+}
+
+/// Read the series that `text` names.
+pub(super) fn read(text: &str) -> anyhow::Result<Samples> {
+    let source = source(text)?;
+    let (path, column) = (&source.path, source.column.as_deref());
+    match source.format {
+        Format::Npy => from_npy(path, column),
+        Format::Csv => from_csv(path, column).map(Samples::of_column),
+        Format::Parquet => from_parquet(path, column).map(Samples::of_column),
+    }
+}
+
+/// Split at the colon after the file's extension: both parts may hold others.
+fn source(text: &str) -> anyhow::Result<Source> {
+    let lower = text.to_ascii_lowercase();
+    for (format, extension) in Format::ALL {
+        if lower.ends_with(extension) {
+            return Ok(Source { path: text.into(), format, column: None });
+        }
+        if let Some(start) = lower.find(&format!("{extension}:")) {
+            let (path, column) = text.split_at(start + extension.len());
+            let column = Some(column[1..].to_owned());
+            return Ok(Source { path: path.into(), format, column });
+        }
+    }
+    bail!("cannot tell what `{text}` is: expected FILE.npy, FILE.csv or FILE.parquet, and perhaps :COLUMN")
+}
+
+/// A series `[n]`, or `[n, channels]`; the column is the number of a channel.
+fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
+    let array = read_array(path)?;
+    let channels = match array.shape.as_slice() {
+        [_] => 1,
+        &[_, channels] => channels,
+        shape => bail!(
+            "{} has the shape {shape:?}: expected [n] or [n, channels]",
+            path.display()
+        ),
+    };
+    let Some(column) = column else { return Ok(Samples { values: array.values, channels }) };
+    let number = column.parse::<usize>().ok().filter(|&number| number < channels);
+    let number = number.with_context(|| {
+        format!(
+            "{}: there is no channel `{column}`; expected a number below {channels}",
+            path.display()
+        )
+    })?;
+    Ok(Samples::of_column(array.values.into_iter().skip(number).step_by(channels).collect()))
+}
+
+fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
+    let mut columns = read_csv(path)?;
+    let position = match column {
+        Some(name) => {
+            columns.iter().position(|column| column.name == name).with_context(|| {
+                let names = columns.iter().map(|column| column.name.as_str());
+                let columns = listed(names);
+                format!("{} has no column `{name}`; its columns are: {columns}", path.display())
+            })?
+        }
+        None => {
+            let names = columns.iter().map(|column| (column.name.as_str(), column.is_numeric()));
+            only_numeric(path, &names.collect::<Vec<_>>())?
+        }
+    };
+    let column = columns.swap_remove(position);
+    column.numbers.with_context(|| format!("{}, column `{}`", path.display(), column.name))
+}
+
+fn from_parquet(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
+    let context = || path.display().to_string();
+    if let Some(name) = column {
+        let table = read_parquet_columns(path, &[name]).with_context(context)?;
+        return table.numbers(name).with_context(context);
+    }
+    let table = read_parquet(path)?;
+    let is_numeric = |name| Table::values(&table, name).is_some_and(|of| of.numbers().is_some());
+    let names: Vec<(&str, bool)> = table.names().map(|name| (name, is_numeric(name))).collect();
+    let name = names[only_numeric(path, &names)?].0;
+    table.numbers(name).with_context(context)
+}
+
+/// Position of the only numeric column.
+fn only_numeric(path: &Path, columns: &[(&str, bool)]) -> anyhow::Result<usize> {
+    let mut numeric = columns.iter().enumerate().filter(|(_, (_, is_numeric))| *is_numeric);
+    match (numeric.next(), numeric.next()) {
+        (Some((position, _)), None) => Ok(position),
+        (Some(_), Some(_)) => {
+            let names = columns.iter().filter(|(_, is_numeric)| *is_numeric);
+            bail!(
+                "{} has several numeric columns; choose one as {}:COLUMN from: {}",
+                path.display(),
+                path.display(),
+                listed(names.map(|(name, _)| *name)),
+            )
+        }
+        (None, _) => bail!(
+            "{} has no numeric column; its columns are: {}",
+            path.display(),
+            listed(columns.iter().map(|(name, _)| *name)),
+        ),
+    }
+}
+
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    let shown = names[..names.len().min(LISTED)].join(", ");
+    match names.len().saturating_sub(LISTED) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_follows_the_extension() {
+        let of = |text: &str| source(text).map(|source| (source.path, source.column));
+        let plain = (PathBuf::from("a.b/x.npy"), None);
+        assert_eq!(of("a.b/x.npy").expect("a file"), plain);
+        let column = (PathBuf::from("C:\\logs\\x.CSV"), Some("flow: total".to_owned()));
+        assert_eq!(of("C:\\logs\\x.CSV:flow: total").expect("a file"), column);
+        let message = of("x.txt").expect_err("unknown").to_string();
+        assert!(message.contains("`x.txt`") && message.contains("FILE.parquet"), "{message}");
+    }
+}
