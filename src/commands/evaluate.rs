@@ -87,7 +87,7 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
     let changed = [
         ("[sweep]", made.sweep == study.sweep),
         ("[agent]", made.agent == study.agent),
-        ("[rollout]", made.rollout == study.rollout),
+        ("[rollout]", made.rollout.starts() == study.rollout.starts()),
         ("[model]", made.model == study.model),
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),

@@ -2,6 +2,7 @@
 
 mod artefact;
 mod build_model;
+mod comparison;
 mod dtw;
 mod evaluate;
 mod figures;

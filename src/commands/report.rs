@@ -13,7 +13,7 @@ use calib_stats::Summary as ScoreSummary;
 use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
 
 use super::{
-    artefact,
+    artefact, comparison,
     evaluate::Summary,
     figures, jumps as jump_text,
     model_files::{self, ModelManifest},
@@ -54,6 +54,9 @@ fn assemble(
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), "build-model STUDY")?;
     let profile = model_files::read_profile(&paths.model())?;
+    let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
+        .filter(|manifest| manifest.model == model.key);
+    let comparison = rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
     Ok(Report {
         title: summary.title.clone(),
         subtitle: None,
@@ -69,9 +72,14 @@ fn assemble(
             .iter()
             .map(|verdict| sensitivity(verdict, candidates))
             .collect(),
-        rollouts: rollout_figures(paths, &model)?,
+        rollouts: match &rollouts {
+            Some(rollouts) => rollout_figures(paths, rollouts)?,
+            None => Vec::new(),
+        },
         jumps: jumps(&model),
-        tables: Vec::new(),
+        tables: comparison
+            .map(|of| comparison::report_tables(&[(MODEL, of)]))
+            .unwrap_or_default(),
         data: Some(data_profile(&profile, &model)),
         reproduction: reproduction(study, sweep)?,
     })
@@ -163,16 +171,10 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate]) -> Sensitivity
     }
 }
 
-/// Rollout figures, if the rollouts are of this model.
 fn rollout_figures(
     paths: &StudyPaths,
-    model: &ModelManifest,
+    manifest: &RolloutManifest,
 ) -> anyhow::Result<Vec<RolloutFigure>> {
-    let Some(manifest) = artefact::read::<RolloutManifest>(&paths.rollout())
-        .filter(|manifest| manifest.model == model.key)
-    else {
-        return Ok(Vec::new());
-    };
     let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "row".to_owned()];
     for sensor in &manifest.sensors {
         columns.extend([sensor.clone(), format!("{sensor}.recorded")]);

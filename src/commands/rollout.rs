@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Claim, Manifest, TOOL},
+    comparison::{self, Comparison},
     figures, jumps, load_study,
     model_files::{self, OpenModel},
     starts::starts,
@@ -32,6 +33,8 @@ pub(super) struct RolloutManifest {
     pub(super) period_secs: f64,
     /// One entry a member.
     pub(super) members: Vec<MemberRollouts>,
+    /// Distances from what was recorded after the same starts, unless they are switched off.
+    pub(super) comparison: Option<Comparison>,
 }
 
 /// What the rollouts of one member were like.
@@ -66,6 +69,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         &study.rollout,
         study.seed,
         &sensors,
+        comparison::settings(),
     ))?;
     announce(&study, &model, sensors.len(), printer);
     if args.dry_run {
@@ -152,6 +156,7 @@ fn roll_out(
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
+    let comparison = compare(model, &all, &sensors, directory, config.dtw_steps, printer)?;
     let members = all.iter().enumerate();
     let members = members
         .map(|(member, rollouts)| MemberRollouts {
@@ -169,9 +174,28 @@ fn roll_out(
         sensors: names,
         period_secs,
         members,
+        comparison,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
+}
+
+/// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
+fn compare(
+    model: &OpenModel,
+    all: &[Vec<Rollout>],
+    sensors: &[(String, usize)],
+    directory: &Path,
+    steps: usize,
+    printer: &Printer,
+) -> anyhow::Result<Option<Comparison>> {
+    if steps == 0 {
+        comparison::remove(directory)?;
+        return Ok(None);
+    }
+    let compared = comparison::compare(model, all, sensors, steps, printer)?;
+    comparison::write(directory, &compared.pairs, sensors)?;
+    Ok(Some(compared.summary))
 }
 
 /// The held-out frames, where the start states come from them.
@@ -252,5 +276,8 @@ fn summarise(manifest: &RolloutManifest, printer: &Printer) -> anyhow::Result<()
     }
     let members = manifest.members.iter();
     jumps::warn(members.map(|member| (&member.jumps, member.transitions)), printer);
-    Ok(())
+    match &manifest.comparison {
+        Some(of) => comparison::show(of, printer),
+        None => Ok(()),
+    }
 }

@@ -66,7 +66,9 @@ fn source(text: &str) -> anyhow::Result<Source> {
             return Ok(Source { path: path.into(), format, column });
         }
     }
-    bail!("cannot tell what `{text}` is: expected FILE.npy, FILE.csv or FILE.parquet, and perhaps :COLUMN")
+    bail!(
+        "cannot tell what `{text}` is: expected FILE.npy, FILE.csv or FILE.parquet, and perhaps :COLUMN"
+    )
 }
 
 /// A series `[n]`, or `[n, channels]`; the column is the number of a channel.
@@ -75,10 +77,7 @@ fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
     let channels = match array.shape.as_slice() {
         [_] => 1,
         &[_, channels] => channels,
-        shape => bail!(
-            "{} has the shape {shape:?}: expected [n] or [n, channels]",
-            path.display()
-        ),
+        shape => bail!("{} has the shape {shape:?}: expected [n] or [n, channels]", path.display()),
     };
     let Some(column) = column else { return Ok(Samples { values: array.values, channels }) };
     let number = column.parse::<usize>().ok().filter(|&number| number < channels);
@@ -94,13 +93,11 @@ fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
 fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
     let mut columns = read_csv(path)?;
     let position = match column {
-        Some(name) => {
-            columns.iter().position(|column| column.name == name).with_context(|| {
-                let names = columns.iter().map(|column| column.name.as_str());
-                let columns = listed(names);
-                format!("{} has no column `{name}`; its columns are: {columns}", path.display())
-            })?
-        }
+        Some(name) => columns.iter().position(|column| column.name == name).with_context(|| {
+            let names = columns.iter().map(|column| column.name.as_str());
+            let columns = listed(names);
+            format!("{} has no column `{name}`; its columns are: {columns}", path.display())
+        })?,
         None => {
             let names = columns.iter().map(|column| (column.name.as_str(), column.is_numeric()));
             only_numeric(path, &names.collect::<Vec<_>>())?

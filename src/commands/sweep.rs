@@ -193,7 +193,7 @@ fn environments<'a>(
     let inputs = Fingerprint::of(&serde_json::to_vec(&(
         &model.manifest.key,
         study.model,
-        &study.rollout,
+        study.rollout.starts(),
         &dataset.fingerprint,
     ))?);
     let rollout_seed = seed.child("rollout");

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 /// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
 /// | `absent` | `"external"` | for `"rows"`: what happens to a row that a member lacks: `"external"`, `"replace"` |
 /// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
+/// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (the paper's, on twelve months of data); 0 compares nothing |
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
@@ -29,6 +30,8 @@ pub struct RolloutConfig {
     pub absent: Absent,
     /// Month of the start states, 1 to 12.
     pub month: Option<u8>,
+    /// Steps of each rollout that are compared with the recorded trajectory; 0 compares nothing.
+    pub dtw_steps: usize,
 }
 
 impl Default for RolloutConfig {
@@ -41,7 +44,18 @@ impl Default for RolloutConfig {
             timestamps: Vec::new(),
             absent: Absent::External,
             month: None,
+            dtw_steps: 3000,
         }
+    }
+}
+
+impl RolloutConfig {
+    /// What decides where rollouts start, with everything else at its default: sweeps, which have
+    /// lengths and numbers of rollouts of their own, depend on nothing else of this section.
+    #[must_use]
+    pub fn starts(&self) -> Self {
+        let Self { steps, rollouts, dtw_steps, .. } = Self::default();
+        Self { steps, rollouts, dtw_steps, ..self.clone() }
     }
 }
 
@@ -92,6 +106,9 @@ mod tests {
         assert_eq!((config.month, config.absent), (Some(7), Absent::Replace));
         let rows: RolloutConfig = toml::from_str("start = \"rows\"\nrows = [3, 9]").expect("valid");
         assert_eq!(rows.rows, [RowIndex(3), RowIndex(9)]);
+        let compared: RolloutConfig =
+            toml::from_str("start = \"rows\"\nrows = [3, 9]\ndtw_steps = 0").expect("valid");
+        assert!(compared != rows && compared.starts() == rows.starts());
         assert!(toml::from_str::<RolloutConfig>("step = 3").is_err());
         assert!(toml::from_str::<RolloutConfig>("start = \"latest\"").is_err());
     }

@@ -1,0 +1,197 @@
+//! How far rollouts are from what was recorded after the same start.
+
+mod files;
+mod measures;
+mod show;
+
+use calib_core::{Monitor as _, RowIndex};
+use calib_dtw::{ByPattern, PatternSet, Settings, StepPattern};
+use calib_rollout::Rollout;
+use calib_stats::{Summary, summarise};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{model_files::OpenModel, rollout::recorded};
+use crate::{cli::STEP_PATTERNS, exit::Interrupted, output::Printer};
+
+pub(super) use files::{remove, write};
+use measures::MEASURES;
+pub(super) use show::{report_tables, show};
+
+/// Fewest recorded steps that a rollout is compared with; with fewer it is left out.
+const FEWEST_STEPS: usize = 20;
+
+/// Everything that decides what is compared, beside the study: part of the fingerprint of rollouts.
+pub(super) fn settings() -> impl Serialize {
+    let measures = MEASURES.map(|measure| measure.column);
+    (STEP_PATTERNS, measures, FEWEST_STEPS)
+}
+
+/// The comparison, in the manifest of the rollouts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Comparison {
+    /// Rollouts that were compared, of all members.
+    pub(super) rollouts: usize,
+    /// Rollouts that were left out, because what was recorded after their start ends too soon.
+    pub(super) left_out: usize,
+    /// Fewest and most steps that were compared; 0 if nothing was.
+    pub(super) fewest_steps: usize,
+    pub(super) most_steps: usize,
+    pub(super) sensors: Vec<SensorComparison>,
+}
+
+/// Means over rollouts of all members, on the normalised sensor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SensorComparison {
+    pub(super) sensor: String,
+    pub(super) dtw: Vec<PatternSummary>,
+    pub(super) measures: Vec<MeasureSummary>,
+}
+
+/// Dynamic time warping with one step pattern.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct PatternSummary {
+    pub(super) step_pattern: String,
+    pub(super) distance: Summary,
+    pub(super) normalized_distance: Option<Summary>,
+}
+
+/// Another distance.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct MeasureSummary {
+    /// Its column in `measures.parquet`.
+    pub(super) measure: String,
+    /// `None` if it is defined for no rollout.
+    pub(super) value: Option<Summary>,
+}
+
+/// A rollout and what was recorded, on one sensor.
+pub(super) struct Pair {
+    member: usize,
+    rollout: usize,
+    sensor: usize,
+    /// Steps that are compared.
+    steps: usize,
+    distances: ByPattern,
+    /// In the order of [`MEASURES`]; `None` where a measure is not defined.
+    measures: Vec<Option<f64>>,
+}
+
+/// All pairs, and their summary.
+pub(super) struct Compared {
+    pub(super) pairs: Vec<Pair>,
+    pub(super) summary: Comparison,
+}
+
+/// A rollout that can be compared: its rows, and as many recorded ones.
+struct Job<'a> {
+    member: usize,
+    rollout: usize,
+    visited: &'a [RowIndex],
+    recorded: Vec<RowIndex>,
+}
+
+/// Compare the first `steps` steps of every rollout with the recorded ones, sensor by sensor.
+pub(super) fn compare(
+    model: &OpenModel,
+    all: &[Vec<Rollout>],
+    sensors: &[(String, usize)],
+    steps: usize,
+    printer: &Printer,
+) -> anyhow::Result<Compared> {
+    let set = PatternSet::new(step_patterns()?, Settings::default());
+    let jobs = jobs(model, all, steps);
+    let pairs: Vec<(&Job<'_>, usize)> =
+        jobs.iter().flat_map(|job| (0..sensors.len()).map(move |sensor| (job, sensor))).collect();
+    let progress = printer.progress();
+    progress.begin("comparing", pairs.len() as u64);
+    let pairs = pairs
+        .into_par_iter()
+        .map(|(job, sensor)| {
+            if progress.interrupted() {
+                return Err(Interrupted.into());
+            }
+            let series = |rows: &[RowIndex]| -> Vec<f64> {
+                let states = model.frames.states();
+                let column = sensors[sensor].1;
+                rows.iter().map(|row| f64::from(states.row(row.get())[column])).collect()
+            };
+            let (query, reference) = (series(job.visited), series(&job.recorded));
+            let distances = set.distances(&query, &reference)?;
+            let measures = MEASURES.iter().map(|measure| (measure.of)(&query, &reference));
+            let measures = measures.collect::<anyhow::Result<_>>()?;
+            progress.advance(1);
+            let Job { member, rollout, .. } = *job;
+            Ok(Pair { member, rollout, sensor, steps: query.len() - 1, distances, measures })
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let rollouts = all.iter().map(Vec::len).sum();
+    let summary = summary(&pairs, sensors, rollouts, jobs.len())?;
+    Ok(Compared { pairs, summary })
+}
+
+fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
+    STEP_PATTERNS.iter().map(|name| Ok(name.parse()?)).collect()
+}
+
+fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Rollout>], steps: usize) -> Vec<Job<'a>> {
+    let mut jobs = Vec::new();
+    for (member, rollouts) in all.iter().enumerate() {
+        for (number, rollout) in rollouts.iter().enumerate() {
+            let steps = steps.min(rollout.steps());
+            let recorded = recorded(model, rollout.rows()[0], steps);
+            if recorded.len() > FEWEST_STEPS.min(steps) {
+                let visited = &rollout.rows()[..recorded.len()];
+                jobs.push(Job { member, rollout: number, visited, recorded });
+            }
+        }
+    }
+    jobs
+}
+
+fn summary(
+    pairs: &[Pair],
+    sensors: &[(String, usize)],
+    rollouts: usize,
+    compared: usize,
+) -> anyhow::Result<Comparison> {
+    let steps = || pairs.iter().map(|pair| pair.steps);
+    let of_sensor = |(sensor, (name, _)): (usize, &(String, usize))| {
+        let own: Vec<&Pair> = pairs.iter().filter(|pair| pair.sensor == sensor).collect();
+        sensor_summary(name, &own)
+    };
+    let sensors = if pairs.is_empty() { &[] } else { sensors };
+    Ok(Comparison {
+        rollouts: compared,
+        left_out: rollouts - compared,
+        fewest_steps: steps().min().unwrap_or(0),
+        most_steps: steps().max().unwrap_or(0),
+        sensors: sensors.iter().enumerate().map(of_sensor).collect::<anyhow::Result<_>>()?,
+    })
+}
+
+fn sensor_summary(name: &str, pairs: &[&Pair]) -> anyhow::Result<SensorComparison> {
+    let dtw = STEP_PATTERNS.iter().enumerate().map(|(number, pattern)| {
+        // Series of equal length have a path in each of these patterns.
+        let distances = pairs.iter().map(|pair| pair.distances[number].clone());
+        let distances = distances.collect::<Result<Vec<_>, _>>()?;
+        let raw: Vec<f64> = distances.iter().map(|distance| distance.raw).collect();
+        let normalised: Option<Vec<f64>> =
+            distances.iter().map(|distance| distance.normalised).collect();
+        Ok(PatternSummary {
+            step_pattern: (*pattern).to_owned(),
+            distance: summarise(&raw)?,
+            normalized_distance: normalised.map(|values| summarise(&values)).transpose()?,
+        })
+    });
+    let measures = MEASURES.iter().enumerate().map(|(number, measure)| {
+        let values: Vec<f64> = pairs.iter().filter_map(|pair| pair.measures[number]).collect();
+        let value = if values.is_empty() { None } else { Some(summarise(&values)?) };
+        Ok(MeasureSummary { measure: measure.column.to_owned(), value })
+    });
+    Ok(SensorComparison {
+        sensor: name.to_owned(),
+        dtw: dtw.collect::<anyhow::Result<_>>()?,
+        measures: measures.collect::<anyhow::Result<_>>()?,
+    })
+}

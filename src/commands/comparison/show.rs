@@ -1,0 +1,155 @@
+//! The comparison for people: on the terminal and in the report.
+
+use calib_report::{Best, Cell, Table};
+use calib_stats::{Direction, Interval, Summary};
+
+use super::{Comparison, MEASURES, SensorComparison};
+use crate::{
+    cli::STEP_PATTERNS,
+    output::{Printer, count, significant, table},
+};
+
+/// Sensors that the terminal shows.
+const LISTED: usize = 12;
+
+/// Print means over rollouts: warping distances, then the other measures.
+pub(in crate::commands) fn show(comparison: &Comparison, printer: &Printer) -> anyhow::Result<()> {
+    if comparison.left_out > 0 {
+        printer.result(&format!(
+            "  {} of {} rollouts not compared: what was recorded after their start ends too soon",
+            comparison.left_out,
+            comparison.left_out + comparison.rollouts,
+        ))?;
+    }
+    if comparison.sensors.is_empty() {
+        return Ok(());
+    }
+    printer.result("")?;
+    printer.result(&format!("rollouts against what was recorded, {}:", basis(comparison)))?;
+    printer.result("normalised warping distance")?;
+    let header = [&["sensor"], STEP_PATTERNS.as_slice()].concat();
+    let warping = |sensor: &SensorComparison| {
+        let of = sensor.dtw.iter().map(|of| of.normalized_distance.as_ref().or(Some(&of.distance)));
+        of.map(mean_and_half).collect::<Vec<_>>()
+    };
+    list(comparison, &header, warping, printer)?;
+    printer.result("other distances")?;
+    let header = ["sensor", "values", "changes", "autocorr.", "spectrum (dB)", "edit"];
+    let others = |sensor: &SensorComparison| {
+        let of = sensor.measures.iter().map(|of| of.value.as_ref());
+        of.map(mean_and_half).collect::<Vec<_>>()
+    };
+    list(comparison, &header, others, printer)
+}
+
+fn list(
+    comparison: &Comparison,
+    header: &[&str],
+    cells: impl Fn(&SensorComparison) -> Vec<String>,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let row = |sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat();
+    let rows: Vec<Vec<String>> = comparison.sensors.iter().take(LISTED).map(row).collect();
+    printer.result(&table(header, &rows))?;
+    let more = comparison.sensors.len().saturating_sub(LISTED);
+    if more > 0 {
+        printer.result(&format!("… and {} more in the files", count(more)))?;
+    }
+    Ok(())
+}
+
+/// What the means are over.
+fn basis(comparison: &Comparison) -> String {
+    let Comparison { rollouts, fewest_steps: fewest, most_steps: most, .. } = comparison;
+    let steps = if fewest == most {
+        count(*most)
+    } else {
+        format!("{} to {}", count(*fewest), count(*most))
+    };
+    format!("mean ± 95 % interval over {rollouts} rollouts of {steps} steps")
+}
+
+fn half_width(summary: &Summary) -> Option<f64> {
+    summary.interval.map(|Interval { low, high }| (high - low) / 2.0)
+}
+
+fn mean_and_half(summary: Option<&Summary>) -> String {
+    let Some(summary) = summary else { return "–".to_owned() };
+    let half = half_width(summary).map(|half| format!(" ± {}", significant(half)));
+    format!("{}{}", significant(summary.mean), half.unwrap_or_default())
+}
+
+/// Tables for the report: for each model its means, the best of a row in bold where there are several.
+pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<Table> {
+    let Some((_, first)) = models.first().filter(|(_, first)| !first.sensors.is_empty()) else {
+        return Vec::new();
+    };
+    let left_out = match first.left_out {
+        0 => String::new(),
+        number => format!(
+            " {number} rollouts are left out: what was recorded after their start ends too soon."
+        ),
+    };
+    let basis = basis(first);
+    let columns = |leading: &[&str]| {
+        let models = models.iter().flat_map(|(name, _)| [(*name).to_owned(), "95 %".to_owned()]);
+        leading.iter().map(|&name| name.to_owned()).chain(models).collect::<Vec<String>>()
+    };
+    let best = (models.len() > 1).then_some(Best::OfRow(Direction::LowerIsBetter));
+    let of_models = |number: usize, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
+        let sensors = models.iter().map(|(_, comparison)| comparison.sensors.get(number));
+        sensors.flat_map(|sensor| cells(sensor.and_then(of))).collect::<Vec<Cell>>()
+    };
+    let (mut warping, mut others) = (Vec::new(), Vec::new());
+    for (number, sensor) in first.sensors.iter().enumerate() {
+        let name = Cell::Text(sensor.sensor.clone());
+        for (position, pattern) in STEP_PATTERNS.iter().enumerate() {
+            let row = |kind: &str, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
+                let leading =
+                    [name.clone(), Cell::Text((*pattern).to_owned()), Cell::Text(kind.to_owned())];
+                [leading.to_vec(), of_models(number, of)].concat()
+            };
+            warping.push(row("normalised", &|sensor| {
+                sensor.dtw.get(position)?.normalized_distance.as_ref()
+            }));
+            warping.push(row("raw", &|sensor| Some(&sensor.dtw.get(position)?.distance)));
+        }
+        for (position, measure) in MEASURES.iter().enumerate() {
+            let leading = vec![name.clone(), Cell::Text(measure.label.to_owned())];
+            let values = of_models(number, &|sensor| sensor.measures.get(position)?.value.as_ref());
+            others.push([leading, values].concat());
+        }
+    }
+    let caption = |how: &str| {
+        format!(
+            "Rollouts against what was recorded after the same start, on the normalised sensor: {basis}. {how}{left_out}"
+        )
+    };
+    vec![
+        Table {
+            title: "Dynamic time warping".to_owned(),
+            caption: caption(
+                "Lower is better. Compare models within a row, not step patterns with each other.",
+            ),
+            columns: columns(&["sensor", "step pattern", "distance"]),
+            rows: warping,
+            best,
+        },
+        Table {
+            title: "Other distances of trajectories".to_owned(),
+            caption: caption(
+                "Lower is better. They compare distributions, memory and frequencies, so a rollout may be out of step and still score well.",
+            ),
+            columns: columns(&["sensor", "distance"]),
+            rows: others,
+            best,
+        },
+    ]
+}
+
+fn cells(summary: Option<&Summary>) -> [Cell; 2] {
+    let Some(summary) = summary else { return [Cell::Missing, Cell::Missing] };
+    let half = half_width(summary);
+    let half = half.map_or(Cell::Missing, |half| Cell::Text(format!("± {}", significant(half))));
+    [Cell::Number(summary.mean), half]
+}
