@@ -29,8 +29,10 @@ fn states() -> States {
 
 fn scaled(column: &[f32]) -> Option<Vec<f32>> {
     let known = column.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = known.fold((f32::MAX, f32::MIN), |(low, high), value| (low.min(value), high.max(value)));
-    let normalise = |value: &f32| if value.is_finite() { (value - low) / (high - low) } else { 0.0 };
+    let (low, high) =
+        known.fold((f32::MAX, f32::MIN), |(low, high), value| (low.min(value), high.max(value)));
+    let normalise =
+        |value: &f32| if value.is_finite() { (value - low) / (high - low) } else { 0.0 };
     (high > low).then(|| column.iter().map(normalise).collect())
 }
 
@@ -38,9 +40,8 @@ fn study(criterion: &mut Criterion) {
     let states = states();
     let transitions = Transitions::new(Segments::from_lengths([ROWS]).expect("valid"));
     let config = ModelConfig { exclude_self: true, theiler: 6, ..ModelConfig::default() };
-    let build = || {
-        KnnModel::build(states.clone(), transitions.clone(), &config, &Silent).expect("built")
-    };
+    let build =
+        || KnnModel::build(states.clone(), transitions.clone(), &config, &Silent).expect("built");
     let mut group = criterion.benchmark_group("study");
     group.sample_size(10);
     group.bench_function("build model, 4,000 rows", |bencher| bencher.iter(&build));
@@ -50,7 +51,9 @@ fn study(criterion: &mut Criterion) {
     let seed = Seed::new(1);
     let starts = start_states(&member, StartSource::Random, 1, seed).expect("a start");
     let roll = |steps| rollout(&member, &starts[0], steps, Weights::Linear, seed);
-    group.bench_function("roll out 10,000 steps", |bencher| bencher.iter(|| roll(black_box(10_000))));
+    group.bench_function("roll out 10,000 steps", |bencher| {
+        bencher.iter(|| roll(black_box(10_000)))
+    });
 
     let stream = roll(1000).stream(&states);
     let agents: Vec<AgentConfig> = [1e-5, 1e-4, 1e-3]

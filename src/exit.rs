@@ -33,9 +33,21 @@ pub(crate) fn report(error: &anyhow::Error, printer: &Printer) -> ExitStatus {
         printer.error(&Interrupted.to_string());
         return ExitStatus::Interrupted;
     }
-    // The chain reads from the outermost context to the cause.
-    printer.error(&format!("{error:#}"));
+    printer.error(&message(error));
     ExitStatus::BadInput
+}
+
+/// The chain from the outermost context to the cause. Some errors tell their cause themselves; it is told once.
+fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
+        if told.is_empty() {
+            cause
+        } else if told.contains(&cause) {
+            told
+        } else {
+            format!("{told}: {cause}")
+        }
+    })
 }
 
 fn was_interrupted(error: &anyhow::Error) -> bool {

@@ -35,13 +35,13 @@ pub(super) fn read<M: Manifest>(directory: &Path) -> Option<M> {
 pub(super) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::Result<M> {
     let path = directory.join(MANIFEST);
     if !path.exists() {
-        bail!("{} does not exist; run `calib {command}` first", path.display());
+        bail!("{} does not exist; run `{command}` first", path.display());
     }
-    let manifest: M = read_json(&path)
-        .with_context(|| format!("run `calib {command} --force` to make it again"))?;
+    let manifest: M =
+        read_json(&path).with_context(|| format!("run `{command} --force` to make it again"))?;
     anyhow::ensure!(
         manifest.format() == M::FORMAT,
-        "{} has format {}, this calib reads format {}; run `calib {command} --force`",
+        "{} has format {}, this calib reads format {}; run `{command} --force`",
         path.display(),
         manifest.format(),
         M::FORMAT

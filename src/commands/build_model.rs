@@ -18,7 +18,7 @@ use crate::{
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, bytes, count, duration},
-    study::Study,
+    study::{Study, StudyPaths},
 };
 
 /// Steps of the rollout that shows how often each member jumps.
@@ -44,7 +44,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
         _ => (build(&study, &dataset, key, &directory, clock, printer)?, true),
     };
     let status = if args.verify > 0 {
-        check_against_brute_force(&directory, &study, args.verify, printer)?
+        check_against_brute_force(&paths, &study, args.verify, printer)?
     } else {
         ExitStatus::Done
     };
@@ -53,8 +53,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     } else {
         summarise(&manifest, &directory, built, clock, printer)?;
     }
-    printer
-        .say(&format!("next: calib rollout {0}  or  calib sweep {0}", args.study.study.display()));
+    printer.say(&format!("next: {} or {}", paths.command("rollout"), paths.command("sweep")));
     Ok(status)
 }
 
@@ -160,12 +159,12 @@ fn fingerprints(
 }
 
 fn check_against_brute_force(
-    directory: &std::path::Path,
+    paths: &StudyPaths,
     study: &Study,
     sample: usize,
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
-    let model = model_files::open(directory, study)?;
+    let model = model_files::open(paths, study)?;
     let seed = Seed::new(study.seed).child("verify");
     let verification = verify(&model.knn, sample, seed);
     if !verification.agrees() {
@@ -194,6 +193,10 @@ fn summarise(
         printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
     }
     let members = manifest.members.iter();
-    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), printer);
+    jumps::warn(
+        members.map(|member| (&member.jumps, member.transitions)),
+        &manifest.study.model,
+        printer,
+    );
     Ok(())
 }

@@ -40,9 +40,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
-    let results = unit_store(&paths.sweep())
-        .collect(&manifest.units)
-        .context("the sweep is not complete; run `calib sweep` again")?;
+    let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
+        format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
+    })?;
     let verdicts = study
         .sweep
         .sensors
@@ -82,7 +82,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
 fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepManifest> {
-    let manifest: SweepManifest = artefact::require(&paths.sweep(), "sweep STUDY")?;
+    let manifest: SweepManifest = artefact::require(&paths.sweep(), &paths.command("sweep"))?;
     let made = &manifest.study;
     let changed = [
         ("[sweep]", made.sweep == study.sweep),
@@ -95,14 +95,15 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
     ];
     if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
         bail!(
-            "the sweep in {} was made with another {section}; run `calib sweep` again",
-            paths.sweep().display()
+            "the sweep in {} was made with another {section}; run `{}` again",
+            paths.sweep().display(),
+            paths.command("sweep")
         );
     }
     if artefact::read::<ModelManifest>(&paths.model())
         .is_some_and(|model| model.key != manifest.model)
     {
-        bail!("the model was built again after the sweep; run `calib sweep` again");
+        bail!("the model was built again after the sweep; run `{}` again", paths.command("sweep"));
     }
     Ok(manifest)
 }

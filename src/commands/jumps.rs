@@ -1,5 +1,6 @@
 //! Jump statistics in words.
 
+use calib_knn::ModelConfig;
 use calib_rollout::JumpStatistics;
 
 use crate::output::{Printer, count, percent};
@@ -7,7 +8,7 @@ use crate::output::{Printer, count, percent};
 /// How a member's rollouts move through the log.
 pub(super) fn line(jumps: &JumpStatistics) -> String {
     format!(
-        "jump rate {}, of which {} leave the neighbourhood in time; mean run {:.1} steps, {} distinct rows",
+        "{} of steps jump, {} to another time of the log; mean run {:.1} steps, {} distinct rows",
         percent(jumps.jump_rate),
         percent(jumps.departure_rate),
         jumps.mean_run_length,
@@ -30,6 +31,7 @@ pub(super) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'stati
 /// Warn of members whose rollouts are no good, with what to try.
 pub(super) fn warn<'a>(
     members: impl Iterator<Item = (&'a JumpStatistics, usize)>,
+    model: &ModelConfig,
     printer: &Printer,
 ) {
     let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
@@ -41,9 +43,13 @@ pub(super) fn warn<'a>(
         }
     }
     if !circling.is_empty() {
+        let advice = if model.exclude_self || model.theiler > 0 {
+            "try model.exclude_self = false and model.theiler = 0"
+        } else {
+            "try a larger preprocess.subsample, and look for stuck sensors with `calib inspect`"
+        };
         printer.warn(&format!(
-            "rollouts of members {} circle within few rows: they are no model of the plant; \
-             try model.exclude_self = false and model.theiler = 0, or a larger preprocess.subsample",
+            "rollouts of members {} circle within few rows, which is no model of the plant; {advice}",
             circling.join(", ")
         ));
     }

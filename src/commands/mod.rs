@@ -55,6 +55,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
 /// The study that `args` name, with its overrides.
 fn load_study(args: &StudyArgs) -> anyhow::Result<(Study, StudyPaths)> {
     let (study, paths) = Study::load(&args.study, &args.set)?;
-    let paths = args.output.clone().map_or(paths, StudyPaths::new);
+    let paths = match &args.output {
+        Some(output) => StudyPaths::new(args.study.clone(), output.clone()),
+        None => paths,
+    };
     Ok((study, paths))
 }

@@ -16,7 +16,7 @@ use calib_rollout::JumpStatistics;
 use serde::{Deserialize, Serialize};
 
 use super::artefact::{self, Manifest};
-use crate::study::Study;
+use crate::study::{Study, StudyPaths};
 
 /// `manifest.json` of a model directory.
 #[derive(Debug, Serialize, Deserialize)]
@@ -98,18 +98,19 @@ fn rows_table(frames: &Frames, knn: &KnnModel) -> anyhow::Result<Table> {
         .with_optional("block", (0..frames.rows()).map(block).collect()))
 }
 
-/// Open the model of `study` in `directory`; tables and states are mapped, and checked.
-pub(super) fn open(directory: &Path, study: &Study) -> anyhow::Result<OpenModel> {
-    let manifest: ModelManifest = artefact::require(directory, "build-model STUDY")?;
+/// Open the model of `study`; tables and states are mapped, and checked.
+pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenModel> {
+    let directory = &paths.model();
+    let build = paths.command("build-model");
+    let manifest: ModelManifest = artefact::require(directory, &build)?;
     if model_key(&manifest.data, &study.model)? != manifest.key {
         bail!(
-            "the model in {} was built with other [model] settings; run `calib build-model` again",
+            "the model in {} was built with other [model] settings; run `{build}` again",
             directory.display()
         );
     }
-    let again = || {
-        format!("the model in {} is damaged; run `calib build-model --force`", directory.display())
-    };
+    let again =
+        || format!("the model in {} is damaged; run `{build} --force`", directory.display());
     let mapped = map_npy::<f32>(&directory.join("states.npy")).with_context(again)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     let states = States::from_shared(Arc::new(mapped), rows, columns).with_context(again)?;

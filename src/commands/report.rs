@@ -52,7 +52,7 @@ fn assemble(
     summary: &Summary,
 ) -> anyhow::Result<Report> {
     let candidates = &sweep.candidates;
-    let model: ModelManifest = artefact::require(&paths.model(), "build-model STUDY")?;
+    let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
         .filter(|manifest| manifest.model == model.key);
@@ -81,7 +81,7 @@ fn assemble(
             .map(|of| comparison::report_tables(&[(MODEL, of)]))
             .unwrap_or_default(),
         data: Some(data_profile(&profile, &model)),
-        reproduction: reproduction(study, sweep)?,
+        reproduction: reproduction(study, paths, sweep)?,
     })
 }
 
@@ -244,11 +244,14 @@ fn channel(of: &ChannelProfile) -> Channel {
     }
 }
 
-fn reproduction(study: &Study, sweep: &SweepManifest) -> anyhow::Result<Reproduction> {
+fn reproduction(
+    study: &Study,
+    paths: &StudyPaths,
+    sweep: &SweepManifest,
+) -> anyhow::Result<Reproduction> {
     Ok(Reproduction {
-        command:
-            "calib build-model STUDY; calib rollout STUDY; calib sweep STUDY; calib evaluate STUDY"
-                .to_owned(),
+        command: ["build-model", "rollout", "sweep", "evaluate"].map(|command| paths.command(command)).join("
+"),
         study_toml: toml::to_string(study)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), study.seed)],

@@ -3,7 +3,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::{Dataset, table::Table};
-use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, StartKind, rollouts};
+use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, rollouts};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -11,7 +11,7 @@ use super::{
     comparison::{self, Comparison},
     figures, jumps, load_study,
     model_files::{self, OpenModel},
-    starts::starts,
+    starts::{starts, starts_from_held_out},
 };
 use crate::{
     cli::StudyArgs,
@@ -59,7 +59,7 @@ impl Manifest for RolloutManifest {
 pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
     let (study, paths) = load_study(args)?;
-    let model = model_files::open(&paths.model(), &study)?;
+    let model = model_files::open(&paths, &study)?;
     let sensors = sensors(&study, &model, &paths.model())?;
     let directory = paths.rollout();
     let key = artefact::key(&(
@@ -90,9 +90,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
             directory.display(),
             duration(clock.elapsed())
         ))?;
-        summarise(&manifest, printer)?;
+        summarise(&manifest, &study, printer)?;
     }
-    printer.say(&format!("next: calib sweep {}", args.study.display()));
+    printer.say(&format!("next: {}", paths.command("sweep")));
     Ok(ExitStatus::Done)
 }
 
@@ -200,7 +200,7 @@ fn compare(
 
 /// The held-out frames, where the start states come from them.
 fn held_out(study: &Study, printer: &Printer) -> anyhow::Result<Option<Frames>> {
-    if !matches!(study.rollout.start, StartKind::Nearest | StartKind::CalendarMonth) {
+    if !starts_from_held_out(study) {
         return Ok(None);
     }
     let dataset: Dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
@@ -266,7 +266,11 @@ fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usi
     table
 }
 
-fn summarise(manifest: &RolloutManifest, printer: &Printer) -> anyhow::Result<()> {
+fn summarise(
+    manifest: &RolloutManifest,
+    study: &Study,
+    printer: &Printer,
+) -> anyhow::Result<()> {
     for (number, member) in manifest.members.iter().enumerate() {
         let replaced = match member.replaced_starts {
             0 => String::new(),
@@ -275,7 +279,11 @@ fn summarise(manifest: &RolloutManifest, printer: &Printer) -> anyhow::Result<()
         printer.result(&format!("  member {number}: {}{replaced}", jumps::line(&member.jumps)))?;
     }
     let members = manifest.members.iter();
-    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), printer);
+    jumps::warn(
+        members.map(|member| (&member.jumps, member.transitions)),
+        &study.model,
+        printer,
+    );
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),
         None => Ok(()),

@@ -6,6 +6,13 @@ use calib_data::Moment;
 use calib_knn::Member;
 use calib_rollout::{RolloutConfig, StartKind, StartSource, StartState, month_of, start_states};
 
+use crate::study::Study;
+
+/// Whether start states depend on the held-out range.
+pub(super) fn starts_from_held_out(study: &Study) -> bool {
+    matches!(study.rollout.start, StartKind::Nearest | StartKind::CalendarMonth)
+}
+
 /// `count` start states for `member`.
 pub(super) fn starts(
     member: &Member<'_>,

@@ -15,7 +15,7 @@ use super::{
     artefact::{self, Claim, Manifest, TOOL},
     load_study,
     model_files::{self, OpenModel},
-    starts::starts,
+    starts::{starts, starts_from_held_out},
 };
 use crate::{
     cli::StudyArgs,
@@ -65,16 +65,17 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent)?;
-    let model = model_files::open(&paths.model(), &study)?;
+    let model = model_files::open(&paths, &study)?;
     printer.say(&format!("sweep: reading {}", study.data.path.0.join(", ")));
     let dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
     if dataset.fingerprint != model.manifest.data {
         bail!(
             "the model in {} was built from other data (fingerprint {}, the study's data has {}); \
-             run `calib build-model` again",
+             run `{}` again",
             paths.model().display(),
             model.manifest.data.short(),
             dataset.fingerprint.short(),
+            paths.command("build-model"),
         );
     }
     let lengths = Lengths::of(&study, &dataset, printer);
@@ -194,7 +195,8 @@ fn environments<'a>(
         &model.manifest.key,
         study.model,
         study.rollout.starts(),
-        &dataset.fingerprint,
+        // Start states may be taken from the deployment period.
+        starts_from_held_out(study).then_some(&dataset.held_out_fingerprint),
     ))?);
     let rollout_seed = seed.child("rollout");
     for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
@@ -205,8 +207,8 @@ fn environments<'a>(
         let states = model.frames.states();
         environments.push(Box::new(MemberEnvironment::new(member, states, starts, options)));
     }
-    if let Some(held_out) = &dataset.held_out {
-        let inputs = dataset.fingerprint.clone();
+    if let (Some(held_out), Some(inputs)) = (&dataset.held_out, &dataset.held_out_fingerprint) {
+        let inputs = inputs.clone();
         let online = ReplayEnvironment::online(held_out, steps, sweep.online_runs, inputs);
         environments.push(Box::new(online));
     }
@@ -349,6 +351,6 @@ fn finish(
         let runs = paths.sweep().join("runs.parquet");
         printer.result(&format!("{did}; results in {}", runs.display()))?;
     }
-    printer.say(&format!("next: calib evaluate {}", args.study.display()));
+    printer.say(&format!("next: {}", paths.command("evaluate")));
     Ok(())
 }

@@ -30,16 +30,14 @@ impl Study {
         }
         let mut study = Self::deserialize(Value::Table(table))
             .map_err(|error| anyhow!("{}: {}", with_overrides(path, overrides), located(&error)))?;
-        let directory = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-            _ => PathBuf::from("."),
-        };
+        // Empty for a bare file name, so that paths below it stay as short as they were written.
+        let directory = path.parent().map(PathBuf::from).unwrap_or_default();
         study.check().with_context(|| with_overrides(path, overrides))?;
         study.expand_environment().with_context(|| path.display().to_string())?;
         study.data.resolve(&directory);
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
-        Ok((study, StudyPaths::new(directory.join(output))))
+        Ok((study, StudyPaths::new(path.to_owned(), directory.join(output))))
     }
 
     /// A study of the log at `path` alone, with every other key at its default or as `overrides` say.

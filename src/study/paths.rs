@@ -3,13 +3,19 @@ use std::path::{Path, PathBuf};
 /// Where the files of a study lie.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StudyPaths {
+    study: PathBuf,
     root: PathBuf,
 }
 
 impl StudyPaths {
-    /// The layout below `root`.
-    pub fn new(root: PathBuf) -> Self {
-        Self { root }
+    /// The layout below `root` of the results of the file `study`.
+    pub fn new(study: PathBuf, root: PathBuf) -> Self {
+        Self { study, root }
+    }
+
+    /// What to type to run `command` on the study.
+    pub fn command(&self, command: &str) -> String {
+        format!("calib {command} {}", self.study.display())
     }
 
     /// The directory of all results.

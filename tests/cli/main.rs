@@ -1,6 +1,7 @@
 //! The command line as users meet it: one binary, so that it links once.
 
 mod chain;
+mod dtw;
 mod errors;
 mod harness;
 mod interruption;

@@ -31,9 +31,11 @@ pub struct Dataset {
     pub period: Period,
     /// What the log is like, and what was done to it.
     pub profile: Profile,
-    /// Of what a model sees: columns, bounds, timestamps, segments and states.
-    /// It does not depend on how the log is cut into files.
+    /// Of what a model sees: columns, bounds, timestamps, segments and states of the training range.
+    /// It does not depend on how the log is cut into files, nor on what is held out.
     pub fingerprint: Fingerprint,
+    /// The same of the held-out range.
+    pub held_out_fingerprint: Option<Fingerprint>,
 }
 
 /// Rows of the states that one task fills.
@@ -70,7 +72,8 @@ pub fn load(
     let normaliser = Normaliser::new(columns);
     let period = sampled_period(survey.log.period, preprocess);
     Ok(Dataset {
-        fingerprint: fingerprint(&normaliser, period, &train, held_out.as_ref()),
+        fingerprint: fingerprint(&normaliser, period, &train),
+        held_out_fingerprint: held_out.as_ref().map(|part| fingerprint(&normaliser, period, part)),
         profile: survey.profile,
         normaliser,
         train,
@@ -252,12 +255,8 @@ impl Survey {
     }
 }
 
-fn fingerprint(
-    normaliser: &Normaliser,
-    period: Period,
-    train: &Frames,
-    held_out: Option<&Frames>,
-) -> Fingerprint {
+/// The fingerprint of the states of one range, and of what they mean.
+fn fingerprint(normaliser: &Normaliser, period: Period, frames: &Frames) -> Fingerprint {
     let mut all = Fingerprinter::default();
     all.add(b"dataset 1").add(&period.as_micros().to_le_bytes());
     for column in normaliser.columns() {
@@ -265,12 +264,10 @@ fn fingerprint(
             .add(&column.bounds.offset.to_le_bytes())
             .add(&column.bounds.scale.to_le_bytes());
     }
-    for frames in [train].into_iter().chain(held_out) {
-        let times: Vec<i64> = frames.timestamps().iter().map(|time| time.as_micros()).collect();
-        let ends: Vec<u32> = frames.segments().iter().map(|segment| segment.end).collect();
-        all.add(bytemuck::cast_slice(&times))
-            .add(bytemuck::cast_slice(&ends))
-            .add(bytemuck::cast_slice(frames.states().as_slice()));
-    }
+    let times: Vec<i64> = frames.timestamps().iter().map(|time| time.as_micros()).collect();
+    let ends: Vec<u32> = frames.segments().iter().map(|segment| segment.end).collect();
+    all.add(bytemuck::cast_slice(&times))
+        .add(bytemuck::cast_slice(&ends))
+        .add(bytemuck::cast_slice(frames.states().as_slice()));
     all.finish()
 }

@@ -1,0 +1,198 @@
+//! `calib dtw`, and the comparison of rollouts with what was recorded.
+
+use std::{collections::BTreeMap, fs};
+
+use calib_data::table::read_parquet;
+use calib_dtw::{Dtw, StepPattern};
+use serde_json::Value;
+
+use crate::harness::Place;
+
+fn numbers(values: &Value) -> Vec<f64> {
+    values
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|value| value.as_f64().expect("a number"))
+        .collect()
+}
+
+/// Distance and normalised distance by step pattern.
+fn results(json: &str) -> BTreeMap<String, (f64, Option<f64>)> {
+    let json: Value = serde_json::from_str(json).expect("JSON on stdout");
+    let results = json["results"].as_array().expect("a list");
+    let entry = |of: &Value| {
+        let name = of["step_pattern"].as_str().expect("a name").to_owned();
+        (name, (of["distance"].as_f64().expect("a number"), of["normalized_distance"].as_f64()))
+    };
+    results.iter().map(entry).collect()
+}
+
+fn close(found: f64, expected: f64) -> bool {
+    (found - expected).abs() <= 1e-9 * (1.0 + expected.abs())
+}
+
+/// A place with `q.csv` (a time, two numbers) and `r.csv` (numbers without a header).
+fn place() -> Place {
+    let place = Place::new();
+    place.write("q.csv", "time,flow,level\nmon,0,1\ntue,1,2\nwed,2,2\nthu,1,3\n");
+    place.write("r.csv", "0\n0\n1\n2.5\n1\n");
+    place
+}
+
+#[test]
+fn distances_agree_with_the_reference_package() {
+    let golden =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/crates/calib-dtw/tests/golden/distances.json");
+    let text = fs::read_to_string(golden).expect("readable");
+    let golden: Value = serde_json::from_str(&text).expect("JSON");
+    let place = Place::new();
+    let mut checked = 0;
+    for case in golden["cases"].as_array().expect("a list").iter().take(4) {
+        for name in ["query", "reference"] {
+            let values = numbers(&case[name]);
+            let path = place.path().join(format!("{name}.npy"));
+            calib_files::write_npy(&path, &values, values.len(), 1).expect("writable");
+        }
+        for (window, ends) in [("none", "closed"), ("slanted:8", "closed"), ("none", "openEnd")] {
+            let expected: Vec<&Value> = case["results"]
+                .as_array()
+                .expect("a list")
+                .iter()
+                .filter(|of| of[1] == window && of[2] == ends && of[3].is_f64())
+                .collect();
+            let mut args = vec!["dtw", "query.npy", "reference.npy", "--json", "--window", window];
+            args.extend((ends == "openEnd").then_some("--open-end"));
+            for of in &expected {
+                args.extend(["--step-pattern", of[0].as_str().expect("a name")]);
+            }
+            let found = results(&place.calib(&args).succeeds());
+            for of in expected {
+                let (raw, normalised) = found[of[0].as_str().expect("a name")];
+                assert!(close(raw, of[3].as_f64().expect("a number")), "{of}: {raw}");
+                assert_eq!(normalised.is_some(), of[4].is_f64(), "{of}");
+                assert!(
+                    normalised.is_none_or(|found| close(found, of[4].as_f64().expect("a number")))
+                );
+                checked += 1;
+            }
+        }
+    }
+    assert!(checked > 100, "only {checked} values");
+}
+
+#[test]
+fn the_default_is_the_table_of_the_paper() {
+    let place = place();
+    let table = place.calib(&["dtw", "q.csv:flow", "r.csv"]).succeeds();
+    let names: Vec<&str> =
+        table.lines().skip(1).filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names, ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"]);
+    assert!(table.contains("1.000000    0.111111"), "{table}");
+}
+
+#[test]
+fn columns_of_all_formats() {
+    let place = place();
+    place.simulate("data");
+    // Two channels: (0, 1), (1, 2), (2, 2), (1, 3).
+    let both = [0.0_f32, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 3.0];
+    calib_files::write_npy(&place.path().join("q.npy"), &both, 4, 2).expect("writable");
+    let distance = |query: &str, reference: &str| {
+        let json =
+            place.calib(&["dtw", query, reference, "--json", "--step-pattern", "symmetric2"]);
+        results(&json.succeeds())["symmetric2"].0
+    };
+    assert_eq!(distance("q.csv:flow", "r.csv"), 1.0);
+    assert_eq!(distance("q.csv:flow", "q.npy:0"), 0.0);
+    assert_eq!(distance("q.csv:level", "q.npy:1"), 0.0);
+    assert_eq!(distance("q.npy", "q.npy"), 0.0);
+    let log = "data/2022-11-01.parquet:PIT300";
+    assert!(place.calib(&["dtw", log, log]).fails(2).contains("fill or drop missing samples"));
+}
+
+#[test]
+fn the_path_is_written() {
+    let place = place();
+    let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
+    place.calib(&args).succeeds();
+    let path = fs::read_to_string(place.path().join("path.csv")).expect("written");
+    assert_eq!(path, "query,reference\n0,0\n0,1\n1,2\n2,3\n3,4\n");
+    let message = place.calib(&["dtw", "q.csv:flow", "r.csv", "--path", "path.csv"]).fails(2);
+    assert!(message.contains("exactly one --step-pattern, got 4"), "{message}");
+}
+
+#[test]
+fn ends_windows_and_local_distances() {
+    let place = place();
+    let run = |more: &[&str]| {
+        let args = ["dtw", "q.csv:flow", "r.csv", "--json", "--step-pattern", "asymmetric"];
+        results(&place.calib(&[&args, more].concat()).succeeds())["asymmetric"].0
+    };
+    assert_eq!(run(&["--open-begin", "--open-end"]), 0.5);
+    assert_eq!(run(&["--local-distance", "squared"]), 0.25);
+    assert_eq!(run(&["--window", "sakoe-chiba:4"]), run(&[]));
+}
+
+#[test]
+fn mistakes_are_explained() {
+    let place = place();
+    let message = |args: &[&str]| place.calib(&[&["dtw"], args].concat()).fails(2);
+    let several = message(&["q.csv", "r.csv"]);
+    assert!(several.contains("choose one as q.csv:COLUMN from: flow, level"), "{several}");
+    let missing = message(&["q.csv:flwo", "r.csv"]);
+    assert!(
+        missing.contains("no column `flwo`") && missing.contains("time, flow, level"),
+        "{missing}"
+    );
+    let text = message(&["q.csv:time", "r.csv"]);
+    assert!(text.contains("column `time`") && text.contains("`mon` in line 2"), "{text}");
+    let format = message(&["q.txt", "r.csv"]);
+    assert!(format.contains("expected FILE.npy, FILE.csv or FILE.parquet"), "{format}");
+    let pattern = message(&["q.csv:flow", "r.csv", "--step-pattern", "diagonal"]);
+    assert!(pattern.contains("unknown step pattern `diagonal`"), "{pattern}");
+    let begin = message(&["q.csv:flow", "r.csv", "--open-begin"]);
+    assert!(begin.contains("normalised by the query's length"), "{begin}");
+    place.write("long.csv", &"1\n".repeat(9));
+    let slopes = message(&["q.csv:flow", "long.csv", "--step-pattern", "symmetricP1"]);
+    assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");
+    let window = message(&["q.csv:flow", "long.csv", "--window", "sakoe-chiba:2"]);
+    assert!(window.contains("widen it"), "{window}");
+}
+
+#[test]
+fn rollouts_are_compared_with_what_was_recorded() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let shown = place.calib(&["rollout", "study.toml"]).succeeds();
+    assert!(shown.contains("over 6 rollouts of") && shown.contains("rabinerJuang:6c"), "{shown}");
+    let directory = place.path().join("study-results/rollout");
+    let read = |name: &str| read_parquet(&directory.join(name)).expect("readable");
+    let (dtw, measures) = (read("dtw.parquet"), read("measures.parquet"));
+    // 3 members, 2 rollouts, 2 sensors; 4 step patterns.
+    assert_eq!((dtw.rows(), measures.rows()), (48, 12));
+    assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&of| of > 0.0));
+
+    // The first rollout, from its trajectory: the same distance, but for the unit.
+    let trajectories = read("trajectories.parquet");
+    let steps = dtw.column::<u32>("steps").expect("a column")[0] as usize;
+    let column = |name: &str| trajectories.numbers(name).expect("numbers")[..=steps].to_vec();
+    let (visited, recorded) = (column("PIT300"), column("PIT300.recorded"));
+    let normalised = column("PIT300.normalised");
+    let other = visited.iter().position(|value| *value != visited[0]).expect("it moves");
+    let scale = (visited[other] - visited[0]) / (normalised[other] - normalised[0]);
+    let distance =
+        Dtw::new(StepPattern::symmetric2()).distance(&visited, &recorded).expect("a path");
+    let found = dtw.column::<f64>("distance").expect("a column")[0];
+    assert!((found * scale / distance.raw - 1.0).abs() < 1e-3, "{found} {scale} {distance:?}");
+
+    // Other settings are other results; without steps there is nothing to compare.
+    let fewer = ["rollout", "study.toml", "--set", "rollout.dtw_steps=50", "--json"];
+    let json: Value = serde_json::from_str(&place.calib(&fewer).succeeds()).expect("JSON");
+    assert_eq!(json["comparison"]["most_steps"], 50);
+    assert_eq!(json["comparison"]["sensors"][1]["dtw"][3]["distance"]["runs"], 6);
+    place.calib(&["rollout", "study.toml", "--set", "rollout.dtw_steps=0"]).succeeds();
+    assert!(
+        !directory.join("dtw.parquet").exists() && !directory.join("measures.parquet").exists()
+    );
+}
