@@ -108,7 +108,9 @@ fn columns_of_all_formats() {
     assert_eq!(distance("q.csv:level", "q.npy:1"), 0.0);
     assert_eq!(distance("q.npy", "q.npy"), 0.0);
     let log = "data/2022-11-01.parquet:PIT300";
-    assert!(place.calib(&["dtw", log, log]).fails(2).contains("fill or drop missing samples"));
+    assert_eq!(distance(log, log), 0.0);
+    let several = place.calib(&["dtw", "data/2022-11-01.parquet", log]).fails(2);
+    assert!(several.contains("several numeric columns") && several.contains("PIT300"), "{several}");
 }
 
 #[test]
@@ -153,6 +155,9 @@ fn mistakes_are_explained() {
     assert!(pattern.contains("unknown step pattern `diagonal`"), "{pattern}");
     let begin = message(&["q.csv:flow", "r.csv", "--open-begin"]);
     assert!(begin.contains("normalised by the query's length"), "{begin}");
+    place.write("gap.csv", "flow,level\n1,2\n,3\n");
+    let gap = message(&["gap.csv:flow", "r.csv"]);
+    assert!(gap.contains("sample 1") && gap.contains("fill or drop missing samples"), "{gap}");
     place.write("long.csv", &"1\n".repeat(9));
     let slopes = message(&["q.csv:flow", "long.csv", "--step-pattern", "symmetricP1"]);
     assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");
