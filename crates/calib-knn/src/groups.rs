@@ -59,6 +59,11 @@ impl Groups {
         Self { transitions: named.into_iter().map(|(_, transition)| transition).collect(), starts }
     }
 
+    /// Each of `count` transitions by itself, where nothing is gained from knowing equal states.
+    pub(crate) fn singletons(count: usize) -> Self {
+        Self { transitions: (0..count as u32).collect(), starts: (0..=count as u32).collect() }
+    }
+
     /// Number of different states.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1

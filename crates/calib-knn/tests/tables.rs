@@ -154,13 +154,22 @@ fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
         }
         values
     });
+    let extreme = (proptest::collection::vec(-1.0_f32..1.0, count), -40_i32..38).prop_map(
+        |(mut values, exponent)| {
+            for value in &mut values {
+                *value = (f64::from(*value) * 10_f64.powi(exponent)) as f32;
+            }
+            values
+        },
+    );
     prop_oneof![
         proptest::collection::vec(-1.0_f32..1.0, count),
         quantised,
         copies,
         offset,
         constant,
-        walk
+        walk,
+        extreme
     ]
 }
 

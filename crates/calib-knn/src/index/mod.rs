@@ -2,6 +2,8 @@
 
 mod join;
 mod kd_tree;
+mod pending;
+mod product;
 mod query;
 mod scan;
 

@@ -5,20 +5,18 @@
     reason = "inner loops must take the instruction set of the function that calls them"
 )]
 
-use std::{cmp::Reverse, collections::BinaryHeap, ops::Range};
+use std::{cmp::Reverse, collections::BinaryHeap};
 
 use pulp::{Simd, WithSimd};
 
 use super::{
     Join,
-    kernel::{box_to_box, box_to_lanes, lane_distances, state_distance},
+    kernel::{box_to_box, box_to_lanes, lane_distances},
     tree::{Below, LEAF},
 };
 use crate::{
     MemberLists,
-    distance::squared_of_four,
-    index::Queries,
-    lists::Candidate,
+    index::{Queries, pending::Pending},
 };
 
 /// Most queries of a block.
@@ -50,18 +48,9 @@ struct Progress<'a> {
 
 /// What is known about one query.
 struct One<'a> {
-    state: &'a [f32],
-    forbidden: Range<u32>,
-    /// Lists of upper bounds of distances; their radius is an upper bound of the final one.
-    lists: MemberLists,
-    /// Another upper bound, from neighbours in time.
-    cap: f64,
+    pending: Pending<'a>,
     /// By how much images may be further apart than states.
     slack: f64,
-    /// States beyond this squared distance, as f32 sums, need not be looked at.
-    state_threshold: f32,
-    /// Groups that could be near enough, with their squared distances as f32 sums.
-    met: Vec<(f32, u32)>,
 }
 
 impl WithSimd for Block<'_> {
@@ -93,8 +82,8 @@ impl WithSimd for Block<'_> {
                 }
             }
         }
-        let numbers = self.numbers.iter().zip(progress.one);
-        numbers.map(|(&query, one)| self.finish(query as usize, one)).collect()
+        let pool = self.join.pool();
+        progress.one.into_iter().map(|one| one.pending.finish(pool, self.queries)).collect()
     }
 }
 
@@ -112,56 +101,27 @@ impl<'a> Block<'a> {
         };
         for (lane, &query) in self.numbers.iter().enumerate() {
             let image = &mut progress.images[lane * width..][..width];
-            let one = self.begin_one(simd, query as usize, image);
+            let norm = self.join.image(self.queries, query as usize, image);
+            let slack = self.join.embedding.slack(self.join.norm, norm);
+            let (pool, query) = (self.join.pool(), query as usize);
+            let one = One { pending: Pending::new(simd, pool, self.queries, query, self.k), slack };
+            progress.thresholds[lane] = self.threshold(&one);
             for (c, &value) in image.iter().enumerate() {
                 progress.lanes[c * QUERIES + lane] = value;
                 progress.bounds.0[c] = progress.bounds.0[c].min(value);
                 progress.bounds.1[c] = progress.bounds.1[c].max(value);
             }
             progress.one.push(one);
-            self.narrow(&mut progress.one[lane], &mut progress.thresholds[lane]);
         }
         progress
     }
 
-    #[inline(always)]
-    fn begin_one<S: Simd>(&self, simd: S, query: usize, image: &mut [f32]) -> One<'a> {
-        let join = self.join;
-        let blocks = join.sources.blocks();
-        let state = self.queries.states().row(self.queries.row(query));
-        let norm = join.image(self.queries, query, image);
-        let mut lists = MemberLists::new(blocks.members(), self.k);
-        lists.reset(self.queries.wanted(query));
-        for transition in self.queries.near_in_time(query, self.k + 2) {
-            let distance = state_distance(simd, state, join.sources.state(transition));
-            let squared = join.state_margin.upper(distance);
-            lists.offer(Candidate { squared, transition }, blocks);
-        }
-        let cap = lists.radius();
-        lists.reset(self.queries.wanted(query));
-        One {
-            state,
-            forbidden: self.queries.forbidden(query),
-            lists,
-            cap,
-            slack: join.embedding.slack(join.norm, norm),
-            state_threshold: f32::INFINITY,
-            met: Vec::with_capacity(4 * self.k),
-        }
-    }
-
-    /// Take what is known now into the thresholds.
-    #[inline(always)]
-    fn narrow(&self, one: &mut One<'_>, threshold: &mut f32) {
-        let radius = one.cap.min(one.lists.radius());
-        if radius < 0.0 {
-            // No member wants this query.
-            (*threshold, one.state_threshold) = (-1.0, -1.0);
-            return;
-        }
-        let reach = radius.sqrt() + one.slack;
-        *threshold = self.join.image_margin.threshold(reach * reach);
-        one.state_threshold = self.join.state_margin.threshold(radius);
+    /// Images beyond this squared distance from the query's need not be looked at.
+    fn threshold(&self, one: &One<'_>) -> f32 {
+        one.pending.radius().map_or(-1.0, |radius| {
+            let reach = radius.sqrt() + one.slack;
+            self.join.image_margin.threshold(reach * reach)
+        })
     }
 
     /// Meet every source of a leaf that could be near enough to some query. Returns the largest threshold.
@@ -199,42 +159,10 @@ impl<'a> Block<'a> {
         one: &mut One<'_>,
         threshold: &mut f32,
     ) {
-        let (sources, groups) = (&self.join.sources, &self.join.groups);
         for (&group, &distance) in self.join.tree.images(leaf).iter().zip(distances) {
-            if distance > *threshold {
-                continue;
-            }
-            let transitions = groups.transitions(group as usize);
-            if transitions.iter().all(|transition| one.forbidden.contains(transition)) {
-                continue;
-            }
-            let distance = state_distance(simd, one.state, sources.state(transitions[0]));
-            if distance > one.state_threshold {
-                continue;
-            }
-            one.met.push((distance, group));
-            let before = one.lists.radius();
-            let squared = self.join.state_margin.upper(distance);
-            groups.offer(group as usize, squared, &one.forbidden, &mut one.lists, sources);
-            if one.lists.radius() < before {
-                self.narrow(one, threshold);
+            if distance <= *threshold && one.pending.meet(simd, self.join.pool(), group) {
+                *threshold = self.threshold(one);
             }
         }
-    }
-
-    /// The lists by the definition, from the groups that can be in them.
-    fn finish(&self, query: usize, mut one: One<'_>) -> MemberLists {
-        let (sources, groups) = (&self.join.sources, &self.join.groups);
-        one.lists.reset(self.queries.wanted(query));
-        one.met.retain(|&(distance, _)| distance <= one.state_threshold);
-        let state = |group: u32| sources.state(groups.first(group as usize));
-        for four in one.met.chunks(4) {
-            let group = |i: usize| four[i.min(four.len() - 1)].1;
-            let states = [0, 1, 2, 3].map(|i| state(group(i)));
-            for (&(_, group), squared) in four.iter().zip(squared_of_four(one.state, states)) {
-                groups.offer(group as usize, squared, &one.forbidden, &mut one.lists, sources);
-            }
-        }
-        one.lists
     }
 }

@@ -115,27 +115,3 @@ pub(super) fn lane_distances<S: Simd>(
     }
     smallest
 }
-
-/// Squared distance of two states.
-#[inline(always)]
-pub(super) fn state_distance<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
-    let ((a, a_tail), (b, b_tail)) = (S::as_simd_f32s(a), S::as_simd_f32s(b));
-    let mut sums = [simd.splat_f32s(0.0); 4];
-    let (a4, a_rest) = a.as_chunks::<4>();
-    let (b4, b_rest) = b.as_chunks::<4>();
-    for (a, b) in a4.iter().zip(b4) {
-        for i in 0..4 {
-            let difference = simd.sub_f32s(a[i], b[i]);
-            sums[i] = simd.mul_add_e_f32s(difference, difference, sums[i]);
-        }
-    }
-    for (&a, &b) in a_rest.iter().zip(b_rest) {
-        let difference = simd.sub_f32s(a, b);
-        sums[0] = simd.mul_add_e_f32s(difference, difference, sums[0]);
-    }
-    let (a, b) = (simd.partial_load_f32s(a_tail), simd.partial_load_f32s(b_tail));
-    let difference = simd.sub_f32s(a, b);
-    sums[1] = simd.mul_add_e_f32s(difference, difference, sums[1]);
-    let sum = simd.add_f32s(simd.add_f32s(sums[0], sums[1]), simd.add_f32s(sums[2], sums[3]));
-    simd.reduce_sum_f32s(sum)
-}

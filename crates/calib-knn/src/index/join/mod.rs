@@ -8,7 +8,7 @@ mod kernel;
 mod linear;
 mod tree;
 
-use super::{NeighborIndex, Queries, Sink, Sources};
+use super::{NeighborIndex, Queries, Sink, Sources, pending::Pool};
 use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
 use block::{Block, QUERIES};
 use embedding::Embedding;
@@ -64,6 +64,10 @@ impl<'a> Join<'a> {
         let image_margin = Margin::new(width);
         let state_margin = Margin::new(sources.columns());
         Some(Self { sources, groups, embedding, tree, place_of, image_margin, state_margin, norm })
+    }
+
+    fn pool(&self) -> Pool<'_> {
+        Pool { sources: &self.sources, groups: &self.groups, margin: self.state_margin }
     }
 
     /// The leaf near which the query lies: that of its own row if it is a source.
