@@ -61,7 +61,7 @@ impl Claim {
     ///
     /// # Errors
     /// If it cannot be written, or another process has claimed it.
-    pub(super) fn new(directory: &Path) -> anyhow::Result<Self> {
+    pub(super) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
         calib_files::create_directory(directory)?;
         let refused = || format!("cannot write to {}", directory.display());
         let lock = File::create(directory.join(".lock")).with_context(refused)?;
@@ -74,7 +74,7 @@ impl Claim {
             // Some network file systems have no locks: work on without.
             Err(TryLockError::Error(_)) => {}
         }
-        remove_temporaries(directory).with_context(refused)?;
+        remove_temporaries(directory, below).with_context(refused)?;
         Ok(Self { directory: directory.to_owned(), _lock: lock })
     }
 
@@ -94,11 +94,23 @@ impl Claim {
     }
 }
 
-fn remove_temporaries(directory: &Path) -> io::Result<()> {
+/// What lies in the directories below a claimed one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Below {
+    /// Files of the same artefact.
+    Ours,
+    /// Anything: the directory is the user's.
+    Unknown,
+}
+
+fn remove_temporaries(directory: &Path, below: Below) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            remove_temporaries(&path)?;
+        let entry = entry?;
+        let path = entry.path();
+        if entry.file_type()?.is_dir() {
+            if below == Below::Ours {
+                remove_temporaries(&path, below)?;
+            }
         } else if calib_files::is_temporary(&path) {
             fs::remove_file(&path)?;
         }

@@ -9,7 +9,7 @@ use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, Claim, TOOL},
+    artefact::{self, Below, Claim, TOOL},
     jumps, load_study,
     model_files::{self, MemberSummary, ModelManifest, model_key},
 };
@@ -30,7 +30,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let (study, paths) = load_study(&args.study)?;
     let directory = paths.model();
     printer.say(&format!("build-model: reading {}", study.data.path.0.join(", ")));
-    let dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
+    let dataset =
+        calib_data::load(&study.data_to_read(&paths)?, &study.preprocess, &printer.progress())?;
     check_sensors(&study, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model)?;
     announce(&study, &dataset, printer);
@@ -40,7 +41,9 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     }
     let existing = artefact::read::<ModelManifest>(&directory).filter(|found| found.key == key);
     let (manifest, built) = match existing {
-        Some(manifest) if !args.study.force => (manifest, false),
+        Some(manifest) if !args.study.force => {
+            (refresh(manifest, &study, &dataset, &directory)?, false)
+        }
         _ => (build(&study, &dataset, key, &directory, clock, printer)?, true),
     };
     let status = if args.verify > 0 {
@@ -91,7 +94,7 @@ fn build(
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
-    let claim = Claim::new(directory)?;
+    let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     let read = clock.elapsed();
     let transitions = Transitions::new(dataset.train.segments().clone());
@@ -123,6 +126,34 @@ fn build(
             writing_secs: (clock.elapsed() - searched).as_secs_f64(),
         },
     )?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its tables.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    directory: &std::path::Path,
+) -> anyhow::Result<ModelManifest> {
+    if manifest.study == *study {
+        return Ok(manifest);
+    }
+    let knn = KnnModel::open(
+        directory,
+        dataset.train.states().clone(),
+        Transitions::new(dataset.train.segments().clone()),
+        study.model.members,
+        study.model.exclusion(),
+    )?;
+    manifest.members =
+        (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    manifest.study = study.clone();
+    let claim = Claim::new(directory, Below::Ours)?;
+    // The profile tells of the held-out range, which the tables do not depend on.
+    write_json(&directory.join("profile.json"), &dataset.profile)?;
+    manifest.files = fingerprints(directory, knn.members())?;
     claim.complete(&manifest)?;
     Ok(manifest)
 }
@@ -166,13 +197,23 @@ fn check_against_brute_force(
 ) -> anyhow::Result<ExitStatus> {
     let model = model_files::open(paths, study)?;
     let seed = Seed::new(study.seed).child("verify");
+    for (name, fingerprint) in fingerprints(&paths.model(), model.knn.members())? {
+        if model.manifest.files.get(&name) != Some(&fingerprint) {
+            bail!(
+                "{} is not what was written; run `{} --force`",
+                paths.model().join(name).display(),
+                paths.command("build-model")
+            );
+        }
+    }
     let verification = verify(&model.knn, sample, seed);
     if !verification.agrees() {
-        bail!(
+        printer.error(&format!(
             "{} of {} checked rows differ from brute force: this is a bug in calib, please report it",
             verification.different.len(),
             verification.rows
-        );
+        ));
+        return Ok(ExitStatus::Internal);
     }
     printer.say(&format!("verified: {} rows agree with brute force", count(verification.rows)));
     Ok(ExitStatus::Done)

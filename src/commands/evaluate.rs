@@ -1,6 +1,6 @@
 use anyhow::{Context as _, bail};
 use calib_files::write_json;
-use calib_sweep::{SensorVerdict, verdict};
+use calib_sweep::{SensorVerdict, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
@@ -9,7 +9,6 @@ use super::{
     model_files::ModelManifest,
     report,
     sweep::{SweepManifest, unit_store},
-    verdict_text,
 };
 use crate::{
     cli::StudyArgs,
@@ -49,9 +48,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         .iter()
         .map(|sensor| Ok(verdict(sensor, &manifest.candidates, &results, study.evaluate.top_k)?))
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let advice: Vec<Vec<String>> = verdicts
+    let advice = verdicts
         .iter()
-        .map(|verdict| verdict_text::lines(verdict, &manifest.candidates, study.evaluate.top_k))
+        .map(|verdict| report::advice(verdict, &manifest.candidates, study.evaluate.top_k))
         .collect();
     let summary = Summary {
         format: 1,
@@ -69,11 +68,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     } else {
         print(&summary, &paths, printer)?;
     }
-    let told_apart = |verdict: &SensorVerdict| {
-        let selection = &verdict.selection;
-        selection.worst_ranks.len() == 1 || selection.tie_set.len() < selection.worst_ranks.len()
-    };
-    Ok(if summary.verdicts.iter().all(told_apart) {
+    Ok(if summary.verdicts.iter().all(|verdict| told_apart(&verdict.selection)) {
         ExitStatus::Done
     } else {
         ExitStatus::Negative

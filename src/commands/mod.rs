@@ -17,7 +17,6 @@ mod series;
 mod simulate;
 mod starts;
 mod sweep;
-mod verdict_text;
 
 use anyhow::Context as _;
 

@@ -103,9 +103,15 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let directory = &paths.model();
     let build = paths.command("build-model");
     let manifest: ModelManifest = artefact::require(directory, &build)?;
-    if model_key(&manifest.data, &study.model)? != manifest.key {
+    let made = &manifest.study;
+    let changed = [
+        ("[model]", made.model == study.model),
+        ("[data]", made.data == study.data),
+        ("[preprocess]", made.preprocess == study.preprocess),
+    ];
+    if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
         bail!(
-            "the model in {} was built with other [model] settings; run `{build}` again",
+            "the model in {} was built with another {section}; run `{build}` again",
             directory.display()
         );
     }
@@ -126,6 +132,24 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let knn =
         KnnModel::open(directory, states, transitions, members, exclusion).with_context(again)?;
     Ok(OpenModel { manifest, frames, knn })
+}
+
+/// Check that the model was built from `dataset`.
+pub(super) fn check_data(
+    paths: &StudyPaths,
+    manifest: &ModelManifest,
+    dataset: &Dataset,
+) -> anyhow::Result<()> {
+    if dataset.fingerprint != manifest.data {
+        bail!(
+            "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
+            paths.model().display(),
+            manifest.data.short(),
+            dataset.fingerprint.short(),
+            paths.command("build-model"),
+        );
+    }
+    Ok(())
 }
 
 /// The profile of the data that the model was built from.

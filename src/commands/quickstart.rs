@@ -54,6 +54,14 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
 fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf> {
     let path = directory.join("study.toml");
     let text = STUDY.replacen("seed = 0", &format!("seed = {seed}"), 1);
+    match std::fs::read_to_string(&path) {
+        Ok(found) if found == text => return Ok(path),
+        Ok(_) => anyhow::bail!(
+            "{} exists and is another study; run the steps on it one by one, or choose another directory",
+            path.display()
+        ),
+        Err(_) => {}
+    }
     write_atomically(&path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     Ok(path)
 }

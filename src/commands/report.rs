@@ -77,9 +77,7 @@ fn assemble(
             None => Vec::new(),
         },
         jumps: jumps(&model),
-        tables: comparison
-            .map(|of| comparison::report_tables(&[(MODEL, of)]))
-            .unwrap_or_default(),
+        tables: comparison.map(|of| comparison::report_tables(&[(MODEL, of)])).unwrap_or_default(),
         data: Some(data_profile(&profile, &model)),
         reproduction: reproduction(study, paths, sweep)?,
     })
@@ -99,6 +97,16 @@ fn setting(candidate: &Candidate) -> Setting {
             .map_or_else(|| Setting::Name(crate::output::value(value)), Setting::Number),
         _ => Setting::Name(candidate.label()),
     }
+}
+
+/// The verdict on one sensor in words: what to deploy, then the reasons.
+pub(super) fn advice(
+    verdict: &SensorVerdict,
+    candidates: &[Candidate],
+    top_k: usize,
+) -> Vec<String> {
+    let row = verdict_row(verdict, candidates, top_k);
+    [row.headline()].into_iter().chain(row.reasons(&Score::nrmse())).collect()
 }
 
 fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) -> Verdict {
@@ -250,8 +258,12 @@ fn reproduction(
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
     Ok(Reproduction {
-        command: ["build-model", "rollout", "sweep", "evaluate"].map(|command| paths.command(command)).join("
-"),
+        command: ["build-model", "rollout", "sweep", "evaluate"]
+            .map(|command| paths.command(command))
+            .join(
+                "
+",
+            ),
         study_toml: toml::to_string(study)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), study.seed)],

@@ -1,13 +1,13 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_core::{Normalised, RowIndex, Seed, Timestamp};
 use calib_data::{Dataset, table::Table};
 use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, rollouts};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Manifest, TOOL},
     comparison::{self, Comparison},
     figures, jumps, load_study,
     model_files::{self, OpenModel},
@@ -18,7 +18,7 @@ use crate::{
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, bytes, count, duration},
-    study::Study,
+    study::{Study, StudyPaths},
 };
 
 /// `manifest.json` of a rollout directory.
@@ -62,8 +62,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let model = model_files::open(&paths, &study)?;
     let sensors = sensors(&study, &model, &paths.model())?;
     let directory = paths.rollout();
+    let deployment = deployment(&study, &paths, &model, printer)?;
     let key = artefact::key(&(
         RolloutManifest::FORMAT,
+        deployment.as_ref().map(|dataset| &dataset.held_out_fingerprint),
         &model.manifest.key,
         study.model,
         &study.rollout,
@@ -80,7 +82,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         .filter(|found| found.key == key && !args.force);
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
-        None => (roll_out(&study, &model, sensors, key, &directory, printer)?, "wrote"),
+        None => (roll_out(&study, &model, deployment, sensors, key, &directory, printer)?, "wrote"),
     };
     if args.json {
         printer.json(&manifest)?;
@@ -130,13 +132,14 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
 fn roll_out(
     study: &Study,
     model: &OpenModel,
+    deployment: Option<Dataset>,
     sensors: Vec<(String, usize)>,
     key: String,
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<RolloutManifest> {
-    let held_out = held_out(study, printer)?;
-    let claim = Claim::new(directory)?;
+    let held_out = deployment.and_then(|dataset| dataset.held_out);
+    let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     let weights = study.model.weights()?;
     let seed = Seed::new(study.seed).child("rollout");
@@ -198,13 +201,20 @@ fn compare(
     Ok(Some(compared.summary))
 }
 
-/// The held-out frames, where the start states come from them.
-fn held_out(study: &Study, printer: &Printer) -> anyhow::Result<Option<Frames>> {
+/// The data, where start states follow from its held-out range.
+fn deployment(
+    study: &Study,
+    paths: &StudyPaths,
+    model: &OpenModel,
+    printer: &Printer,
+) -> anyhow::Result<Option<Dataset>> {
     if !starts_from_held_out(study) {
         return Ok(None);
     }
-    let dataset: Dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
-    Ok(dataset.held_out)
+    let data = study.data_to_read(paths)?;
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    model_files::check_data(paths, &model.manifest, &dataset)?;
+    Ok(Some(dataset))
 }
 
 /// The recorded rows after `start`, as far as its segment goes: the true trajectory.
@@ -266,11 +276,7 @@ fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usi
     table
 }
 
-fn summarise(
-    manifest: &RolloutManifest,
-    study: &Study,
-    printer: &Printer,
-) -> anyhow::Result<()> {
+fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> anyhow::Result<()> {
     for (number, member) in manifest.members.iter().enumerate() {
         let replaced = match member.replaced_starts {
             0 => String::new(),
@@ -279,11 +285,7 @@ fn summarise(
         printer.result(&format!("  member {number}: {}{replaced}", jumps::line(&member.jumps)))?;
     }
     let members = manifest.members.iter();
-    jumps::warn(
-        members.map(|member| (&member.jumps, member.transitions)),
-        &study.model,
-        printer,
-    );
+    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), &study.model, printer);
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),
         None => Ok(()),

@@ -7,7 +7,7 @@ use calib_files::{read_json, write_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use serde::{Deserialize, Serialize};
 
-use super::artefact::{Claim, TOOL};
+use super::artefact::{Below, Claim, TOOL};
 use crate::{
     cli::SimulateArgs,
     clock::Stopwatch,
@@ -87,7 +87,7 @@ pub(super) fn simulate(
     let mut plant = Plant::new(options.clone())?;
     let simulation =
         Simulation { tool: TOOL.to_owned(), options, channels: plant.schema().to_vec() };
-    let _claim = Claim::new(directory)?;
+    let _claim = Claim::new(directory, Below::Unknown)?;
     own(directory, &simulation, force)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
     let per_day = plant.instants() * (4 * names.len() as u64 + 8) / u64::from(plant.days()).max(1);

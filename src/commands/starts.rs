@@ -62,7 +62,7 @@ fn listed_rows(config: &RolloutConfig, frames: &Frames) -> anyhow::Result<Vec<Ro
     Ok(rows)
 }
 
-/// The row that is nearest in time, if it lies within a second or two rows.
+/// The row that is nearest in time, if it lies within two seconds or two rows.
 fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> anyhow::Result<RowIndex> {
     let timestamps = frames.timestamps();
     let after = timestamps.partition_point(|&time| time < instant);

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Manifest, TOOL},
     load_study,
     model_files::{self, OpenModel},
     starts::{starts, starts_from_held_out},
@@ -67,17 +67,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let candidates = candidates(&study.sweep, &study.agent)?;
     let model = model_files::open(&paths, &study)?;
     printer.say(&format!("sweep: reading {}", study.data.path.0.join(", ")));
-    let dataset = calib_data::load(&study.data, &study.preprocess, &printer.progress())?;
-    if dataset.fingerprint != model.manifest.data {
-        bail!(
-            "the model in {} was built from other data (fingerprint {}, the study's data has {}); \
-             run `{}` again",
-            paths.model().display(),
-            model.manifest.data.short(),
-            dataset.fingerprint.short(),
-            paths.command("build-model"),
-        );
-    }
+    let dataset =
+        calib_data::load(&study.data_to_read(&paths)?, &study.preprocess, &printer.progress())?;
+    model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
     let environments = environments(&study, &model, &dataset, lengths.steps)?;
     let sensors = study
@@ -111,7 +103,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let claim = Claim::new(&directory)?;
+    let claim = Claim::new(&directory, Below::Ours)?;
     claim.begin()?;
     if args.force {
         remove_units(&store)?;
@@ -193,7 +185,7 @@ fn environments<'a>(
     let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
     let inputs = Fingerprint::of(&serde_json::to_vec(&(
         &model.manifest.key,
-        study.model,
+        (study.model.weights, study.model.temperature),
         study.rollout.starts(),
         // Start states may be taken from the deployment period.
         starts_from_held_out(study).then_some(&dataset.held_out_fingerprint),

@@ -3,9 +3,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow, bail, ensure};
 use serde::Deserialize as _;
 use toml::{Table, Value};
+
+use calib_data::DataConfig;
 
 use super::{Study, StudyPaths, message::friendly};
 
@@ -28,13 +30,11 @@ impl Study {
         for text in overrides {
             apply(&mut table, text)?;
         }
-        let mut study = Self::deserialize(Value::Table(table))
+        let study = Self::deserialize(Value::Table(table))
             .map_err(|error| anyhow!("{}: {}", with_overrides(path, overrides), located(&error)))?;
         // Empty for a bare file name, so that paths below it stay as short as they were written.
         let directory = path.parent().map(PathBuf::from).unwrap_or_default();
         study.check().with_context(|| with_overrides(path, overrides))?;
-        study.expand_environment().with_context(|| path.display().to_string())?;
-        study.data.resolve(&directory);
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
         Ok((study, StudyPaths::new(path.to_owned(), directory.join(output))))
@@ -62,18 +62,36 @@ impl Study {
         self.preprocess.check()?;
         self.model.check().context("[model]")?;
         self.agent.check().context("[agent]")?;
-        if self.sweep.steps < 2 {
-            bail!("sweep.steps must be at least 2, got {}", self.sweep.steps);
+        let counts = [
+            ("sweep.steps", self.sweep.steps, 2),
+            ("sweep.member_runs", self.sweep.member_runs, 1),
+            ("sweep.online_runs", self.sweep.online_runs, 1),
+            ("rollout.steps", self.rollout.steps, 1),
+            ("rollout.rollouts", self.rollout.rollouts, 1),
+            ("evaluate.top_k", self.evaluate.top_k, 1),
+        ];
+        for (key, got, least) in counts {
+            ensure!(got >= least, "{key} must be at least {least}, got {got}");
+        }
+        let sensors = &self.sweep.sensors;
+        if let Some(twice) =
+            (1..sensors.len()).find(|&place| sensors[..place].contains(&sensors[place]))
+        {
+            bail!("sweep.sensors names {} twice; remove one", sensors[twice]);
         }
         Ok(())
     }
 
-    /// Replace `${NAME}` in the data's paths by the environment variable's value.
-    fn expand_environment(&mut self) -> anyhow::Result<()> {
-        for path in &mut self.data.path.0 {
-            *path = expand(path)?;
+    /// The `[data]` section to read with: `${NAME}` is replaced by the environment variable's value, and
+    /// relative paths start from the study file. The study itself keeps what was written, so that results
+    /// do not depend on where it is run from.
+    pub(crate) fn data_to_read(&self, paths: &StudyPaths) -> anyhow::Result<DataConfig> {
+        let mut data = self.data.clone();
+        for path in &mut data.path.0 {
+            *path = expand(path).with_context(|| paths.study().display().to_string())?;
         }
-        Ok(())
+        data.resolve(paths.study().parent().unwrap_or(Path::new("")));
+        Ok(data)
     }
 }
 
@@ -177,6 +195,18 @@ mod tests {
     }
 
     #[test]
+    fn data_is_found_from_the_study_file_and_the_environment() {
+        let (study, paths) = load("[data]\npath = \"logs\"\n", &[]).expect("valid");
+        assert_eq!(study.data.path.0, ["logs"], "the study keeps what was written");
+        let data = study.data_to_read(&paths).expect("no variable");
+        let directory = paths.study().parent().expect("absolute");
+        assert_eq!(Path::new(&data.path.0[0]), directory.join("logs"));
+        let (study, paths) = load("[data]\npath = \"${CALIB_NO_SUCH}/x\"\n", &[]).expect("valid");
+        let error = format!("{:#}", study.data_to_read(&paths).expect_err("not set"));
+        assert!(error.contains("CALIB_NO_SUCH is not set"), "{error}");
+    }
+
+    #[test]
     fn mistakes_name_file_line_and_nearest_key() {
         let of = |text: &str, set: &[&str]| format!("{:#}", load(text, set).expect_err("invalid"));
         let key = of("[agent]\nlearning_rat = 0.1\n", &[]);
@@ -195,8 +225,6 @@ mod tests {
         assert!(form.contains("expected section.key=value"), "{form}");
         let syntax = of("[agent\n", &[]);
         assert!(syntax.contains("study.toml:1:"), "{syntax}");
-        let variable = of("[data]\npath = \"${CALIB_NO_SUCH_VARIABLE}/x\"\n", &[]);
-        assert!(variable.contains("CALIB_NO_SUCH_VARIABLE is not set"), "{variable}");
         let range = of("[agent]\ngamma = 2.0\n", &[]);
         assert!(range.contains("gamma"), "{range}");
     }

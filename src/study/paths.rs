@@ -13,6 +13,11 @@ impl StudyPaths {
         Self { study, root }
     }
 
+    /// The study file.
+    pub fn study(&self) -> &Path {
+        &self.study
+    }
+
     /// What to type to run `command` on the study.
     pub fn command(&self, command: &str) -> String {
         format!("calib {command} {}", self.study.display())

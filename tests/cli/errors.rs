@@ -112,17 +112,51 @@ fn a_model_of_other_data() {
             "9",
         ])
         .succeeds();
-    let message = place.calib(&["sweep", "study.toml", "--set", "data.path=other"]).fails(2);
-    assert!(
-        message.contains("was built from other data") && message.contains("build-model"),
-        "{message}"
-    );
+    let elsewhere = ["sweep", "study.toml", "--set", "data.path=other"];
+    let message = place.calib(&elsewhere).fails(2);
+    assert!(message.contains("another [data]") && message.contains("build-model"), "{message}");
+    // The same path with other content.
+    fs::remove_dir_all(place.path().join("data")).expect("there");
+    fs::rename(place.path().join("other"), place.path().join("data")).expect("there");
+    let message = place.calib(&["sweep", "study.toml"]).fails(2);
+    assert!(message.contains("other data") && message.contains("build-model"), "{message}");
 }
 
 #[test]
 fn a_model_that_was_not_built() {
     let place = Place::with_study();
     assert_snapshot!(place.calib(&["sweep", "study.toml"]).fails(2));
+}
+
+#[test]
+fn a_model_of_other_settings_is_not_rolled_out() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let other = ["rollout", "study.toml", "--set", "preprocess.subsample=2"];
+    let message = place.calib(&other).fails(2);
+    assert!(message.contains("another [preprocess]"), "{message}");
+}
+
+#[test]
+fn a_changed_file_of_the_model_is_found_by_verification() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let path = place.path().join("study-results/model/states.npy");
+    let mut states = fs::read(&path).expect("readable");
+    let last = states.len() - 4;
+    states[last..].copy_from_slice(&0.25_f32.to_le_bytes());
+    fs::write(&path, states).expect("writable");
+    let message = place.calib(&["build-model", "study.toml", "--verify", "5"]).fails(2);
+    assert!(message.contains("states.npy is not what was written"), "{message}");
+}
+
+#[test]
+fn a_sensor_twice_and_counts_of_zero() {
+    let place = Place::with_study();
+    let of = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
+    assert!(of("sweep.sensors=[\"A\", \"A\"]").contains("names A twice"));
+    assert!(of("sweep.member_runs=0").contains("sweep.member_runs must be at least 1"));
+    assert!(of("evaluate.top_k=0").contains("evaluate.top_k must be at least 1"));
 }
 
 #[test]

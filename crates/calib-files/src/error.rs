@@ -7,7 +7,7 @@ use std::{
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The operating system refused.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}", path.display())]
     Io {
         /// "read", "write", "create" …
         action: &'static str,
@@ -33,7 +33,7 @@ pub enum FileError {
         reason: String,
     },
     /// A JSON file that does not have the expected form.
-    #[error("{} is not valid: {source}", path.display())]
+    #[error("{} is not valid", path.display())]
     Json {
         /// The file.
         path: PathBuf,

@@ -47,7 +47,7 @@ pub enum StartSource<'a> {
         timestamps: &'a [Timestamp],
         /// The month, 1 to 12.
         month: u8,
-        /// Rows from here on are not used.
+        /// Begin of the deployment: only rows of earlier years are used.
         before: Option<Timestamp>,
     },
     /// States of the deployment period, drawn uniformly, replaced by their nearest sources in the member.
@@ -105,7 +105,10 @@ pub fn start_states(
     }
 }
 
-/// The member's transitions that end in the month, before the deployment.
+/// A row of the deployment's month that is older than this belongs to an earlier year.
+const EARLIER_YEAR_MICROS: i64 = 300 * 86_400_000_000;
+
+/// The member's transitions that end in the month, in years before the deployment.
 fn month_pool(
     member: &Member<'_>,
     timestamps: &[Timestamp],
@@ -123,7 +126,8 @@ fn month_pool(
         .map(|position| member.nth(position))
         .filter(|&transition| {
             let time = timestamps[member.model().transitions().next(transition).get()];
-            before.is_none_or(|before| time < before) && month_of(time) == month
+            before.is_none_or(|before| before.micros_since(time) > EARLIER_YEAR_MICROS)
+                && month_of(time) == month
         })
         .collect();
     if pool.is_empty() {

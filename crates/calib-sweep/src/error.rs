@@ -1,6 +1,5 @@
 use calib_agent::AgentError;
 use calib_files::FileError;
-use calib_rollout::RolloutError;
 use calib_stats::StatsError;
 
 use crate::Unit;
@@ -44,16 +43,13 @@ pub enum SweepError {
         steps: usize,
     },
     /// Training failed in a unit.
-    #[error("{unit}: {source}")]
+    #[error("{unit}")]
     Agent {
         /// Where.
         unit: Unit,
         /// Why.
         source: AgentError,
     },
-    /// A rollout could not start.
-    #[error(transparent)]
-    Rollout(#[from] RolloutError),
     /// A unit's file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),

@@ -26,4 +26,4 @@ pub use error::SweepError;
 pub use plan::{Plan, PlanOptions};
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
-pub use verdict::{Agreement, EnvironmentScores, SensorVerdict, verdict};
+pub use verdict::{Agreement, EnvironmentScores, SensorVerdict, told_apart, verdict};

@@ -80,7 +80,7 @@ pub struct RunRow {
 /// A point of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
-    /// Last step of the window.
+    /// The step after the window's last.
     pub step: usize,
     /// RMSE over the window.
     #[serde(with = "infinite")]
@@ -125,16 +125,18 @@ pub(crate) fn train_unit(
         },
     )?;
     let rows = candidates.iter().zip(outcomes);
-    Ok(rows.map(|(candidate, outcome)| RunRow::new(candidate.index, outcome)).collect())
+    // A piece of n states has n - 1 steps.
+    let steps = stream.len() - stream.pieces().len();
+    Ok(rows.map(|(candidate, outcome)| RunRow::new(candidate.index, steps, outcome)).collect())
 }
 
 impl RunRow {
-    fn new(candidate: usize, outcome: RunOutcome) -> Self {
+    fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
         let point =
             |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };
         Self {
             candidate,
-            steps: outcome.steps,
+            steps,
             scored_steps: outcome.scored_steps,
             updates: outcome.updates,
             rmse: outcome.rmse,

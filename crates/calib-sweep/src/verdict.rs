@@ -1,9 +1,10 @@
 use calib_stats::{
-    Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
+    Direction, SMALL_MEAN_RATIO, Selection, Summary, kendall_tau_b, regret, select, spearman,
+    summarise, top_k_hit,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{Candidate, EnvironmentId, Role, SweepError, UnitResult};
+use crate::{Candidate, EnvironmentId, Role, RunRow, SweepError, UnitResult};
 
 const LOWER: Direction = Direction::LowerIsBetter;
 
@@ -14,6 +15,8 @@ pub struct EnvironmentScores {
     pub environment: EnvironmentId,
     /// NRMSE over runs, one a candidate.
     pub candidates: Vec<Summary>,
+    /// RMSE / standard deviation of the returns, likewise: what to read where the mean return is small.
+    pub rmse_over_std: Vec<Summary>,
 }
 
 /// How well a choice and its ranking agree with Online.
@@ -46,7 +49,7 @@ pub struct SensorVerdict {
     pub online: Option<EnvironmentScores>,
     /// Errors on replayed training windows.
     pub log_replay: Option<EnvironmentScores>,
-    /// The best candidate Online among the grid's.
+    /// The best candidate Online, the default included.
     pub best_online: Option<usize>,
     /// The calibration model against Online.
     pub model_agreement: Option<Agreement>,
@@ -77,10 +80,18 @@ pub fn verdict(
     environments.dedup();
     let scores = |environment: EnvironmentId| -> Result<EnvironmentScores, SweepError> {
         let trained = if environment == EnvironmentId::Online { candidates.len() } else { grid };
-        let candidates = (0..trained)
-            .map(|candidate| Ok(summarise(&errors(&of_sensor, environment, candidate))?))
-            .collect::<Result<_, SweepError>>()?;
-        Ok(EnvironmentScores { environment, candidates })
+        let summaries = |score: fn(&RunRow) -> f64| {
+            (0..trained)
+                .map(|candidate| {
+                    Ok(summarise(&scores_of(&of_sensor, environment, candidate, score))?)
+                })
+                .collect::<Result<Vec<Summary>, SweepError>>()
+        };
+        Ok(EnvironmentScores {
+            environment,
+            candidates: summaries(|row| row.nrmse)?,
+            rmse_over_std: summaries(|row| row.rmse_over_std)?,
+        })
     };
     let of =
         |wanted: EnvironmentId| environments.contains(&wanted).then(|| scores(wanted)).transpose();
@@ -119,7 +130,7 @@ pub fn verdict(
     let warnings = warnings(&of_sensor, &selection, grid);
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
-        best_online: online.as_ref().map(|online| best(&means(online)[..grid])),
+        best_online: online.as_ref().map(|online| best(&means(online))),
         selection,
         members,
         online,
@@ -131,14 +142,19 @@ pub fn verdict(
     })
 }
 
-/// NRMSE of one candidate in each run of an environment.
-fn errors(results: &[&UnitResult], environment: EnvironmentId, candidate: usize) -> Vec<f64> {
+/// A score of one candidate in each run of an environment.
+fn scores_of(
+    results: &[&UnitResult],
+    environment: EnvironmentId,
+    candidate: usize,
+    score: fn(&RunRow) -> f64,
+) -> Vec<f64> {
     results
         .iter()
         .filter(|result| result.unit.environment == environment)
         .flat_map(|result| &result.rows)
         .filter(|row| row.candidate == candidate)
-        .map(|row| row.nrmse)
+        .map(score)
         .collect()
 }
 
@@ -185,14 +201,21 @@ fn agreement(
     })
 }
 
+/// Whether the members prefer any value to another: by worst rank, or at least by mean rank.
+pub fn told_apart(selection: &Selection) -> bool {
+    let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
+    ranks.len() == 1 || ranks.windows(2).any(|pair| pair[0] != pair[1])
+}
+
 fn warnings(results: &[&UnitResult], selection: &Selection, grid: usize) -> Vec<String> {
     let mut warnings = Vec::new();
     let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
-    let small = rows.iter().filter(|row| row.mean_return.abs() < 0.1 * row.return_std).count();
+    let small =
+        rows.iter().filter(|row| row.mean_return.abs() < SMALL_MEAN_RATIO * row.return_std).count();
     if small > 0 {
         warnings.push(format!(
             "the mean return is small against its spread in {small} of {} runs: NRMSE divides by a number \
-             near zero there, so look at RMSE / standard deviation as well",
+             near zero there, so look at rmse_over_std in summary.json and runs.parquet as well",
             rows.len()
         ));
     }
@@ -200,8 +223,13 @@ fn warnings(results: &[&UnitResult], selection: &Selection, grid: usize) -> Vec<
     if diverged > 0 {
         warnings.push(format!("{diverged} of {} runs diverged; they rank last", rows.len()));
     }
-    if grid > 1 && selection.tie_set.len() == grid {
+    if !told_apart(selection) {
         warnings.push("all values tie: the members do not tell them apart".to_owned());
+    } else if grid > 1 && selection.tie_set.len() == grid {
+        warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
+    }
+    if selection.mean_errors[selection.chosen].is_infinite() {
+        warnings.push("every value diverged in some member: none can be recommended".to_owned());
     }
     warnings
 }

@@ -40,7 +40,7 @@ impl Study {
             learning_rate: 3e-3,
             ..AgentConfig::default()
         };
-        // 1e9 diverges at once.
+        // 1e30 diverges at once.
         let grid = [1e-5, 1e-2, 1e30].map(Into::into).to_vec();
         let config = SweepConfig {
             grid: BTreeMap::from([("learning_rate".to_owned(), grid)]),
@@ -118,6 +118,14 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     );
     assert_eq!(one.collect(&units).expect("complete"), alone);
 
+    // A run of n + 1 states in one piece has n steps.
+    assert!(
+        alone
+            .iter()
+            .filter(|result| result.unit.environment == EnvironmentId::Member(0))
+            .all(|result| result.rows.iter().all(|row| row.steps == 600))
+    );
+
     // Another seed is another sweep: nothing of the old one counts.
     let other = study.with_plan(2, |plan| plan.units());
     assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 22, .. })));
@@ -138,7 +146,10 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert_eq!(online.candidates.len(), 4, "the default is trained Online as well");
     assert_eq!(online.candidates[1].runs, 3);
     let model = verdict.model_agreement.expect("a held-out range");
-    assert_eq!((model.chosen, model.regret.expect("finite") >= 0.0), (1, true));
+    let best = online.candidates.iter().map(|summary| summary.mean).fold(f64::INFINITY, f64::min);
+    let expected = (online.candidates[1].mean - best) / best;
+    assert_eq!((model.chosen, model.regret), (1, Some(expected)));
+    assert_eq!(online.rmse_over_std.len(), 4);
     assert!(model.spearman.expect("three values") > 0.9);
     let default = verdict.default_agreement.expect("a default");
     assert_eq!((default.chosen, study.candidates[3].role), (3, Role::Default));
