@@ -52,7 +52,7 @@ fn study(criterion: &mut Criterion) {
     let starts = start_states(&member, StartSource::Random, 1, seed).expect("a start");
     let roll = |steps| rollout(&member, &starts[0], steps, Weights::Linear, seed);
     group.bench_function("roll out 10,000 steps", |bencher| {
-        bencher.iter(|| roll(black_box(10_000)))
+        bencher.iter(|| roll(black_box(10_000)));
     });
 
     let stream = roll(1000).stream(&states);

@@ -24,7 +24,7 @@ pub(crate) struct GlobalArgs {
     /// Print results and errors only
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
-    /// When to use colour; NO_COLOR is obeyed
+    /// When to use colour; `NO_COLOR` is obeyed
     #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto)]
     pub(crate) color: ColorChoice,
     /// Threads to work with (default: one per core); results do not depend on it
@@ -165,7 +165,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct InspectArgs {
     /// A study file, or a Parquet file, folder or glob
     pub(crate) data: PathBuf,
-    /// Override a key of the study, such as preprocess.max_missing=0.2
+    /// Override a key of the study, such as `preprocess.max_missing=0.2`
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
     /// Show all channels, not only the first of a long list

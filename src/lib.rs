@@ -1,9 +1,9 @@
 //! calib: which hyperparameters to deploy, from a plant's logs alone.
 //!
-//! This crate is the command line: it reads a [`study`], calls the workspace's crates in the order
+//! This crate is the command line: it reads a study, calls the workspace's crates in the order
 //! in which data flows, and writes what they return. The way is
 //! log files → frames → states → neighbour tables → streams → runs → ranks → verdict → report;
-//! each file in [`commands`] shows its part of it on one screen.
+//! each file in `commands` shows its part of it on one screen.
 
 mod cli;
 mod clock;

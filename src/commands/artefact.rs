@@ -66,13 +66,12 @@ impl Claim {
         let refused = || format!("cannot write to {}", directory.display());
         let lock = File::create(directory.join(".lock")).with_context(refused)?;
         match lock.try_lock() {
-            Ok(()) => {}
             Err(TryLockError::WouldBlock) => bail!(
                 "another calib is writing to {}; wait for it, or choose another --output",
                 directory.display()
             ),
             // Some network file systems have no locks: work on without.
-            Err(TryLockError::Error(_)) => {}
+            Ok(()) | Err(TryLockError::Error(_)) => {}
         }
         remove_temporaries(directory, below).with_context(refused)?;
         Ok(Self { directory: directory.to_owned(), _lock: lock })

@@ -122,8 +122,8 @@ fn build(
         &directory.join("timings.json"),
         &Timings {
             reading_secs: read.as_secs_f64(),
-            searching_secs: (searched - read).as_secs_f64(),
-            writing_secs: (clock.elapsed() - searched).as_secs_f64(),
+            searching_secs: searched.saturating_sub(read).as_secs_f64(),
+            writing_secs: clock.elapsed().saturating_sub(searched).as_secs_f64(),
         },
     )?;
     claim.complete(&manifest)?;

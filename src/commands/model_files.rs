@@ -74,13 +74,13 @@ pub(super) fn write(directory: &Path, dataset: &Dataset, knn: &KnnModel) -> anyh
     let frames = &dataset.train;
     let states = frames.states();
     write_npy(&directory.join("states.npy"), states.as_slice(), states.rows(), states.columns())?;
-    rows_table(frames, knn)?.write_parquet(&directory.join("rows.parquet"))?;
+    rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
     write_json(&directory.join("profile.json"), &dataset.profile)?;
     Ok(knn.write_members(directory)?)
 }
 
 /// Row → timestamp, segment, block; the columns of the states in the metadata.
-fn rows_table(frames: &Frames, knn: &KnnModel) -> anyhow::Result<Table> {
+fn rows_table(frames: &Frames, knn: &KnnModel) -> Table {
     let mut segments = Vec::with_capacity(frames.rows());
     for (number, segment) in frames.segments().iter().enumerate() {
         segments.extend(std::iter::repeat_n(number as u32, segment.len()));
@@ -92,10 +92,10 @@ fn rows_table(frames: &Frames, knn: &KnnModel) -> anyhow::Result<Table> {
             transitions.starting_at(row).or_else(|| transitions.ending_in(row));
         transition.map(|transition| knn.blocks().block_of(transition) as u32)
     };
-    Ok(Table::new()
+    Table::new()
         .with("timestamp", frames.timestamps().to_vec())
         .with("segment", segments)
-        .with_optional("block", (0..frames.rows()).map(block).collect()))
+        .with_optional("block", (0..frames.rows()).map(block).collect())
 }
 
 /// Open the model of `study`; tables and states are mapped, and checked.

@@ -153,7 +153,7 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate]) -> Sensitivity
         source,
         summaries: scores.candidates[..grid.len()]
             .iter()
-            .cloned()
+            .copied()
             .map(Some)
             .collect::<Vec<Option<ScoreSummary>>>(),
     };

@@ -82,7 +82,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         .filter(|found| found.key == key && !args.force);
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
-        None => (roll_out(&study, &model, deployment, sensors, key, &directory, printer)?, "wrote"),
+        None => {
+            (roll_out(&study, &model, deployment, &sensors, key, &directory, printer)?, "wrote")
+        }
     };
     if args.json {
         printer.json(&manifest)?;
@@ -133,7 +135,7 @@ fn roll_out(
     study: &Study,
     model: &OpenModel,
     deployment: Option<Dataset>,
-    sensors: Vec<(String, usize)>,
+    sensors: &[(String, usize)],
     key: String,
     directory: &Path,
     printer: &Printer,
@@ -152,14 +154,14 @@ fn roll_out(
         all.push(rollouts(&member, &starts, config.steps, weights, seed, &progress)?);
     }
     drop(progress);
-    let trajectories = trajectories(model, &all, &sensors);
+    let trajectories = trajectories(model, &all, sensors);
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
     let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
     let period_secs = model.manifest.period.as_secs();
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
-    let comparison = compare(model, &all, &sensors, directory, config.dtw_steps, printer)?;
+    let comparison = compare(model, &all, sensors, directory, config.dtw_steps, printer)?;
     let members = all.iter().enumerate();
     let members = members
         .map(|(member, rollouts)| MemberRollouts {

@@ -92,16 +92,15 @@ fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
 
 fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
     let mut columns = read_csv(path)?;
-    let position = match column {
-        Some(name) => columns.iter().position(|column| column.name == name).with_context(|| {
+    let position = if let Some(name) = column {
+        columns.iter().position(|column| column.name == name).with_context(|| {
             let names = columns.iter().map(|column| column.name.as_str());
             let columns = listed(names);
             format!("{} has no column `{name}`; its columns are: {columns}", path.display())
-        })?,
-        None => {
-            let names = columns.iter().map(|column| (column.name.as_str(), column.is_numeric()));
-            only_numeric(path, &names.collect::<Vec<_>>())?
-        }
+        })?
+    } else {
+        let names = columns.iter().map(|column| (column.name.as_str(), column.is_numeric()));
+        only_numeric(path, &names.collect::<Vec<_>>())?
     };
     let column = columns.swap_remove(position);
     column.numbers.with_context(|| format!("{}, column `{}`", path.display(), column.name))

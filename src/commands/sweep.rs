@@ -266,7 +266,7 @@ fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Resul
         .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())
         .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
         .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect());
-    table = with_agent_columns(table, candidates, rows.iter().map(|(_, row)| row.candidate))?;
+    table = with_agent_columns(table, candidates, &rows.iter().map(|(_, row)| row.candidate))?;
     Ok(table
         .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
         .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
@@ -285,7 +285,7 @@ fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Resul
 fn with_agent_columns(
     mut table: Table,
     candidates: &[Candidate],
-    rows: impl Iterator<Item = usize> + Clone,
+    rows: &(impl Iterator<Item = usize> + Clone),
 ) -> anyhow::Result<Table> {
     let agents: Vec<serde_json::Map<String, serde_json::Value>> = candidates
         .iter()

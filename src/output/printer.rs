@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Decides what goes where: results to stdout, talk, warnings and progress to stderr.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Printer {
     quiet: bool,
     color: bool,
@@ -40,8 +40,8 @@ impl Printer {
     }
 
     /// The same printer for a step on the way: its results are talk.
-    pub(crate) fn talking(self) -> Self {
-        Self { results: Results::Talk, ..self }
+    pub(crate) fn talking(&self) -> Self {
+        Self { results: Results::Talk, ..*self }
     }
 
     /// A line of the result.

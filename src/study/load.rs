@@ -189,7 +189,7 @@ mod tests {
         let set = ["agent.gamma=0.9", "sweep.sensors=[\"A\"]", "agent.optimiser=sgd", "seed=7"];
         let (study, paths) = load(text, &set).expect("valid");
         assert_eq!(study.seed, 7);
-        assert!((f64::from(study.agent.gamma) - 0.9).abs() < 1e-6);
+        assert!((study.agent.gamma - 0.9).abs() < 1e-12);
         assert_eq!(study.sweep.sensors, ["A"]);
         assert!(paths.root().ends_with("study-results"));
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::harness::Place;
 
+#[expect(clippy::print_stderr, reason = "a test that skips says so")]
 fn run_shortened(study: &str, folder: &str, more: &[&str]) {
     let Some(data) = std::env::var_os("CALIB_DATA") else {
         eprintln!("skipped: CALIB_DATA is not set, so {folder} is not at hand");

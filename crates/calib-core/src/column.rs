@@ -21,10 +21,7 @@ pub struct Bounds {
 
 impl Bounds {
     /// The map of a column that is already on the scale of the states.
-    pub const IDENTITY: Self = Self {
-        offset: 0.0,
-        scale: 1.0,
-    };
+    pub const IDENTITY: Self = Self { offset: 0.0, scale: 1.0 };
 
     /// To the scale of the states.
     pub fn normalise(self, value: Physical) -> Normalised {

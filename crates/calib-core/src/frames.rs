@@ -51,11 +51,7 @@ impl Frames {
         if let Some(before) = timestamps.windows(2).position(|pair| pair[1] <= pair[0]) {
             return Err(FramesError::Order { row: before + 1 });
         }
-        Ok(Self {
-            timestamps,
-            segments,
-            states,
-        })
+        Ok(Self { timestamps, segments, states })
     }
 
     /// Number of rows.

@@ -40,10 +40,7 @@ impl Seed {
 
     fn derive(self, kind: &[u8], part: &[u8]) -> Self {
         let mut hasher = blake3::Hasher::new();
-        hasher
-            .update(&self.0.to_le_bytes())
-            .update(kind)
-            .update(part);
+        hasher.update(&self.0.to_le_bytes()).update(kind).update(part);
         let mut seed = [0; 8];
         hasher.finalize_xof().fill(&mut seed);
         Self(u64::from_le_bytes(seed))
@@ -136,23 +133,15 @@ mod tests {
         let normal: Vec<f64> = (0..n).map(|_| rng.normal()).collect();
         let mean = normal.iter().sum::<f64>() / f64::from(n);
         let variance = normal.iter().map(|x| x * x).sum::<f64>() / f64::from(n);
-        assert!(
-            mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02,
-            "{mean} {variance}"
-        );
+        assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
         let mut counts = [0_u32; 7];
         for _ in 0..n {
             counts[rng.below(7)] += 1;
         }
         let expected = f64::from(n) / 7.0;
-        let chi_square: f64 = counts
-            .iter()
-            .map(|&count| (f64::from(count) - expected).powi(2) / expected)
-            .sum();
-        assert!(
-            chi_square < 22.5,
-            "chi-square {chi_square} with 6 degrees of freedom"
-        );
+        let chi_square: f64 =
+            counts.iter().map(|&count| (f64::from(count) - expected).powi(2) / expected).sum();
+        assert!(chi_square < 22.5, "chi-square {chi_square} with 6 degrees of freedom");
         let exponential = (0..n).map(|_| rng.exponential()).sum::<f64>() / f64::from(n);
         assert!((exponential - 1.0).abs() < 0.02);
     }

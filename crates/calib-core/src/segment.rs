@@ -68,10 +68,7 @@ impl Segments {
             if end >= u32::MAX as usize {
                 return Err(SegmentError::TooManyRows { rows: end });
             }
-            segments.push(Segment {
-                start: start as u32,
-                end: end as u32,
-            });
+            segments.push(Segment { start: start as u32, end: end as u32 });
             start = end;
         }
         Ok(Self(segments))
@@ -104,9 +101,7 @@ impl Segments {
 
     /// The position of the segment that holds `row`, or `None` past the last row.
     pub fn position_of(&self, row: usize) -> Option<usize> {
-        let position = self
-            .0
-            .partition_point(|segment| (segment.end as usize) <= row);
+        let position = self.0.partition_point(|segment| (segment.end as usize) <= row);
         (position < self.0.len()).then_some(position)
     }
 }
@@ -129,10 +124,7 @@ mod tests {
 
     #[test]
     fn empty_segments_are_refused() {
-        assert_eq!(
-            Segments::from_lengths([2, 0]),
-            Err(SegmentError::Empty { segment: 1 })
-        );
+        assert_eq!(Segments::from_lengths([2, 0]), Err(SegmentError::Empty { segment: 1 }));
         assert!(matches!(
             Segments::from_lengths([u32::MAX as usize]),
             Err(SegmentError::TooManyRows { .. })

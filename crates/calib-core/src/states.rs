@@ -53,11 +53,7 @@ impl States {
     ) -> Result<Self, StatesError> {
         let slice = (*values).as_ref();
         if rows.checked_mul(columns) != Some(slice.len()) {
-            return Err(StatesError::Shape {
-                rows,
-                columns,
-                got: slice.len(),
-            });
+            return Err(StatesError::Shape { rows, columns, got: slice.len() });
         }
         if let Some(position) = slice.iter().position(|value| !value.is_finite()) {
             return Err(StatesError::NotFinite {
@@ -65,11 +61,7 @@ impl States {
                 column: position % columns,
             });
         }
-        Ok(Self {
-            values,
-            rows,
-            columns,
-        })
+        Ok(Self { values, rows, columns })
     }
 
     /// Number of rows `n`.
@@ -123,14 +115,7 @@ mod tests {
     #[test]
     fn bad_values_are_located() {
         let shape = States::new(vec![0.0; 5], 2, 3).expect_err("five values");
-        assert_eq!(
-            shape,
-            StatesError::Shape {
-                rows: 2,
-                columns: 3,
-                got: 5
-            }
-        );
+        assert_eq!(shape, StatesError::Shape { rows: 2, columns: 3, got: 5 });
         let nan = States::new(vec![0.0, 1.0, 2.0, f32::NAN], 2, 2).expect_err("NaN");
         assert_eq!(nan, StatesError::NotFinite { row: 1, column: 1 });
     }

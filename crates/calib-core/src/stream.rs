@@ -43,15 +43,8 @@ impl RowStream {
             rows.iter().all(|row| row.get() < states.rows()),
             "a stream visits recorded rows only"
         );
-        let pieces = (!rows.is_empty())
-            .then_some(0..rows.len())
-            .into_iter()
-            .collect();
-        Self {
-            states,
-            rows,
-            pieces,
-        }
+        let pieces = (!rows.is_empty()).then_some(0..rows.len()).into_iter().collect();
+        Self { states, rows, pieces }
     }
 
     /// Replay of all rows of `segments` in time order, one piece a segment.
@@ -59,17 +52,10 @@ impl RowStream {
     /// # Panics
     /// If the segments have more rows than `states`.
     pub fn replay(states: States, segments: &Segments) -> Self {
-        assert!(
-            segments.rows() <= states.rows(),
-            "a stream visits recorded rows only"
-        );
+        assert!(segments.rows() <= states.rows(), "a stream visits recorded rows only");
         let rows = (0..segments.rows()).map(RowIndex::new).collect();
         let pieces = segments.iter().map(crate::Segment::rows).collect();
-        Self {
-            states,
-            rows,
-            pieces,
-        }
+        Self { states, rows, pieces }
     }
 
     /// Replay of the rows `window` in time order, one piece for each segment that it touches.
@@ -90,11 +76,7 @@ impl RowStream {
             .filter(|rows| !rows.is_empty())
             .map(|rows| rows.start - window.start..rows.end - window.start)
             .collect();
-        Self {
-            states,
-            rows: window.map(RowIndex::new).collect(),
-            pieces,
-        }
+        Self { states, rows: window.map(RowIndex::new).collect(), pieces }
     }
 
     /// The rows in the order in which they are visited.
@@ -135,9 +117,6 @@ mod tests {
         assert_eq!(window.pieces(), [0..1, 1..2]);
         assert_eq!(window.rows(), [RowIndex(1), RowIndex(2)]);
         let stream = RowStream::unbroken(states, vec![RowIndex(2), RowIndex(0)]);
-        assert_eq!(
-            (stream.state(0), stream.state(1)),
-            (&[2.0_f32][..], &[0.0_f32][..])
-        );
+        assert_eq!((stream.state(0), stream.state(1)), (&[2.0_f32][..], &[0.0_f32][..]));
     }
 }

@@ -44,11 +44,7 @@ impl Period {
     /// A period of `secs` seconds, or `None` unless it rounds to at least one microsecond.
     pub fn from_secs(secs: f64) -> Option<Self> {
         let micros = (secs * 1e6).round();
-        if micros >= 1.0 && micros < i64::MAX as f64 {
-            Some(Self(micros as i64))
-        } else {
-            None
-        }
+        if micros >= 1.0 && micros < i64::MAX as f64 { Some(Self(micros as i64)) } else { None }
     }
 
     /// Length in microseconds.

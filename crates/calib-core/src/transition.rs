@@ -23,11 +23,7 @@ impl Transitions {
             sources.extend(segment.start..segment.end - 1);
         }
         firsts.push(sources.len() as u32);
-        Self {
-            sources,
-            firsts,
-            segments,
-        }
+        Self { sources, firsts, segments }
     }
 
     /// Number of transitions.
@@ -76,8 +72,7 @@ impl Transitions {
     /// The transition that leads to `row`; none for the first row of a segment.
     pub fn ending_in(&self, row: RowIndex) -> Option<TransitionIndex> {
         row.0.checked_sub(1).and_then(|before| {
-            self.starting_at(RowIndex(before))
-                .filter(|&transition| self.next(transition) == row)
+            self.starting_at(RowIndex(before)).filter(|&transition| self.next(transition) == row)
         })
     }
 }
@@ -103,16 +98,10 @@ mod tests {
     #[test]
     fn rows_find_their_transitions() {
         let all = transitions();
-        let starting: Vec<_> = (0..7)
-            .map(|row| all.starting_at(RowIndex(row)).map(|t| t.0))
-            .collect();
-        assert_eq!(
-            starting,
-            [Some(0), Some(1), None, None, Some(2), None, None]
-        );
-        let ending: Vec<_> = (0..7)
-            .map(|row| all.ending_in(RowIndex(row)).map(|t| t.0))
-            .collect();
+        let starting: Vec<_> =
+            (0..7).map(|row| all.starting_at(RowIndex(row)).map(|t| t.0)).collect();
+        assert_eq!(starting, [Some(0), Some(1), None, None, Some(2), None, None]);
+        let ending: Vec<_> = (0..7).map(|row| all.ending_in(RowIndex(row)).map(|t| t.0)).collect();
         assert_eq!(ending, [None, Some(0), Some(1), None, None, Some(2), None]);
     }
 }

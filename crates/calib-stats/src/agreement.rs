@@ -5,7 +5,7 @@ use crate::{Direction, StatsError, competition_ranks};
 
 /// What choosing value `chosen` costs Online, relative to the best value of `online` `[values]`.
 ///
-/// regret = (online[chosen] − best) / |best| where lower is better, (best − online[chosen]) / |best| where
+/// regret = (`online[chosen]` − best) / |best| where lower is better, (best − `online[chosen]`) / |best| where
 /// higher is. 0 = the best value was chosen; 0.05 = 5 % worse; +∞ = the chosen value diverged, or best is 0
 /// and the chosen value is not. `None` where every value diverged.
 /// Source: the usual relative simple regret; our choice.

@@ -8,8 +8,9 @@ use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{StartSource, start_states};
 use calib_sweep::{
-    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, ReplayEnvironment,
-    Role, RolloutOptions, Scored, SweepConfig, SweepError, UnitStore, candidates, verdict,
+    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
+    ReplayEnvironment, Role, RolloutOptions, Scored, SweepConfig, SweepError, UnitStore,
+    candidates, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -56,6 +57,12 @@ impl Study {
         .expect("built");
         let candidates = candidates(&config, &agent).expect("valid");
         Self { train, held_out: frames(700), model, candidates }
+    }
+
+    fn units(&self, seed: u64) -> Vec<PlannedUnit> {
+        let mut units = Vec::new();
+        self.with_plan(seed, |plan| units = plan.units());
+        units
     }
 
     fn with_plan<T>(&self, seed: u64, then: impl FnOnce(&Plan<'_>) -> T) -> T {
@@ -109,7 +116,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     fs::remove_file(&lost).expect("was there");
     fs::write(&damaged, b"{").expect("writable");
     let before = fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there");
-    let units = study.with_plan(1, |plan| plan.units());
+    let units = study.units(1);
     assert!(matches!(one.collect(&units), Err(SweepError::Incomplete { missing: 2, .. })));
     assert_eq!(run(&one), alone);
     assert_eq!(
@@ -127,7 +134,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     );
 
     // Another seed is another sweep: nothing of the old one counts.
-    let other = study.with_plan(2, |plan| plan.units());
+    let other = study.units(2);
     assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 22, .. })));
 }
 
