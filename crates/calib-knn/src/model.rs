@@ -9,9 +9,6 @@ use crate::{
     open_table, write_table,
 };
 
-/// Above this many queries a search structure pays for being built.
-const FEW_QUERIES: usize = 256;
-
 /// A neighbour of a state, and how far its source is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
@@ -272,8 +269,7 @@ impl<'a> Member<'a> {
             return Err(KnnError::NoNeighbors);
         }
         let mut found = vec![Vec::new(); queries.len()];
-        let kind = if queries.len() <= FEW_QUERIES { IndexKind::Scan } else { IndexKind::Auto };
-        sources.index(kind)?.search(
+        sources.index(IndexKind::Auto, queries, k)?.search(
             queries,
             k,
             &mut |query, lists| {

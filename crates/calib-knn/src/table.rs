@@ -81,13 +81,15 @@ pub fn build_tables(
 ) -> Result<Vec<NeighborTable>, KnnError> {
     let sources = Sources::new(states, transitions, blocks)?;
     check_candidates(&sources, k, exclusion)?;
-    let index = sources.index(kind)?;
+    // Sorting the sources takes a while too, and counts for nothing in the progress.
+    monitor.begin("neighbour tables", transitions.len() as u64);
     let queries = Queries::next_states(&sources, exclusion);
+    let index = sources.index(kind, &queries, k)?;
     search_tables(&*index, &queries, blocks, k, monitor)
 }
 
 /// Fill the tables from one search.
-pub(crate) fn search_tables(
+fn search_tables(
     index: &dyn NeighborIndex,
     queries: &Queries<'_>,
     blocks: &Blocks,
@@ -98,7 +100,6 @@ pub(crate) fn search_tables(
     let mut tables: Vec<(Vec<u32>, Vec<f32>)> = (0..blocks.members())
         .map(|_| (vec![u32::MAX; cells], vec![f32::INFINITY; cells]))
         .collect();
-    monitor.begin("neighbour tables", queries.len() as u64);
     let mut fill = |query: usize, lists: &crate::MemberLists| {
         for &member in lists.members() {
             let (neighbors, distances) = &mut tables[member];

@@ -15,7 +15,7 @@ const GROUP: usize = 64 * QUERIES;
 /// A k-d tree (the kiddo crate) over the different source states, for few columns.
 ///
 /// The tree is asked for the `n` nearest states; everything that it left out is at least as far as the last
-/// one it gave. If every list of the query is filled from states that are strictly nearer than that, the
+/// one that it gave. If every list of the query is filled from states that are strictly nearer than that, the
 /// lists are exact, else `n` grows. Distances are computed again by the definition.
 #[derive(Debug)]
 pub struct KdTree<'a> {
@@ -26,7 +26,7 @@ pub struct KdTree<'a> {
 
 impl<'a> KdTree<'a> {
     /// The most columns that the tree supports.
-    pub const MAX_COLUMNS: usize = 16;
+    pub const MAX_COLUMNS: usize = 8;
 
     /// Build the tree.
     ///
@@ -43,9 +43,6 @@ impl<'a> KdTree<'a> {
             6 => Fixed::<6>::boxed(&sources, &groups),
             7 => Fixed::<7>::boxed(&sources, &groups),
             8 => Fixed::<8>::boxed(&sources, &groups),
-            9..=10 => Fixed::<10>::boxed(&sources, &groups),
-            11..=12 => Fixed::<12>::boxed(&sources, &groups),
-            13..=16 => Fixed::<16>::boxed(&sources, &groups),
             columns => return Err(KnnError::Dimensions { columns, max: Self::MAX_COLUMNS }),
         };
         Ok(Self { sources, groups, tree })
@@ -110,7 +107,7 @@ trait Tree: Send + Sync + std::fmt::Debug {
     fn nearest(&self, state: &[f32], count: usize) -> Vec<(f64, u32)>;
 }
 
-/// A tree of `K` dimensions; columns beyond those of the states are zero.
+/// A tree of `K` dimensions; states without columns are points on a line.
 #[derive(Debug)]
 struct Fixed<const K: usize>(ImmutableKdTree<f32, K>);
 

@@ -32,6 +32,8 @@ pub(super) struct Pending<'a> {
     threshold: f32,
     /// Groups that could be near enough, with their squared distances as f32 sums.
     met: Vec<(f32, u32)>,
+    /// States that were looked at.
+    looked: u64,
 }
 
 /// Where candidates come from.
@@ -64,7 +66,8 @@ impl<'a> Pending<'a> {
         lists.reset(queries.wanted(query));
         let forbidden = queries.forbidden(query);
         let met = Vec::with_capacity(4 * k);
-        let mut this = Self { query, state, forbidden, lists, cap, threshold: -1.0, met };
+        let mut this =
+            Self { query, state, forbidden, lists, cap, threshold: -1.0, met, looked: 0 };
         this.narrow(pool.margin);
         this
     }
@@ -85,6 +88,11 @@ impl<'a> Pending<'a> {
         (radius >= 0.0).then_some(radius)
     }
 
+    /// States that were looked at.
+    pub(super) fn looked(&self) -> u64 {
+        self.looked
+    }
+
     /// Meet the sources of a group. Returns whether the radius has become smaller.
     #[inline(always)]
     pub(super) fn meet<S: Simd>(&mut self, simd: S, pool: Pool<'_>, group: u32) -> bool {
@@ -92,6 +100,7 @@ impl<'a> Pending<'a> {
         if transitions.iter().all(|transition| self.forbidden.contains(transition)) {
             return false;
         }
+        self.looked += 1;
         let distance = state_distance(simd, self.state, pool.sources.state(transitions[0]));
         if distance > self.threshold {
             return false;

@@ -28,8 +28,8 @@ const FARTHEST: f64 = 1e30;
 /// An exact blocked scan: every query meets every source, for data that cannot be ruled out unseen.
 ///
 /// With all states moved by a common centre, `‖x − q‖² = ‖x‖² + ‖q‖² − 2 x·q`. The products of a tile are one
-/// matrix product in f32, whose error is at most `(d + 8)·2⁻²³·(‖x‖² + ‖q‖²)` by the usual bounds on sums (Higham
-/// 2002, §3.1; doubled). Pairs that are near enough by that margin are judged as everywhere else.
+/// matrix product in f32. By the usual bounds on sums (Higham 2002, §3.1) products and norms together err by at most
+/// `(2d + 16)·2⁻²⁴·(‖x‖² + ‖q‖²)`, which is doubled. Pairs that are near enough by that margin are judged as everywhere else.
 #[derive(Debug)]
 pub struct Scan<'a> {
     sources: Sources<'a>,
@@ -49,17 +49,6 @@ impl<'a> Scan<'a> {
 
     fn pool(&self) -> Pool<'_> {
         Pool { sources: &self.sources, groups: &self.groups, margin: self.margin }
-    }
-
-    /// Append `state`, centred; returns its squared norm.
-    fn centred(&self, state: &[f32], to: &mut Vec<f32>) -> f64 {
-        let mut norm = 0.0;
-        to.extend(state.iter().zip(&self.centre).map(|(&value, &centre)| {
-            let centred = value - centre;
-            norm += f64::from(centred) * f64::from(centred);
-            centred
-        }));
-        norm
     }
 }
 
@@ -92,28 +81,31 @@ impl WithSimd for Block<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
         let (scan, columns) = (self.scan, self.scan.sources.columns());
         let (pool, total) = (scan.pool(), scan.sources.len());
-        let error = (columns as f64 + 8.0) * f64::from(f32::EPSILON);
-        let tiny = (columns as f64 + 8.0) * f64::from(f32::MIN_POSITIVE);
-        let mut left = Vec::with_capacity(self.count * columns);
+        let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
+        let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
+        let mut left = vec![0.0; self.count * columns];
+        let mut queries_far = false;
         let mut pending: Vec<(Pending<'_>, f64)> = (self.first..self.first + self.count)
             .map(|query| {
                 let one = Pending::new(simd, pool, self.queries, query, self.k);
-                let norm = scan.centred(one.state(), &mut left);
-                (one, norm)
+                let out = &mut left[(query - self.first) * columns..][..columns];
+                let norm = centred(simd, one.state(), &scan.centre, out);
+                // A query that is too far meets every source, and its norm counts for nothing.
+                queries_far |= norm > FARTHEST;
+                (one, if norm > FARTHEST { 0.0 } else { norm })
             })
             .collect();
-        let farthest = |norms: f64| norms > FARTHEST;
-        let queries_far = farthest(pending.iter().map(|one| one.1).fold(0.0, f64::max));
-        let mut right = Vec::with_capacity(TILE * columns);
+        let mut right = vec![0.0; TILE * columns];
         let mut products = vec![0.0_f32; self.count * TILE];
-        for start in (0..total).step_by(TILE) {
+        for start in tile_starts(total, scan.sources.blocks().members()) {
             let width = TILE.min(total - start);
-            right.clear();
             let mut offsets = [f32::INFINITY; TILE];
             let mut far = queries_far || columns == 0;
             for (lane, offset) in offsets[..width].iter_mut().enumerate() {
-                let norm = scan.centred(scan.sources.state((start + lane) as u32), &mut right);
-                far |= farthest(norm);
+                let state = scan.sources.state((start + lane) as u32);
+                let out = &mut right[lane * columns..][..columns];
+                let norm = centred(simd, state, &scan.centre, out);
+                far |= norm > FARTHEST;
                 *offset = (norm * (1.0 - error)) as f32;
             }
             let products = &mut products[..self.count * width];
@@ -122,7 +114,7 @@ impl WithSimd for Block<'_> {
                 offsets = [f32::NEG_INFINITY; TILE];
                 products.fill(0.0);
             } else {
-                inner_products(products, &left, &right, columns);
+                inner_products(products, &left, &right[..width * columns], columns);
             }
             for ((one, norm), products) in pending.iter_mut().zip(products.chunks_exact(width)) {
                 let limit = |one: &Pending<'_>| {
@@ -147,6 +139,31 @@ impl WithSimd for Block<'_> {
         }
         pending.into_iter().map(|(one, _)| one.finish(pool, self.queries)).collect()
     }
+}
+
+/// Starts of the tiles, in an order that sees every part of the data early. In the order of time the member
+/// that lacks the first block would have no neighbours, and so no radius, for as long as that block lasts.
+fn tile_starts(total: usize, members: usize) -> impl Iterator<Item = usize> {
+    let tiles = total.div_ceil(TILE);
+    let stride = tiles.div_ceil(4 * members).max(1);
+    (0..stride).flat_map(move |first| (first..tiles).step_by(stride)).map(|tile| tile * TILE)
+}
+
+/// Write `state − centre`; returns its squared norm as an f32 sum.
+#[inline(always)]
+fn centred<S: Simd>(simd: S, state: &[f32], centre: &[f32], out: &mut [f32]) -> f64 {
+    let (state, state_tail) = S::as_simd_f32s(state);
+    let (centre, centre_tail) = S::as_simd_f32s(centre);
+    let (out, out_tail) = S::as_mut_simd_f32s(out);
+    let mut sum = simd.splat_f32s(0.0);
+    for ((out, &state), &centre) in out.iter_mut().zip(state).zip(centre) {
+        *out = simd.sub_f32s(state, centre);
+        sum = simd.mul_add_e_f32s(*out, *out, sum);
+    }
+    let tail =
+        simd.sub_f32s(simd.partial_load_f32s(state_tail), simd.partial_load_f32s(centre_tail));
+    simd.partial_store_f32s(out_tail, tail);
+    f64::from(simd.reduce_sum_f32s(simd.mul_add_e_f32s(tail, tail, sum)))
 }
 
 /// The smallest `offset − 2·product`.
@@ -194,5 +211,19 @@ impl NeighborIndex for Scan<'_> {
             monitor.advance((query - group[0]) as u64);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tile_has_its_turn() {
+        for (total, members) in [(1, 2), (TILE, 5), (TILE + 1, 5), (100 * TILE - 3, 3), (0, 2)] {
+            let mut starts: Vec<usize> = tile_starts(total, members).collect();
+            starts.sort_unstable();
+            assert_eq!(starts, (0..total).step_by(TILE).collect::<Vec<_>>());
+        }
     }
 }

@@ -22,12 +22,18 @@ use crate::{
 /// Most queries of a block.
 pub(super) const QUERIES: usize = 64;
 
+// What a coordinate costs beside a multiply-add of a matrix product, roughly and as measured once.
+// A state is read from anywhere in memory.
+const BOX_COST: usize = 8;
+const LEAF_COST: usize = 2;
+const STATE_COST: u64 = 32;
+
 /// A block of queries of one leaf.
 pub(super) struct Block<'a> {
     pub(super) join: &'a Join<'a>,
     pub(super) queries: &'a Queries<'a>,
-    /// The queries, at most [`QUERIES`].
-    pub(super) numbers: &'a [u32],
+    /// The queries with their leaf, at most [`QUERIES`].
+    pub(super) placed: &'a [(u32, u32)],
     /// The leaf that they lie in.
     pub(super) leaf: usize,
     pub(super) k: usize,
@@ -44,6 +50,8 @@ struct Progress<'a> {
     bounds: (Vec<f32>, Vec<f32>),
     /// Images beyond this squared distance need not be looked at; negative past the last query.
     thresholds: [f32; QUERIES],
+    /// Work on boxes and images so far; see [`Found`].
+    work: u64,
 }
 
 /// What is known about one query.
@@ -53,11 +61,18 @@ struct One<'a> {
     slack: f64,
 }
 
+/// The lists of a block, in the order of its queries, and what they cost.
+pub(super) struct Found {
+    pub(super) lists: Vec<MemberLists>,
+    /// Work in multiply-adds, where each kind of work counts by the time that it takes beside a matrix product.
+    pub(super) work: u64,
+}
+
 impl WithSimd for Block<'_> {
-    type Output = Vec<MemberLists>;
+    type Output = Found;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
+    fn with_simd<S: Simd>(self, simd: S) -> Found {
         let tree = &self.join.tree;
         let mut progress = self.begin(simd);
         let mut reach = self.visit(simd, self.leaf, &mut progress);
@@ -82,8 +97,11 @@ impl WithSimd for Block<'_> {
                 }
             }
         }
-        let pool = self.join.pool();
-        progress.one.into_iter().map(|one| one.pending.finish(pool, self.queries)).collect()
+        let (pool, columns) = (self.join.pool(), self.join.sources.columns() as u64);
+        let looked: u64 = progress.one.iter().map(|one| one.pending.looked()).sum();
+        let work = progress.work + looked * STATE_COST * columns;
+        let finish = |one: One<'_>| one.pending.finish(pool, self.queries);
+        Found { lists: progress.one.into_iter().map(finish).collect(), work }
     }
 }
 
@@ -93,13 +111,14 @@ impl<'a> Block<'a> {
     fn begin<S: Simd>(&self, simd: S) -> Progress<'a> {
         let width = self.join.embedding.width();
         let mut progress = Progress {
-            one: Vec::with_capacity(self.numbers.len()),
-            images: vec![0.0; self.numbers.len() * width],
+            one: Vec::with_capacity(self.placed.len()),
+            images: vec![0.0; self.placed.len() * width],
             lanes: vec![0.0; QUERIES * width],
             bounds: (vec![f32::INFINITY; width], vec![f32::NEG_INFINITY; width]),
             thresholds: [-1.0; QUERIES],
+            work: 0,
         };
-        for (lane, &query) in self.numbers.iter().enumerate() {
+        for (lane, &(_, query)) in self.placed.iter().enumerate() {
             let image = &mut progress.images[lane * width..][..width];
             let norm = self.join.image(self.queries, query as usize, image);
             let slack = self.join.embedding.slack(self.join.norm, norm);
@@ -128,7 +147,8 @@ impl<'a> Block<'a> {
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, leaf: usize, progress: &mut Progress<'_>) -> f32 {
         let (tree, width) = (&self.join.tree, self.join.embedding.width());
-        let Progress { one, images, lanes, thresholds, .. } = progress;
+        let Progress { one, images, lanes, thresholds, work, .. } = progress;
+        *work += (BOX_COST * QUERIES * width) as u64;
         let mut to_box = [0.0; QUERIES];
         let bounds = tree.bounds(tree.node_of(leaf));
         if box_to_lanes(simd, bounds, lanes, thresholds, &mut to_box) {
@@ -139,6 +159,7 @@ impl<'a> Block<'a> {
                 if to_box[lane] > *threshold {
                     continue;
                 }
+                *work += (LEAF_COST * LEAF * width) as u64;
                 let image = &images[lane * width..][..width];
                 let least = lane_distances(simd, image, lanes, *threshold, &mut distances);
                 if least <= *threshold {

@@ -9,13 +9,15 @@ mod linear;
 mod tree;
 
 use super::{NeighborIndex, Queries, Sink, Sources, pending::Pool};
-use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
-use block::{Block, QUERIES};
+use crate::{KnnError, distance::Margin, groups::Groups};
+use block::{Block, Found, QUERIES};
 use embedding::Embedding;
 use tree::{LEAF, Tree};
 
 /// Blocks between two looks at the monitor.
 const GROUP: usize = 64;
+/// Blocks by which the work is judged.
+const SAMPLE: usize = 12;
 /// Beyond this distance from the mean f32 images could overflow.
 const FARTHEST: f64 = 1e15;
 
@@ -80,6 +82,39 @@ impl<'a> Join<'a> {
         self.tree.nearest_leaf(&image)
     }
 
+    /// The queries with their leaves, leaf by leaf.
+    fn place(&self, queries: &Queries<'_>) -> Vec<(u32, u32)> {
+        let mut placed: Vec<(u32, u32)> = (0..queries.len())
+            .into_par_iter()
+            .map(|query| (self.leaf(queries, query) as u32, query as u32))
+            .collect();
+        placed.par_sort_unstable();
+        placed
+    }
+
+    fn block<'b>(
+        &'b self,
+        placed: &'b [(u32, u32)],
+        queries: &'b Queries<'b>,
+        k: usize,
+    ) -> Block<'b> {
+        Block { join: self, queries, placed, leaf: placed[0].0 as usize, k }
+    }
+
+    /// Whether the join is less work than a scan, judged by a few of the queries.
+    pub(super) fn pays(&self, queries: &Queries<'_>, k: usize) -> bool {
+        let placed = self.place(queries);
+        let blocks: Vec<&[(u32, u32)]> = blocks(&placed).collect();
+        let sample: Vec<&[(u32, u32)]> =
+            blocks.iter().copied().step_by(blocks.len().div_ceil(SAMPLE).max(1)).collect();
+        let sampled: usize = sample.iter().map(|block| block.len()).sum();
+        let arch = Arch::new();
+        let work: u64 =
+            sample.par_iter().map(|block| arch.dispatch(self.block(block, queries, k)).work).sum();
+        let scan = sampled as u64 * (self.sources.len() * self.sources.columns()) as u64;
+        work <= scan
+    }
+
     /// Write the image of a query; returns a bound on its distance from the mean.
     fn image(&self, queries: &Queries<'_>, query: usize, image: &mut [f32]) -> f64 {
         let Some(transition) = queries.own_source(query) else {
@@ -102,38 +137,29 @@ impl NeighborIndex for Join<'_> {
         sink: &mut Sink<'_>,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let mut placed: Vec<(u32, u32)> = (0..queries.len())
-            .into_par_iter()
-            .map(|query| (self.leaf(queries, query) as u32, query as u32))
-            .collect();
-        placed.par_sort_unstable();
-        let numbers: Vec<u32> = placed.iter().map(|&(_, query)| query).collect();
-        let mut blocks: Vec<(usize, &[u32])> = Vec::new();
-        let mut start = 0;
-        for run in placed.chunk_by(|a, b| a.0 == b.0) {
-            let leaf = run[0].0 as usize;
-            let of_leaf = &numbers[start..start + run.len()];
-            blocks.extend(of_leaf.chunks(QUERIES).map(|chunk| (leaf, chunk)));
-            start += run.len();
-        }
+        let placed = self.place(queries);
+        let blocks: Vec<&[(u32, u32)]> = blocks(&placed).collect();
         let arch = Arch::new();
         for group in blocks.chunks(GROUP) {
             if monitor.interrupted() {
                 return Err(KnnError::Interrupted);
             }
-            let found: Vec<Vec<MemberLists>> = group
+            let found: Vec<Found> = group
                 .par_iter()
-                .map(|&(leaf, numbers)| {
-                    arch.dispatch(Block { join: self, queries, numbers, leaf, k })
-                })
+                .map(|block| arch.dispatch(self.block(block, queries, k)))
                 .collect();
-            for (&(_, numbers), lists) in group.iter().zip(&found) {
-                for (&query, lists) in numbers.iter().zip(lists) {
+            for (block, found) in group.iter().zip(&found) {
+                for (&(_, query), lists) in block.iter().zip(&found.lists) {
                     sink(query as usize, lists);
                 }
-                monitor.advance(numbers.len() as u64);
+                monitor.advance(block.len() as u64);
             }
         }
         Ok(())
     }
+}
+
+/// Runs of queries of one leaf, at most [`QUERIES`] long.
+fn blocks(placed: &[(u32, u32)]) -> impl Iterator<Item = &[(u32, u32)]> {
+    placed.chunk_by(|a, b| a.0 == b.0).flat_map(|run| run.chunks(QUERIES))
 }
