@@ -31,6 +31,11 @@ pub(super) fn read<M: Manifest>(directory: &Path) -> Option<M> {
     (manifest.format() == M::FORMAT).then_some(manifest)
 }
 
+/// Whether all these files of a complete directory are still there.
+pub(super) fn has_files<'a>(directory: &Path, names: impl IntoIterator<Item = &'a str>) -> bool {
+    names.into_iter().all(|name| directory.join(name).is_file())
+}
+
 /// The manifest of `directory`, or why there is none and which `command` makes it.
 pub(super) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::Result<M> {
     let path = directory.join(MANIFEST);

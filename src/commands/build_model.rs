@@ -39,7 +39,10 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let existing = artefact::read::<ModelManifest>(&directory).filter(|found| found.key == key);
+    let existing = artefact::read::<ModelManifest>(&directory).filter(|found| {
+        let files = found.files.keys().map(String::as_str);
+        found.key == key && artefact::has_files(&directory, files)
+    });
     let (manifest, built) = match existing {
         Some(manifest) if !args.study.force => {
             (refresh(manifest, &study, &dataset, &directory)?, false)

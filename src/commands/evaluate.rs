@@ -4,7 +4,7 @@ use calib_sweep::{SensorVerdict, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, TOOL},
+    artefact::{self, Below, Claim, TOOL},
     load_study,
     model_files::ModelManifest,
     report,
@@ -61,6 +61,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         verdicts,
         notes: manifest.notes.clone(),
     };
+    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_json(&paths.evaluate().join("summary.json"), &summary)?;
     report::write(&study, &paths, &manifest, &summary)?;
     if args.json {

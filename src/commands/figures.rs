@@ -3,14 +3,13 @@
 use std::{io::Write as _, path::Path};
 
 use calib_data::table::Table;
-use calib_files::write_atomically;
+use calib_files::{file_name, write_atomically};
 use calib_report::{Figure, RolloutFigure, Trajectory};
 
 /// Write a figure as `NAME.svg` and `NAME.png`.
 pub(super) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
     let (svg, png) = (figure.svg(), figure.png()?);
-    let name =
-        name.replace(|character: char| !character.is_ascii_alphanumeric() && character != '-', "_");
+    let name = file_name(name);
     write_atomically(&directory.join(format!("{name}.svg")), |file| {
         file.write_all(svg.as_bytes())
     })?;

@@ -22,10 +22,10 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
         show_channels(&profile, args, printer)?;
         show_parts(&profile, printer)?;
     }
-    let usable = profile.train.transitions > 0;
+    let usable = profile.train.transitions > 0 && profile.kept().next().is_some();
     if !usable {
         printer.warn(
-            "the training range has no transition: nothing could be built from this log as it is",
+            "no channel or no transition is left: nothing could be built from this log as it is",
         );
     }
     Ok(if usable { ExitStatus::Done } else { ExitStatus::Negative })

@@ -79,7 +79,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         return Ok(ExitStatus::Done);
     }
     let existing = artefact::read::<RolloutManifest>(&directory)
-        .filter(|found| found.key == key && !args.force);
+        .filter(|found| found.key == key && !args.force)
+        .filter(|_| artefact::has_files(&directory, ["trajectories.parquet"]));
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
         None => {

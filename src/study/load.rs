@@ -62,17 +62,29 @@ impl Study {
         self.preprocess.check()?;
         self.model.check().context("[model]")?;
         self.agent.check().context("[agent]")?;
+        // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [
-            ("sweep.steps", self.sweep.steps, 2),
-            ("sweep.member_runs", self.sweep.member_runs, 1),
-            ("sweep.online_runs", self.sweep.online_runs, 1),
-            ("rollout.steps", self.rollout.steps, 1),
-            ("rollout.rollouts", self.rollout.rollouts, 1),
-            ("evaluate.top_k", self.evaluate.top_k, 1),
+            ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
+            ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
+            ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
+            ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),
+            ("sweep.curve_points", self.sweep.curve_points, 0, MANY_RUNS),
+            ("rollout.steps", self.rollout.steps, 1, MANY_STEPS),
+            ("rollout.rollouts", self.rollout.rollouts, 1, MANY_RUNS),
+            ("evaluate.top_k", self.evaluate.top_k, 1, MANY_RUNS),
         ];
-        for (key, got, least) in counts {
-            ensure!(got >= least, "{key} must be at least {least}, got {got}");
+        for (key, got, least, most) in counts {
+            ensure!(
+                (least..=most).contains(&got),
+                "{key} must be from {least} to {most}, got {got}"
+            );
         }
+        ensure!(
+            self.rollout.steps.saturating_mul(self.rollout.rollouts) <= MANY_STEPS,
+            "rollout.steps x rollout.rollouts must be at most {MANY_STEPS}, got {} x {}",
+            self.rollout.steps,
+            self.rollout.rollouts
+        );
         let sensors = &self.sweep.sensors;
         if let Some(twice) =
             (1..sensors.len()).find(|&place| sensors[..place].contains(&sensors[place]))
@@ -88,12 +100,19 @@ impl Study {
     pub(crate) fn data_to_read(&self, paths: &StudyPaths) -> anyhow::Result<DataConfig> {
         let mut data = self.data.clone();
         for path in &mut data.path.0 {
+            ensure!(!path.is_empty(), "{}: data.path is empty", paths.study().display());
             *path = expand(path).with_context(|| paths.study().display().to_string())?;
         }
         data.resolve(paths.study().parent().unwrap_or(Path::new("")));
         Ok(data)
     }
 }
+
+/// More runs or rollouts than anybody asks for.
+const MANY_RUNS: usize = 100_000;
+
+/// More steps than anybody asks for: three years at 1 Hz.
+const MANY_STEPS: usize = 100_000_000;
 
 fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
     let place = |span: Option<std::ops::Range<usize>>| {
@@ -119,7 +138,7 @@ fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
     let parsed = toml::from_str::<Table>(&format!("value = {value}"))
         .ok()
         .and_then(|mut parsed| parsed.remove("value"))
-        .unwrap_or_else(|| Value::String(value.to_owned()));
+        .map_or_else(|| plain_text(text, value), Ok)?;
     let keys: Vec<&str> = keys.trim().split('.').map(str::trim).collect();
     let (last, sections) =
         keys.split_last().with_context(|| format!("--set {text}: {expected}"))?;
@@ -135,6 +154,16 @@ fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
     }
     place.insert((*last).to_owned(), parsed);
     Ok(())
+}
+
+/// A value that is not TOML is plain text, unless it was clearly meant to be TOML.
+fn plain_text(text: &str, value: &str) -> anyhow::Result<Value> {
+    ensure!(
+        !value.starts_with(['[', '{', '"', '\''])
+            && !value.starts_with(|first: char| first.is_ascii_digit()),
+        "--set {text}: `{value}` is not a TOML value: a number, \"text\", [list], {{ table }} or date"
+    );
+    Ok(Value::String(value.to_owned()))
 }
 
 fn with_overrides(path: &Path, overrides: &[String]) -> String {

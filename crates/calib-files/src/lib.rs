@@ -12,6 +12,7 @@ mod csv;
 mod error;
 mod fingerprint;
 mod json;
+mod name;
 mod npy;
 
 pub use array::{Array, read_array};
@@ -20,4 +21,5 @@ pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};
+pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};

@@ -127,7 +127,13 @@ pub fn verdict(
         Some(default) => judge(&[], default.index)?,
         None => None,
     };
-    let warnings = warnings(&of_sensor, &selection, grid);
+    let mut warnings = warnings(&of_sensor, &selection, grid);
+    if candidates[..grid].iter().any(|candidate| candidate.agent.gamma != candidates[0].agent.gamma)
+    {
+        warnings.push(
+            "the grid varies gamma: each value predicts another return, so their errors do not compare".to_owned(),
+        );
+    }
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
         best_online: online.as_ref().map(|online| best(&means(online))),
@@ -218,6 +224,11 @@ fn warnings(results: &[&UnitResult], selection: &Selection, grid: usize) -> Vec<
              near zero there, so look at rmse_over_std in summary.json and runs.parquet as well",
             rows.len()
         ));
+    }
+    if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
+        warnings.push(
+            "some runs made no update: the stream is shorter than batch_size, so nothing was learnt".to_owned(),
+        );
     }
     let diverged = rows.iter().filter(|row| row.diverged_at.is_some()).count();
     if diverged > 0 {
