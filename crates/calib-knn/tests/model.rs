@@ -134,3 +134,33 @@ fn recorded_rows_are_searched_as_the_tables_were() {
         assert_eq!(got, table);
     }
 }
+
+#[test]
+fn states_far_outside_the_data_find_their_nearest_sources_too() {
+    let model = model(&ModelConfig::default());
+    let member = model.member(0);
+    let mut rng = Seed::new(5).rng();
+    // 400 queries: the join, whose images are f32 and overflow at the larger of these scales.
+    let values: Vec<f32> = (0..400 * 5)
+        .map(|i| (rng.normal() * [1.0, 1e6, 1e17, 1e30, 1e37][i / 5 % 5]) as f32)
+        .collect();
+    let queries = States::new(values, 400, 5).expect("finite");
+    let found = member.nearest_sources(&queries, 2).expect("same columns");
+    for (query, found) in found.iter().enumerate() {
+        let mut expected: Vec<(f64, u32)> = (0..member.len())
+            .map(|position| {
+                let j = member.nth(position);
+                let source = model.states().row(model.transitions().source(j).get());
+                let mut squared = 0.0;
+                for (&a, &b) in queries.row(query).iter().zip(source) {
+                    squared += (f64::from(a) - f64::from(b)).powi(2);
+                }
+                (squared, j.0)
+            })
+            .collect();
+        expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+        let expected: Vec<u32> = expected[..2].iter().map(|pair| pair.1).collect();
+        let got: Vec<u32> = found.iter().map(|near| near.transition.0).collect();
+        assert_eq!(got, expected, "query {query}");
+    }
+}
