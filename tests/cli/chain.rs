@@ -84,6 +84,24 @@ fn what_is_up_to_date_is_not_made_again() {
 }
 
 #[test]
+fn deleted_results_are_made_again() {
+    let place = Place::with_study();
+    let files = [
+        ("build-model", "model/rows.parquet"),
+        ("rollout", "rollout/trajectories.parquet"),
+        ("sweep", "sweep/runs.parquet"),
+    ];
+    for (command, file) in files {
+        place.calib(&[command, "study.toml"]).succeeds();
+        let path = place.path().join("study-results").join(file);
+        let before = std::fs::read(&path).expect("readable");
+        std::fs::remove_file(&path).expect("there");
+        place.calib(&[command, "study.toml"]).succeeds();
+        assert!(std::fs::read(&path).expect("made again") == before, "{file}");
+    }
+}
+
+#[test]
 fn a_study_runs_from_anywhere() {
     let place = Place::with_study();
     for command in ["build-model", "sweep"] {
@@ -116,7 +134,8 @@ fn any_agent_field_can_be_swept() {
         place.calib(&[command, "study.toml"]).succeeds();
     }
     let verdict = place.calib(&["evaluate", "study.toml"]);
-    assert!(verdict.stdout().contains("gamma = 0."), "{}{}", verdict.stdout(), verdict.stderr());
+    let told = verdict.stdout();
+    assert!(told.contains("gamma = 0.") && told.contains("the grid varies gamma"), "{told}");
 }
 
 #[test]
