@@ -17,6 +17,7 @@ mod series;
 mod simulate;
 mod starts;
 mod sweep;
+mod sweep_tables;
 
 use anyhow::Context as _;
 
