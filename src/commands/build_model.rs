@@ -29,9 +29,9 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let clock = Stopwatch::start();
     let (study, paths) = load_study(&args.study)?;
     let directory = paths.model();
-    printer.say(&format!("build-model: reading {}", study.data.path.0.join(", ")));
-    let dataset =
-        calib_data::load(&study.data_to_read(&paths)?, &study.preprocess, &printer.progress())?;
+    let data = study.data_to_read(&paths)?;
+    printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
     check_sensors(&study, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model)?;
     announce(&study, &dataset, printer);

@@ -67,9 +67,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     let candidates = candidates(&study.sweep, &study.agent)?;
     let model = model_files::open(&paths, &study)?;
-    printer.say(&format!("sweep: reading {}", study.data.path.0.join(", ")));
-    let dataset =
-        calib_data::load(&study.data_to_read(&paths)?, &study.preprocess, &printer.progress())?;
+    let data = study.data_to_read(&paths)?;
+    printer.say(&format!("sweep: reading {}", data.path.0.join(", ")));
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
     let environments = environments(&study, &model, &dataset, lengths.steps)?;

@@ -15,6 +15,7 @@ fn run_shortened(study: &str, folder: &str, more: &[&str]) {
     let mut set = vec![
         "agent.value_function=linear",
         "agent.batch_size=16",
+        "agent.gamma=0.9",
         "sweep.steps=1500",
         "sweep.online_runs=2",
         "sweep.member_runs=1",
