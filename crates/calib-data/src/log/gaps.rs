@@ -31,8 +31,13 @@ pub(crate) fn detect_period(timestamps: &[Timestamp]) -> Option<Period> {
     Period::from_micros(*steps.select_nth_unstable(middle).1)
 }
 
-/// Cut the rows where a step is longer than `tolerance` periods.
-pub(crate) fn find_steps(timestamps: &[Timestamp], period: Period, tolerance: f64) -> Steps {
+/// Cut the rows where a step is longer than `tolerance` periods, and before each of `breaks` (in order).
+pub(crate) fn find_steps(
+    timestamps: &[Timestamp],
+    breaks: &[u32],
+    period: Period,
+    tolerance: f64,
+) -> Steps {
     let longest = (period.as_micros() as f64 * tolerance).floor() as i64;
     let shortest = (period.as_micros() as f64 / tolerance).ceil() as i64;
     let mut found = Steps::default();
@@ -48,7 +53,13 @@ pub(crate) fn find_steps(timestamps: &[Timestamp], period: Period, tolerance: f6
             }
             found.stretches.push(start..row + 1);
             start = row + 1;
-        } else if step < shortest {
+            continue;
+        }
+        if breaks.binary_search(&(row as u32 + 1)).is_ok() {
+            found.stretches.push(start..row + 1);
+            start = row + 1;
+        }
+        if step < shortest {
             found.short += 1;
         }
     }
@@ -89,13 +100,16 @@ mod tests {
     fn gaps_split_and_short_do_not() {
         let times = seconds(&[0.0, 1.0, 2.5, 3.0, 4.51, 5.51, 20.0]);
         let period = Period::from_secs(1.0).expect("positive");
-        let steps = find_steps(&times, period, 1.5);
+        let steps = find_steps(&times, &[], period, 1.5);
         assert_eq!(steps.stretches, [0..4, 4..6, 6..7], "1.5 periods are tolerated");
         assert_eq!((steps.gaps, steps.short), (2, 1));
         assert_eq!(steps.longest_gap, 14_490_000);
         assert_eq!(steps.total_gap, 16_000_000);
         assert_eq!(steps.first_gaps[0], (times[3], times[4]));
         assert_eq!(inside(&steps.stretches, &(2..5)), [2..4, 4..5]);
-        assert_eq!(find_steps(&[], period, 1.5), Steps::default());
+        assert_eq!(find_steps(&[], &[], period, 1.5), Steps::default());
+        let broken = find_steps(&times, &[1, 4], period, 1.5);
+        assert_eq!(broken.stretches, [0..1, 1..4, 4..6, 6..7]);
+        assert_eq!((broken.gaps, broken.short), (2, 1), "a break is no gap");
     }
 }

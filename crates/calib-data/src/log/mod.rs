@@ -86,7 +86,7 @@ impl Log {
             .ok_or_else(|| DataError::NoPeriod { at: format_time(rows.timestamps[0]) })?;
         Ok(Self {
             channels: list_channels(&files, &data.timestamp),
-            steps: gaps::find_steps(&rows.timestamps, period, data.gap_tolerance),
+            steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),
             period_was_detected: data.period_secs.is_none(),
             period,
             train,

@@ -1,6 +1,6 @@
 //! The rows of the log in time order, each instant once, and where in which file they lie.
 
-use std::ops::Range;
+use std::{collections::BTreeSet, ops::Range};
 
 use calib_core::Timestamp;
 use rayon::prelude::*;
@@ -19,6 +19,9 @@ pub(crate) struct Rows {
     pub(crate) maps: Vec<RowMap>,
     /// By file and row of the file.
     pub(crate) duplicates: Vec<Duplicate>,
+    /// Rows that were not recorded after the row before them: a clock that went back recorded the same
+    /// stretch of time twice, and the two passes alternate here. In order.
+    pub(crate) breaks: Vec<u32>,
     pub(crate) irregularities: Irregularities,
 }
 
@@ -92,6 +95,7 @@ impl Rows {
             timestamps: Vec::new(),
             maps: files.iter().map(|_| RowMap::Contiguous { file: 0..0, first: 0 }).collect(),
             duplicates: Vec::new(),
+            breaks: Vec::new(),
             irregularities,
         };
         if increasing(files, &order) {
@@ -129,8 +133,14 @@ impl Rows {
             }
         }
         all.par_sort_unstable();
+        let mut passes = Passes::new(files);
         for (time, position, file_row) in all {
             let file = order[position as usize];
+            passes.note(
+                file,
+                file_row as usize,
+                self.timestamps.last() == Some(&Timestamp::from_micros(time)),
+            );
             let time = Timestamp::from_micros(time);
             if self.timestamps.last() == Some(&time) {
                 self.duplicates.push(Duplicate {
@@ -145,6 +155,7 @@ impl Rows {
             }
             self.timestamps.push(time);
         }
+        self.breaks = passes.breaks();
         self.duplicates.sort_unstable_by_key(|duplicate| (duplicate.file, duplicate.file_row));
         // Whatever lies in one piece is copied in one piece; duplicates are found row by row.
         let mut repeats = vec![false; files.len()];
@@ -160,6 +171,65 @@ impl Rows {
             }
         }
     }
+}
+
+/// The passes of a file: maximal runs of its rows in time order. A clock that goes back begins a new pass.
+struct Passes {
+    /// For each file, the pass of each row.
+    of_row: Vec<Vec<u32>>,
+    /// File and pass of each row of the log.
+    kept: Vec<(usize, u32)>,
+    /// Two passes of a file that recorded the same instant, the earlier one first.
+    repeated: BTreeSet<(usize, u32, u32)>,
+}
+
+impl Passes {
+    fn new(files: &[Vec<i64>]) -> Self {
+        Self {
+            of_row: files.iter().map(|times| passes(times)).collect(),
+            kept: Vec::new(),
+            repeated: BTreeSet::new(),
+        }
+    }
+
+    /// The next row in time order; a repeat has the time of the row that was kept last.
+    fn note(&mut self, file: usize, file_row: usize, is_repeat: bool) {
+        let pass = self.of_row[file][file_row];
+        match self.kept.last() {
+            Some(&(kept_file, kept)) if is_repeat => {
+                if kept_file == file && kept != pass {
+                    self.repeated.insert((file, kept.min(pass), kept.max(pass)));
+                }
+            }
+            _ => self.kept.push((file, pass)),
+        }
+    }
+
+    /// Rows of the log that come from another pass over the same instants than the row before them.
+    fn breaks(&self) -> Vec<u32> {
+        let breaks = |pair: &[(usize, u32)]| {
+            let [(before, earlier), (file, later)] = *pair else { return false };
+            let passes = (file, earlier.min(later), earlier.max(later));
+            before == file && self.repeated.contains(&passes)
+        };
+        let rows = self.kept.windows(2).enumerate().filter(|(_, pair)| breaks(pair));
+        rows.map(|(row, _)| row as u32 + 1).collect()
+    }
+}
+
+/// The pass of each row of a file.
+fn passes(times: &[i64]) -> Vec<u32> {
+    let (mut pass, mut before) = (0, NO_TIME);
+    times
+        .iter()
+        .map(|&time| {
+            if time != NO_TIME {
+                pass += u32::from(time < before);
+                before = time;
+            }
+            pass
+        })
+        .collect()
 }
 
 fn one_piece(rows: &[u32]) -> Option<RowMap> {
@@ -271,6 +341,19 @@ mod tests {
         assert_eq!(rows.maps[0], RowMap::Scattered(vec![0, 1, 2, LEFT_OUT, LEFT_OUT, 3]));
         let repeat = |file_row, row| Duplicate { file: 0, file_row, row };
         assert_eq!(rows.duplicates, [repeat(3, 1), repeat(4, 2)]);
+        assert_eq!(rows.breaks, [3], "4 was recorded after the second 3, not after the first");
+    }
+
+    #[test]
+    fn two_passes_over_the_same_time_do_not_follow_each_other() {
+        // The second pass repeats 20 and falls into the holes of the first.
+        let rows = Rows::plan(&[vec![10, 20, 40, 60, 20, 30, 50, 70]], &ALL);
+        assert_eq!(micros(&rows), [10, 20, 30, 40, 50, 60, 70]);
+        assert_eq!(rows.breaks, [2, 3, 4, 5, 6]);
+        // Parts of a file in the wrong order, or rows that changed places, repeat nothing.
+        assert!(Rows::plan(&[vec![4, 5, 6, 1, 2, 3]], &ALL).breaks.is_empty());
+        assert!(Rows::plan(&[vec![1, 3, 2, 4]], &ALL).breaks.is_empty());
+        assert!(Rows::plan(&[vec![1, 2, 3], vec![2, 3, 4]], &ALL).breaks.is_empty());
     }
 
     #[test]

@@ -38,6 +38,8 @@ fn the_end_of_daylight_saving_is_merged_and_reported() {
     assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]);
     let profile = &dataset.profile;
     assert_eq!((profile.duplicates.conflicting, profile.duplicates.identical), (3, 0));
+    // The 6 was recorded after the second 5, not after the first one, which is kept.
+    assert_eq!(dataset.train.segments().iter().map(|s| s.len()).collect::<Vec<_>>(), [6, 2]);
     let steps = &profile.backward_steps;
     assert_eq!(steps.count, 1);
     assert!(steps.examples[0].file.ends_with("a.parquet"));
