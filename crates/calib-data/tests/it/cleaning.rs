@@ -39,7 +39,9 @@ fn the_end_of_daylight_saving_is_merged_and_reported() {
     let profile = &dataset.profile;
     assert_eq!((profile.duplicates.conflicting, profile.duplicates.identical), (3, 0));
     // The 6 was recorded after the second 5, not after the first one, which is kept.
-    assert_eq!(dataset.train.segments().iter().map(|s| s.len()).collect::<Vec<_>>(), [6, 2]);
+    let lengths: Vec<usize> =
+        dataset.train.segments().iter().map(calib_core::Segment::len).collect();
+    assert_eq!(lengths, [6, 2]);
     let steps = &profile.backward_steps;
     assert_eq!(steps.count, 1);
     assert!(steps.examples[0].file.ends_with("a.parquet"));
