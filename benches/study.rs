@@ -65,7 +65,7 @@ fn study(criterion: &mut Criterion) {
         })
         .to_vec();
     let fit = || {
-        let (scoring, curve) = (Scoring::Final(0.25), CurveRule { windows: 10 });
+        let (scoring, curve) = (Scoring::WholeRun, CurveRule { windows: 10 });
         train(&stream, 0, &agents, scoring, curve, seed, &Silent).expect("trained")
     };
     group.bench_function("train 3 values for 1,000 steps", |bencher| bencher.iter(fit));
