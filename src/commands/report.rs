@@ -94,7 +94,7 @@ fn setting(candidate: &Candidate) -> Setting {
     match candidate.values.as_slice() {
         [(_, value)] => value
             .as_f64()
-            .map_or_else(|| Setting::Name(crate::output::value(value)), Setting::Number),
+            .map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number),
         _ => Setting::Name(candidate.label()),
     }
 }

@@ -8,7 +8,6 @@ use calib_sweep::{
     Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
     RolloutOptions, UnitStore, candidates,
 };
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -94,11 +93,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let units = plan.units();
-    let missing = if args.force {
-        units.len()
-    } else {
-        units.par_iter().filter(|planned| store.get(&planned.unit, &planned.key).is_none()).count()
-    };
+    let stored = if args.force { vec![None; units.len()] } else { plan.stored(&store) };
+    let missing = stored.iter().filter(|result| result.is_none()).count();
     announce(&study, &candidates, &units, missing, &lengths, printer);
     if args.dry_run {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
@@ -109,7 +105,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     if args.force {
         remove_units(&store)?;
     }
-    let results = plan.run(&store, &printer.progress())?;
+    let results = plan.complete(stored, &store, &printer.progress())?;
     let manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),

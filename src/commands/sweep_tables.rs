@@ -59,7 +59,7 @@ fn with_agent_columns(
             let values = rows.clone().map(|row| of(row).as_f64().unwrap_or(f64::NAN));
             table.with(&field, values.collect())
         } else {
-            let values = rows.clone().map(|row| crate::output::value(of(row)));
+            let values = rows.clone().map(|row| calib_sweep::written(of(row)));
             table.with(&field, values.collect::<Vec<String>>())
         };
     }

@@ -72,14 +72,6 @@ pub(crate) fn significant(number: f64) -> String {
     format!("{number:.decimals$}")
 }
 
-/// A swept value as one would write it by hand.
-pub(crate) fn value(value: &serde_json::Value) -> String {
-    match value.as_f64() {
-        Some(float) if float != 0.0 && !(1e-3..1e6).contains(&float.abs()) => format!("{float:e}"),
-        _ => value.as_str().map_or_else(|| value.to_string(), str::to_owned),
-    }
-}
-
 /// A table for a terminal: the first column is text, the others are numbers.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
@@ -111,8 +103,6 @@ mod tests {
         assert_eq!(significant(123.4), "123");
         assert_eq!(significant(1.0e-5), "1.00e-5");
         assert_eq!(significant(f64::INFINITY), "diverged");
-        assert_eq!(value(&serde_json::json!(1e-4)), "1e-4");
-        assert_eq!(value(&serde_json::json!("adam")), "adam");
     }
 
     #[test]

@@ -4,6 +4,6 @@ mod format;
 mod printer;
 mod progress;
 
-pub(crate) use format::{bytes, count, duration, percent, significant, table, value};
+pub(crate) use format::{bytes, count, duration, percent, significant, table};
 pub(crate) use printer::Printer;
 pub(crate) use progress::{ProgressMonitor, watch_for_interrupts};

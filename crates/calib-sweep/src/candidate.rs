@@ -39,11 +39,11 @@ impl Candidate {
 }
 
 fn label(values: &[(String, Value)]) -> String {
-    values.iter().map(|(field, value)| format!("{field} = {}", plain(value))).join(", ")
+    values.iter().map(|(field, value)| format!("{field} = {}", written(value))).join(", ")
 }
 
-/// A value as one would write it by hand.
-fn plain(value: &Value) -> String {
+/// A swept value as one would write it by hand: `1e-4`, `adam`.
+pub fn written(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Number(number) => match number.as_f64() {
@@ -103,7 +103,10 @@ fn check_values(field: &str, values: &[Value]) -> Result<(), SweepError> {
     }
     for (position, value) in values.iter().enumerate() {
         if values[..position].contains(value) {
-            return Err(SweepError::RepeatedValue { field: field.to_owned(), value: plain(value) });
+            return Err(SweepError::RepeatedValue {
+                field: field.to_owned(),
+                value: written(value),
+            });
         }
     }
     Ok(())
@@ -158,6 +161,12 @@ mod tests {
         assert_eq!(within.len(), 2);
         assert!(within[1].is_default, "the default agent uses 1e-3");
         assert_eq!(within[0].label(), "learning_rate = 1e-4");
+    }
+
+    #[test]
+    fn values_are_written_as_by_hand() {
+        assert_eq!(written(&serde_json::json!(1e-4)), "1e-4");
+        assert_eq!(written(&serde_json::json!("adam")), "adam");
     }
 
     #[test]

@@ -17,7 +17,7 @@ mod store;
 mod unit;
 mod verdict;
 
-pub use candidate::{Candidate, Role, candidates};
+pub use candidate::{Candidate, Role, candidates, written};
 pub use config::{Scored, SweepConfig};
 pub use environment::{
     Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions,

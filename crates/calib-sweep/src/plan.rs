@@ -58,24 +58,43 @@ impl<'a> Plan<'a> {
         self.jobs().into_iter().map(planned).collect()
     }
 
-    /// Run what `store` lacks, units in parallel, and return all results in the order of
-    /// [`units`](Self::units). Results do not depend on the number of threads.
+    /// The result that `store` has for each of [`units`](Self::units).
+    pub fn stored(&self, store: &UnitStore) -> Vec<Option<UnitResult>> {
+        self.jobs().par_iter().map(|job| store.get(&job.unit, &job.key)).collect()
+    }
+
+    /// Run what `store` lacks; see [`complete`](Self::complete).
     ///
     /// # Errors
-    /// The first failure, or [`SweepError::Interrupted`]; finished units stay stored.
+    /// As [`complete`](Self::complete).
     pub fn run(
         &self,
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
+        self.complete(self.stored(store), store, monitor)
+    }
+
+    /// Run the units that have no result in `stored`, in parallel, put their results in `store`, and return
+    /// all results in the order of [`units`](Self::units). Results do not depend on the number of threads.
+    ///
+    /// # Errors
+    /// The first failure, or [`SweepError::Interrupted`]; finished units stay stored.
+    pub fn complete(
+        &self,
+        stored: Vec<Option<UnitResult>>,
+        store: &UnitStore,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<UnitResult>, SweepError> {
         let jobs = self.jobs();
-        let missing = jobs.iter().filter(|job| store.get(&job.unit, &job.key).is_none()).count();
+        let missing = stored.iter().filter(|result| result.is_none()).count();
         // Agents count the states of a stream: one more than its steps.
         monitor.begin("training", missing as u64 * (self.options.steps as u64 + 1));
         jobs.par_iter()
+            .zip(stored)
             .with_max_len(1)
-            .map(|job| {
-                if let Some(result) = store.get(&job.unit, &job.key) {
+            .map(|(job, stored)| {
+                if let Some(result) = stored {
                     return Ok(result);
                 }
                 if monitor.interrupted() {

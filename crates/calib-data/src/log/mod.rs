@@ -2,6 +2,7 @@
 
 mod file;
 mod gaps;
+mod passes;
 mod read;
 mod rows;
 mod source;

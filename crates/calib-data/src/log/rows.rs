@@ -1,9 +1,11 @@
 //! The rows of the log in time order, each instant once, and where in which file they lie.
 
-use std::{collections::BTreeSet, ops::Range};
+use std::ops::Range;
 
 use calib_core::Timestamp;
 use rayon::prelude::*;
+
+use super::passes::Passes;
 
 /// A timestamp that is missing, in a file's list of timestamps.
 pub(crate) const NO_TIME: i64 = i64::MIN;
@@ -171,65 +173,6 @@ impl Rows {
             }
         }
     }
-}
-
-/// The passes of a file: maximal runs of its rows in time order. A clock that goes back begins a new pass.
-struct Passes {
-    /// For each file, the pass of each row.
-    of_row: Vec<Vec<u32>>,
-    /// File and pass of each row of the log.
-    kept: Vec<(usize, u32)>,
-    /// Two passes of a file that recorded the same instant, the earlier one first.
-    repeated: BTreeSet<(usize, u32, u32)>,
-}
-
-impl Passes {
-    fn new(files: &[Vec<i64>]) -> Self {
-        Self {
-            of_row: files.iter().map(|times| passes(times)).collect(),
-            kept: Vec::new(),
-            repeated: BTreeSet::new(),
-        }
-    }
-
-    /// The next row in time order; a repeat has the time of the row that was kept last.
-    fn note(&mut self, file: usize, file_row: usize, is_repeat: bool) {
-        let pass = self.of_row[file][file_row];
-        match self.kept.last() {
-            Some(&(kept_file, kept)) if is_repeat => {
-                if kept_file == file && kept != pass {
-                    self.repeated.insert((file, kept.min(pass), kept.max(pass)));
-                }
-            }
-            _ => self.kept.push((file, pass)),
-        }
-    }
-
-    /// Rows of the log that come from another pass over the same instants than the row before them.
-    fn breaks(&self) -> Vec<u32> {
-        let breaks = |pair: &[(usize, u32)]| {
-            let [(before, earlier), (file, later)] = *pair else { return false };
-            let passes = (file, earlier.min(later), earlier.max(later));
-            before == file && self.repeated.contains(&passes)
-        };
-        let rows = self.kept.windows(2).enumerate().filter(|(_, pair)| breaks(pair));
-        rows.map(|(row, _)| row as u32 + 1).collect()
-    }
-}
-
-/// The pass of each row of a file.
-fn passes(times: &[i64]) -> Vec<u32> {
-    let (mut pass, mut before) = (0, NO_TIME);
-    times
-        .iter()
-        .map(|&time| {
-            if time != NO_TIME {
-                pass += u32::from(time < before);
-                before = time;
-            }
-            pass
-        })
-        .collect()
 }
 
 fn one_piece(rows: &[u32]) -> Option<RowMap> {
