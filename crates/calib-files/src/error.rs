@@ -32,6 +32,14 @@ pub enum FileError {
         /// What was expected and what was found.
         reason: String,
     },
+    /// A safetensors file that is none, or that holds what calib cannot use.
+    #[error("{} is not a usable safetensors file: {reason}", path.display())]
+    Tensors {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and what was found.
+        reason: String,
+    },
     /// A JSON file that does not have the expected form.
     #[error("{} is not valid", path.display())]
     Json {

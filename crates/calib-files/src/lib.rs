@@ -4,7 +4,8 @@
 //! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
 //! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
 //! Series that come from elsewhere are read as `f64` from NumPy files of any number type
-//! ([`read_array`]) and from CSV ([`read_csv`]).
+//! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
+//! ([`read_tensors`], [`write_tensors`]).
 
 mod array;
 mod atomic;
@@ -14,6 +15,7 @@ mod fingerprint;
 mod json;
 mod name;
 mod npy;
+mod tensors;
 
 pub use array::{Array, read_array};
 pub use atomic::{create_directory, is_temporary, write_atomically};
@@ -23,3 +25,4 @@ pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
+pub use tensors::{Tensor, Tensors, read_tensors, write_tensors};
