@@ -47,6 +47,26 @@ impl Adam {
         }
     }
 
+    /// An optimiser that goes on where another one of these [`moments`](Self::moments) stopped.
+    ///
+    /// # Panics
+    /// If there are not as many means as mean squares.
+    pub fn from_moments(
+        rule: AdamRule,
+        mean: Vec<f32>,
+        square: Vec<f32>,
+        powers: (f64, f64),
+    ) -> Self {
+        assert_eq!(mean.len(), square.len(), "both moments of every parameter");
+        Self { rule, mean, square, powers }
+    }
+
+    /// The means of gradients and of squared gradients, and (β₁ᵗ, β₂ᵗ): with the parameters, all that
+    /// a checkpoint must hold.
+    pub fn moments(&self) -> (&[f32], &[f32], (f64, f64)) {
+        (&self.mean, &self.square, self.powers)
+    }
+
     /// The hyperparameters.
     pub fn rule(&self) -> AdamRule {
         self.rule
@@ -143,6 +163,24 @@ mod tests {
                 assert!((f64::from(*got) - expected).abs() < 2e-6, "step {t}: {parameters:?}");
             }
         }
+    }
+
+    #[test]
+    fn goes_on_from_its_moments() {
+        let mut whole = Adam::new(AdamRule::default(), 2);
+        let (mut expected, mut got) = ([1.0, -1.0], [1.0, -1.0]);
+        whole.step(&mut expected, &[0.3, -2.0]);
+        whole.step(&mut got.clone(), &[0.0, 0.0]);
+        let mut first = Adam::new(AdamRule::default(), 2);
+        first.step(&mut got, &[0.3, -2.0]);
+        first.step(&mut [0.0, 0.0], &[0.0, 0.0]);
+        let (mean, square, powers) = first.moments();
+        let mut rest =
+            Adam::from_moments(AdamRule::default(), mean.to_vec(), square.to_vec(), powers);
+        assert_eq!(rest, whole);
+        whole.step(&mut expected, &[0.1, 0.2]);
+        rest.step(&mut got, &[0.1, 0.2]);
+        assert_eq!(got, expected);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters lie in
 //!   one flat vector ([`Layer`] says where), so that optimisers, copies and checkpoints are one pass.
 //! - [`Workspace`]: every buffer of a training step, allocated once.
+//! - [`Matrix`], [`multiply`]: the product they consist of, for losses that need one.
 //! - [`Optimiser`]: [`Adam`] (optionally with decoupled weight decay) or [`Sgd`].
 //!
 //! The loss lives outside: its gradient with respect to the output is handed to [`Mlp::backward`].
@@ -39,5 +40,6 @@ mod workspace;
 pub use adam::{Adam, AdamRule};
 pub use mlp::{Layer, Mlp, ParameterCountError};
 pub use optimiser::Optimiser;
+pub use product::{Matrix, multiply};
 pub use sgd::{Sgd, SgdRule};
 pub use workspace::Workspace;

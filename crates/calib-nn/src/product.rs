@@ -1,8 +1,8 @@
 use gemm::{Parallelism, gemm};
 
 /// A matrix over borrowed values: element (i, j) is `values[i * row_stride + j * column_stride]`.
-#[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a> {
+#[derive(Clone, Copy, Debug)]
+pub struct Matrix<'a> {
     values: &'a [f32],
     rows: usize,
     columns: usize,
@@ -12,12 +12,17 @@ pub(crate) struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     /// `values` as `[rows, columns]`, row after row.
-    pub(crate) fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
+    ///
+    /// # Panics
+    /// If there are not as many values.
+    pub fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
         assert_eq!(values.len(), rows * columns, "a matrix covers its values");
         Self { values, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
-    pub(crate) fn transposed(self) -> Self {
+    /// The transpose, over the same values.
+    #[must_use]
+    pub fn transposed(self) -> Self {
         Self {
             rows: self.columns,
             columns: self.rows,
@@ -31,7 +36,10 @@ impl<'a> Matrix<'a> {
 /// `out` = `left` · `right`, with `out` as `[left.rows, right.columns]`, row after row.
 ///
 /// One thread: populations and runs are parallel outside, where nothing must be synchronised.
-pub(crate) fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
+///
+/// # Panics
+/// If the sizes do not agree.
+pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     let (m, k, n) = (left.rows, left.columns, right.columns);
     assert_eq!(k, right.rows, "inner sizes of a product agree");
     assert_eq!(out.len(), m * n, "the result covers its values");
