@@ -1,0 +1,79 @@
+"""What the PyTorch scripts of this folder share: numbers that single precision holds exactly, networks, JSON.
+
+A network's parameters are one flat list, layer after layer: weights [inputs, outputs] row after row (the
+transpose of PyTorch's Linear.weight), then biases. That is how calib-nn keeps them.
+"""
+
+import json
+import pathlib
+
+import numpy as np
+import torch
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PRECISIONS = {"double": torch.float64, "single": torch.float32}
+
+
+def uniform(rng, bound, *shape):
+    """Multiples of 2^-12 in +-bound: exact in single precision, short in a file."""
+    return np.round(rng.uniform(-bound, bound, shape) * 4096) / 4096
+
+
+def parameters(rng, sizes):
+    """Uniform in +-1/sqrt(inputs), weights and biases of each layer."""
+    layers = zip(sizes, sizes[1:])
+    return np.concatenate([uniform(rng, inputs**-0.5, (inputs + 1) * outputs) for inputs, outputs in layers])
+
+
+def network(sizes, flat, dtype):
+    """Linear layers with ReLU between them."""
+    layers, at = [], 0
+    for inputs, outputs in zip(sizes, sizes[1:]):
+        layer = torch.nn.Linear(inputs, outputs, dtype=dtype)
+        weights, at = flat[at : at + inputs * outputs], at + inputs * outputs
+        bias, at = flat[at : at + outputs], at + outputs
+        with torch.no_grad():
+            layer.weight.copy_(torch.tensor(weights.reshape(inputs, outputs).T))
+            layer.bias.copy_(torch.tensor(bias))
+        layers += [layer, torch.nn.ReLU()]
+    return torch.nn.Sequential(*layers[:-1])
+
+
+def flat_of(layers, gradient=False):
+    """Parameters or their gradients, in the order of `parameters`."""
+    of = (lambda tensor: tensor.grad) if gradient else (lambda tensor: tensor.detach())
+    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    return torch.cat([part.reshape(-1) for layer in linear for part in (of(layer.weight).T, of(layer.bias))]).numpy()
+
+
+def numbers(values, digits=9):
+    """Nested lists of a tensor or an array; nine digits are more than single precision has."""
+    values = np.asarray(values.detach() if isinstance(values, torch.Tensor) else values)
+    if values.ndim:
+        return [numbers(value, digits) for value in values]
+    return int(values) if values.dtype.kind == "i" else float(f"{float(values):.{digits}g}")
+
+
+def deviation(double, single):
+    """Greatest difference between the same numbers in both precisions."""
+    return float(f"{np.max(np.abs(np.asarray(double, dtype=float) - np.asarray(single, dtype=float))):.2g}")
+
+
+def write(path, golden):
+    """One key of the outermost two levels a line, so that changes can be read."""
+    text = json.dumps(golden)
+    lines = []
+    for key, value in golden.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            inner = ",\n".join(
+                "    {" + ",\n     ".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in case.items()) + "}" for case in value
+            )
+            lines.append(f"  {json.dumps(key)}: [\n{inner}\n  ]")
+        else:
+            lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
+    laid_out = "{\n" + ",\n".join(lines) + "\n}\n"
+    assert json.loads(laid_out) == json.loads(text)
+    path = ROOT / path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(laid_out)
+    print(f"{path.relative_to(ROOT)}: {len(laid_out) / 1000:.0f} kB")
