@@ -1,0 +1,170 @@
+use serde::{Deserialize, Serialize};
+
+/// Which of the two published ways to write the loss is meant; see [`laplacian_loss`](crate::laplacian_loss).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum LossForm {
+    /// β weighs the whole repulsion: β · mean [(ψᵢ·ψⱼ)² − ζ‖ψᵢ‖² − ζ‖ψⱼ‖²].
+    #[default]
+    A,
+    /// β weighs the squared product only: mean [β(ψᵢ·ψⱼ)² − ζ‖ψᵢ‖² − ζ‖ψⱼ‖²].
+    B,
+}
+
+/// The loss of a Laplacian representation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LossConfig {
+    /// Form of the loss. Default `A`.
+    pub form: LossForm,
+    /// Weight c of the attraction of successive states, > 0. Default 1; the lab's code has 0.5.
+    pub attraction: f64,
+    /// Weight β of the repulsion, > 0. Default 5 (paper).
+    pub beta: f64,
+    /// Size ζ that the repulsion drives second moments to, > 0. Default 0.05 (paper).
+    pub zeta: f64,
+}
+
+impl Default for LossConfig {
+    fn default() -> Self {
+        Self { form: LossForm::A, attraction: 1.0, beta: 5.0, zeta: 0.05 }
+    }
+}
+
+impl LossConfig {
+    /// Weights of Σ (ψᵢ·ψⱼ)² and of Σ (‖ψᵢ‖² + ‖ψⱼ‖²) in the mean over pairs.
+    pub(crate) fn repulsion(&self) -> (f64, f64) {
+        match self.form {
+            LossForm::A => (self.beta, self.beta * self.zeta),
+            LossForm::B => (self.beta, self.zeta),
+        }
+    }
+
+    /// The stationary second moment of ψ along an eigenfunction whose correlation over one drawn
+    /// pair is `correlation` μ: max(0, ζ − c(1−μ)/β) in form A, max(0, (ζ − c(1−μ))/β) in form B.
+    ///
+    /// Derived: with ψ = Σ aₖ fₖ eₖ over orthonormal eigenfunctions the expected loss is
+    /// Σ 2c(1−μₖ)aₖ² + q aₖ⁴ − 2l aₖ², whose minimum is aₖ² = (l − c(1−μₖ))/q where that is positive.
+    pub fn stationary_moment(&self, correlation: f64) -> f64 {
+        let (quartic, quadratic) = self.repulsion();
+        ((quadratic - self.attraction * (1.0 - correlation)) / quartic).max(0.0)
+    }
+}
+
+/// Hyperparameters of one representation. Every field is a scalar and has a default.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LaplacianConfig {
+    /// The loss.
+    #[serde(flatten)]
+    pub loss: LossConfig,
+    /// Decay κ of the time between the states of a pair, in (0, 1]. Default 0.95 (paper).
+    pub kappa: f64,
+    /// States of a sub-trajectory T: pairs are 1 to T − 1 steps apart; at least 2. Default 20 (paper).
+    pub trajectory: usize,
+    /// Dimensions d of ψ. Default 64 (paper).
+    pub dimension: usize,
+    /// Hidden layers of the encoder, 1 to 16. Default 2 (paper).
+    pub hidden_layers: usize,
+    /// Units of each hidden layer. Default 256 (paper).
+    pub hidden_units: usize,
+    /// Step size of Adam, > 0. Default 3e-4 (paper, one week of data).
+    pub learning_rate: f64,
+    /// Pairs of a mini-batch, and states that repel each other; at least 2. Default 256 (paper).
+    pub batch_size: usize,
+    /// Updates. Default 100,000 (paper, one week of data).
+    pub steps: usize,
+}
+
+impl Default for LaplacianConfig {
+    fn default() -> Self {
+        Self {
+            loss: LossConfig::default(),
+            kappa: 0.95,
+            trajectory: 20,
+            dimension: 64,
+            hidden_layers: 2,
+            hidden_units: 256,
+            learning_rate: 3e-4,
+            batch_size: 256,
+            steps: 100_000,
+        }
+    }
+}
+
+/// A hyperparameter outside its range.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{field}`: expected {expected}, got {got}")]
+pub struct ConfigError {
+    /// The field's name, as in a study.
+    pub field: &'static str,
+    /// The values it may have.
+    pub expected: &'static str,
+    /// Its value.
+    pub got: String,
+}
+
+impl LaplacianConfig {
+    /// Check every field against its range.
+    ///
+    /// # Errors
+    /// The first field that is outside.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let real = |field, got: f64, most: f64, expected| {
+            let ok = got > 0.0 && got.is_finite() && got <= most;
+            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: got.to_string() }) }
+        };
+        let whole = |field, got: usize, least, most, expected| {
+            let ok = (least..=most).contains(&got);
+            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: got.to_string() }) }
+        };
+        let positive = "a number above 0";
+        real("attraction", self.loss.attraction, f64::MAX, positive)?;
+        real("beta", self.loss.beta, f64::MAX, positive)?;
+        real("zeta", self.loss.zeta, f64::MAX, positive)?;
+        real("kappa", self.kappa, 1.0, "above 0, at most 1")?;
+        real("learning_rate", self.learning_rate, f64::MAX, positive)?;
+        whole("trajectory", self.trajectory, 2, 1_000_000, "from 2 to 1000000")?;
+        whole("dimension", self.dimension, 1, 4096, "from 1 to 4096")?;
+        whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
+        whole("hidden_units", self.hidden_units, 1, 16_384, "from 1 to 16384")?;
+        whole("batch_size", self.batch_size, 2, 65_536, "from 2 to 65536")?;
+        whole("steps", self.steps, 1, 100_000_000, "from 1 to 100000000")
+    }
+
+    /// Layer sizes of the encoder for states of `columns` values, input first.
+    pub fn sizes(&self, columns: usize) -> Vec<usize> {
+        let mut sizes = vec![self.hidden_units; self.hidden_layers + 2];
+        sizes[0] = columns;
+        sizes[self.hidden_layers + 1] = self.dimension;
+        sizes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_survive_where_the_theory_says() {
+        let a = LossConfig::default();
+        assert!((a.stationary_moment(1.0) - 0.05).abs() < 1e-12);
+        assert!(a.stationary_moment(0.76) > 0.0 && a.stationary_moment(0.74) == 0.0);
+        let half = LossConfig { attraction: 0.5, ..a };
+        assert!(half.stationary_moment(0.51) > 0.0 && half.stationary_moment(0.49) == 0.0);
+        let b = LossConfig { form: LossForm::B, ..a };
+        assert!((b.stationary_moment(1.0) - 0.01).abs() < 1e-12);
+        assert!(b.stationary_moment(0.96) > 0.0 && b.stationary_moment(0.94) == 0.0);
+    }
+
+    #[test]
+    fn fields_outside_their_range_are_named() {
+        let field = |config: LaplacianConfig| config.check().expect_err("outside").field;
+        let base = LaplacianConfig::default();
+        base.check().expect("defaults are valid");
+        assert_eq!(field(LaplacianConfig { kappa: 1.5, ..base }), "kappa");
+        assert_eq!(field(LaplacianConfig { learning_rate: f64::NAN, ..base }), "learning_rate");
+        assert_eq!(field(LaplacianConfig { batch_size: 1, ..base }), "batch_size");
+        let loss = LossConfig { zeta: 0.0, ..base.loss };
+        assert_eq!(field(LaplacianConfig { loss, ..base }), "zeta");
+    }
+}

@@ -1,0 +1,44 @@
+use calib_files::FileError;
+
+use crate::ConfigError;
+
+/// Why a representation cannot be trained, read or chosen.
+#[derive(Debug, thiserror::Error)]
+pub enum RepresentError {
+    /// A hyperparameter is outside its range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// No pair of states can be drawn.
+    #[error(
+        "no two successive states lie in the {part} part of the training range ({rows} states); \
+         take a longer range, or fewer gaps"
+    )]
+    NoPairs {
+        /// "training" or "validation".
+        part: &'static str,
+        /// States of that part.
+        rows: usize,
+    },
+    /// A checkpoint of another training.
+    #[error("{path} is not a checkpoint of this training: {reason}; delete it to start again")]
+    Checkpoint {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What does not fit.
+        reason: String,
+    },
+    /// Weights that are no encoder.
+    #[error("{path} holds no encoder: {reason}")]
+    Encoder {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What does not fit.
+        reason: String,
+    },
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
