@@ -79,6 +79,7 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         bytes(2 * states + 2 * tables),
         bytes(states + tables),
     ));
+    dataset.profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
 }
 
 fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {

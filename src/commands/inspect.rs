@@ -87,6 +87,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     for (number, what) in oddities.iter().filter(|(number, _)| *number > 0) {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
     }
+    profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }

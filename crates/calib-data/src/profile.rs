@@ -185,6 +185,38 @@ impl PartProfile {
 }
 
 impl Profile {
+    /// What in the log's clock is probably not as meant, in sentences; empty for a good log.
+    ///
+    /// A given period that most steps contradict makes segments of one row or runs rows together,
+    /// and a numeric sensor taken for the timestamp lies in the first weeks of 1970. Both are
+    /// possible readings of a log, so they are no errors.
+    pub fn clock_doubts(&self) -> Vec<String> {
+        /// 1990-01-01, before plants logged to Parquet.
+        const EARLY: Timestamp = Timestamp::from_micros(631_152_000_000_000);
+        let steps = self.rows.saturating_sub(1);
+        let mut doubts = Vec::new();
+        for (contradict, longer, effect) in [
+            (self.gaps.count, "longer", "there is no transition across them"),
+            (self.short_steps, "shorter", "they count as whole samples"),
+        ] {
+            if contradict * 2 > steps {
+                doubts.push(format!(
+                    "{contradict} of {steps} steps in time are {longer} than the sample period of {} s, and {effect}: \
+                     {} data.period_secs",
+                    self.period_secs,
+                    if self.period_was_detected { "set" } else { "correct or remove" },
+                ));
+            }
+        }
+        if self.start < EARLY {
+            doubts.push(format!(
+                "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
+                crate::format_time(self.start)
+            ));
+        }
+        doubts
+    }
+
     /// The channel called `name`.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Duplicates, steps back, gaps and missing values.
 
-use calib_core::Timestamp;
+use calib_core::{Silent, Timestamp};
 use calib_data::{DataConfig, Missing, PreprocessConfig};
 
 use crate::support::{
@@ -77,6 +77,31 @@ fn gaps_end_segments() {
     let dataset = load_with(&slow, &PreprocessConfig::default());
     assert_eq!(segment_lengths(&dataset), [7]);
     assert_eq!(dataset.profile.short_steps, 5);
+}
+
+#[test]
+fn a_clock_that_is_not_as_meant_is_doubted() {
+    let start = 1_700_000_000;
+    let values: Vec<f64> = (0..20).map(f64::from).collect();
+    let folder = Folder::new();
+    let seconds = (0..20).map(|row| start + 10 * row);
+    folder.write("a.parquet", &log_at(seconds, &[("x", &values)]));
+    let doubts = |period_secs| {
+        let data = DataConfig { period_secs, ..folder.data() };
+        calib_data::inspect(&data, &PreprocessConfig::default(), &Silent).unwrap().clock_doubts()
+    };
+    assert_eq!(doubts(None), Vec::<String>::new());
+    assert_eq!(doubts(Some(10.0)), Vec::<String>::new());
+    let [short] = &doubts(Some(1.0))[..] else { panic!("one doubt") };
+    assert!(short.starts_with("19 of 19 steps in time are longer than the sample period of 1 s"));
+    assert!(short.ends_with("correct or remove data.period_secs"), "{short}");
+    let [long] = &doubts(Some(60.0))[..] else { panic!("one doubt") };
+    assert!(long.starts_with("19 of 19 steps in time are shorter than the sample period of 60 s"));
+
+    let sensor = Folder::new();
+    sensor.write("a.parquet", &log_at(0..20, &[("x", &values)]));
+    let [early] = &sensor.inspect().clock_doubts()[..] else { panic!("one doubt") };
+    assert!(early.starts_with("the log starts at 1970-01-01"), "{early}");
 }
 
 #[test]
