@@ -47,7 +47,7 @@ pub struct AgentConfig {
     pub hidden_units: usize,
     /// `"adam"` (default) or `"sgd"`.
     pub optimiser: OptimiserKind,
-    /// Step size, > 0. Default 1e-3. What the paper sweeps.
+    /// Step size, ≥ 0. Default 1e-3. What the paper sweeps. With 0 the agent predicts and does not learn.
     pub learning_rate: f64,
     /// Adam's decay of the mean of gradients, in [0, 1). Default 0.9.
     pub beta1: f64,
@@ -129,10 +129,10 @@ impl AgentConfig {
             "1 to 16384",
         )?;
         require(
-            positive(self.learning_rate),
+            self.learning_rate == 0.0 || positive(self.learning_rate),
             "learning_rate",
             &self.learning_rate,
-            "a positive number",
+            "0 or a positive number",
         )?;
         require(fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
         require(fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
@@ -209,7 +209,7 @@ mod tests {
         };
         assert_eq!(
             bad(|config| config.learning_rate = f64::NAN).to_string(),
-            "agent hyperparameter `learning_rate`: expected a positive number, got NaN"
+            "agent hyperparameter `learning_rate`: expected 0 or a positive number, got NaN"
         );
         assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
         assert_eq!(bad(|config| config.hidden_layers = 0).field, "hidden_layers");

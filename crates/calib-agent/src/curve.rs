@@ -1,3 +1,5 @@
+use serde::{Deserialize, Serialize};
+
 /// How a learning curve is sub-sampled: the run's steps are cut into `windows` windows of equal length
 /// (window w of a run of n steps holds the steps t with ⌊t · windows / n⌋ = w), one point each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +15,7 @@ impl Default for CurveRule {
 }
 
 /// One point of a learning curve.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// The step after the window's last.
     pub step: usize,
@@ -22,7 +24,7 @@ pub struct CurvePoint {
 }
 
 /// Running sums of the present window, and the points so far.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Curve {
     windows: usize,
     steps: usize,

@@ -52,6 +52,30 @@ pub enum AgentError {
         /// Steps of the stream.
         steps: usize,
     },
+    /// A checkpoint does not fit the value function that should start from it.
+    #[error(
+        "the checkpoint has {got} parameters: expected {expected}, as many as the value function has"
+    )]
+    Checkpoint {
+        /// Parameters of the checkpoint.
+        got: usize,
+        /// Parameters of the value function.
+        expected: usize,
+    },
+    /// There is nothing to pre-train on.
+    #[error(
+        "pre-training wants at least {expected} transitions to learn from and one to validate on, \
+         got {got} in all; use a longer range or a smaller batch_size"
+    )]
+    TooFewTransitions {
+        /// Transitions there are.
+        got: usize,
+        /// Transitions of one mini-batch.
+        expected: usize,
+    },
+    /// The state of a long run could not be kept.
+    #[error("cannot keep the state of a run: {0}")]
+    Keep(String),
     /// The user asked to stop.
     #[error("interrupted")]
     Interrupted,

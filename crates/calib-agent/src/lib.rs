@@ -11,6 +11,8 @@
 //! - [`AgentConfig`]: every hyperparameter, checked.
 //! - [`train`]: a population of agents over one [`Stream`](calib_core::Stream); each agent's result is
 //!   to the byte what it would be alone.
+//! - [`train_learners`]: the same for agents that predict several sensors, start from a [`Checkpoint`], or run
+//!   so long that a [`Keeper`] keeps their state.
 //! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
 //! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
 //! - [`discounted_returns`], [`truncation_horizon`]: the Monte-Carlo returns that predictions are held to.
@@ -18,7 +20,9 @@
 mod config;
 mod curve;
 mod error;
+mod keeper;
 mod kernels;
+mod learner;
 mod linear;
 mod mlp;
 mod outcome;
@@ -32,7 +36,9 @@ mod values;
 pub use config::{AgentConfig, ConfigError, OptimiserKind, ReplayKind, ValueFunction};
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
+pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
+pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
 pub use outcome::RunOutcome;
 pub use returns::{discounted_returns, truncation_horizon};
 pub use scoring::Scoring;
-pub use train::train;
+pub use train::{Run, train, train_learners};

@@ -1,10 +1,12 @@
 use calib_core::Seed;
-use calib_nn::{Mlp, Optimiser};
+use calib_nn::{Mlp, Moments, Optimiser};
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::{
-    AgentConfig,
+    AgentConfig, Checkpoint, Learner,
+    keeper::ValueState,
     kernels::{LANES, add_scaled, dot_products},
+    learner::Cumulants,
     values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},
 };
 
@@ -15,7 +17,11 @@ use crate::{
 pub(crate) struct LinearValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// Length of (s, 1, 0 …).
+    /// The state columns that are predicted, and o' of a few transitions for each.
+    columns: Vec<usize>,
+    cumulants: Vec<[f32; BLOCK]>,
+    /// Length of (s, 1), and of (s, 1, 0 …).
+    length: usize,
     padded: usize,
     /// (s, 1, 0 …) of a few transitions.
     states: Vec<f32>,
@@ -27,6 +33,9 @@ pub(crate) struct LinearValues {
 const BLOCK: usize = 8;
 
 struct Agent {
+    config: AgentConfig,
+    /// Which of the columns it predicts.
+    sensor: usize,
     weights: Vec<f32>,
     /// Bootstraps come from here, where there is one.
     target: Option<Vec<f32>>,
@@ -36,27 +45,33 @@ struct Agent {
 }
 
 impl LinearValues {
-    /// Agents of one discount factor, all with target networks or none, for states of `width` values. Initial weights are those of a
-    /// network without hidden layers.
-    pub(crate) fn new(configs: &[&AgentConfig], width: usize, seed: Seed) -> Self {
+    /// Agents of one discount factor, all with target networks or none, for states of `width` values.
+    /// Initial weights are those of a network without hidden layers.
+    pub(crate) fn new(learners: &[Learner<'_>], width: usize, seed: Seed) -> Self {
         let padded = (width + 1).next_multiple_of(LANES);
         let mut weights = Mlp::new(&[width, 1], parameter_seed(seed)).parameters().to_vec();
         weights.resize(padded, 0.0);
-        let agent = |config: &&AgentConfig| {
-            let clock = TargetClock::new(config.target_network_period);
+        let Cumulants { columns, of } = Cumulants::new(learners);
+        let agent = |(learner, sensor): (&Learner<'_>, usize)| {
+            let clock = TargetClock::new(learner.config.target_network_period);
             Agent {
+                config: learner.config.clone(),
+                sensor,
                 target: clock.is_on().then(|| weights.clone()),
                 clock,
                 gradient: vec![0.0; padded],
-                optimiser: optimiser(config, padded),
+                optimiser: optimiser(learner.config, padded),
                 weights: weights.clone(),
             }
         };
         let mut states = vec![0.0; BLOCK * padded];
         states.iter_mut().skip(width).step_by(padded).for_each(|one| *one = 1.0);
         Self {
-            gamma: configs[0].gamma as f32,
-            agents: configs.iter().map(agent).collect(),
+            gamma: learners[0].config.gamma as f32,
+            agents: learners.iter().zip(of).map(agent).collect(),
+            cumulants: vec![[0.0; BLOCK]; columns.len()],
+            columns,
+            length: width + 1,
             padded,
             states,
             ahead: vec![0.0; BLOCK * padded],
@@ -95,6 +110,47 @@ impl Values for LinearValues {
                 target.copy_from_slice(&agent.weights);
             }
         }
+    }
+
+    fn state(&self, agent: usize) -> ValueState {
+        let agent = &self.agents[agent];
+        let cut = |values: &[f32]| values[..self.length].to_vec();
+        ValueState {
+            checkpoint: Checkpoint {
+                parameters: cut(&agent.weights),
+                moments: agent.optimiser.moments().map(|moments| Moments {
+                    mean: cut(&moments.mean),
+                    square: cut(&moments.square),
+                    powers: moments.powers,
+                }),
+            },
+            target: agent.target.as_deref().map(cut),
+            updates: agent.clock.updates(),
+        }
+    }
+
+    fn restore(&mut self, agent: usize, state: &ValueState) {
+        let (agent, padded) = (&mut self.agents[agent], self.padded);
+        let pad = |values: &[f32]| {
+            let mut values = values.to_vec();
+            values.resize(padded, 0.0);
+            values
+        };
+        let Checkpoint { parameters, moments } = &state.checkpoint;
+        agent.weights = pad(parameters);
+        if agent.target.is_some() {
+            agent.target = Some(pad(state.target.as_ref().unwrap_or(parameters)));
+        }
+        agent.clock.set_updates(state.updates);
+        let optimiser = optimiser(&agent.config, padded);
+        agent.optimiser = match moments {
+            Some(Moments { mean, square, powers }) => optimiser.with_moments(Moments {
+                mean: pad(mean),
+                square: pad(square),
+                powers: *powers,
+            }),
+            None => optimiser,
+        };
     }
 
     fn is_finite(&self, agent: usize) -> bool {
@@ -160,8 +216,9 @@ impl Pass<'_> {
     )]
     #[inline(always)]
     fn add_gradients<S: Simd, const ROWS: usize>(&mut self, simd: S, starts: [usize; ROWS]) {
-        let LinearValues { gamma, agents, padded, states, ahead } = &mut *self.values;
-        let Batch { stream, cumulant, .. } = self.batch;
+        let LinearValues { gamma, agents, columns, cumulants, padded, states, ahead, .. } =
+            &mut *self.values;
+        let stream = self.batch.stream;
         let (gamma, width, padded) = (*gamma, stream.width(), *padded);
         let with_targets = agents[0].target.is_some();
         let rows = states.chunks_exact_mut(padded).zip(ahead.chunks_exact_mut(padded));
@@ -176,7 +233,11 @@ impl Pass<'_> {
         }
         let states: [&[f32]; ROWS] = rows_of(states, padded);
         let ahead: [&[f32]; ROWS] = rows_of(ahead, padded);
-        let cumulants = starts.map(|t| stream.state(t + 1)[cumulant]);
+        for (cumulants, &column) in cumulants.iter_mut().zip(&*columns) {
+            for (cumulant, t) in cumulants.iter_mut().zip(starts) {
+                *cumulant = stream.state(t + 1)[column];
+            }
+        }
         let scale = -1.0 / self.batch.starts.len() as f32;
         for (&agent, learned) in self.live.iter().zip(&mut *self.learned) {
             let agent = &mut agents[agent];
@@ -189,6 +250,7 @@ impl Pass<'_> {
                 // or γ v(s') − v(s) at once.
                 None => (dot_products(simd, ahead, &agent.weights), [0.0; ROWS]),
             };
+            let cumulants = &cumulants[agent.sensor];
             let mut scales = [0.0; ROWS];
             for (index, scaled) in scales.iter_mut().enumerate() {
                 let td_error = cumulants[index] + bootstraps[index] - values[index];
@@ -221,10 +283,16 @@ mod tests {
         }
     }
 
+    /// One agent that predicts the first of two columns.
+    fn of(config: &AgentConfig) -> LinearValues {
+        let learner = Learner { config, cumulant: 0, start: None };
+        LinearValues::new(&[learner], 2, Seed::new(1))
+    }
+
     /// Learn from the transition that starts at `t`, as without replay.
     fn online(agents: &mut LinearValues, stream: &RowStream, t: usize) -> Learned {
         let mut learned = [Learned::default()];
-        let batch = Batch { stream, cumulant: 0, starts: &[t], present: Some(t) };
+        let batch = Batch { stream, starts: &[t], present: Some(t) };
         agents.learn(batch, &[0], &mut learned);
         learned[0]
     }
@@ -233,7 +301,7 @@ mod tests {
     fn one_online_update_is_the_one_done_by_hand() {
         let states = States::new(vec![1.0, 0.5, 0.25, -1.0], 2, 2).expect("valid");
         let stream = RowStream::unbroken(states, vec![RowIndex::new(0), RowIndex::new(1)]);
-        let mut agents = LinearValues::new(&[&sgd(0.5, 0.5)], 2, Seed::new(1));
+        let mut agents = of(&sgd(0.5, 0.5));
         agents.agents[0].weights[..3].copy_from_slice(&[2.0, -1.0, 0.5]);
         // v(s) = 2 − 0.5 + 0.5 = 2, v(s') = 0.5 + 1 + 0.5 = 2, δ = 0.25 + 0.5 · 2 − 2 = −0.75.
         let learned = online(&mut agents, &stream, 0);
@@ -269,9 +337,9 @@ mod tests {
             }
         }
         let expected = solve(system);
-        let mut agents = LinearValues::new(&[&sgd(0.3, gamma)], 2, Seed::new(1));
+        let mut agents = of(&sgd(0.3, gamma));
         let all: Vec<usize> = (0..n - 1).collect();
-        let batch = Batch { stream: &stream, cumulant: 0, starts: &all, present: None };
+        let batch = Batch { stream: &stream, starts: &all, present: None };
         for _ in 0..3_000 {
             agents.learn(batch, &[0], &mut [Learned::default()]);
         }

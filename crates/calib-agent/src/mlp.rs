@@ -2,7 +2,10 @@ use calib_core::Seed;
 use calib_nn::{Mlp, Optimiser, Workspace};
 
 use crate::{
-    AgentConfig,
+    AgentConfig, Checkpoint, Learner,
+    keeper::ValueState,
+    layer_sizes,
+    learner::Cumulants,
     values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},
 };
 
@@ -14,10 +17,12 @@ use crate::{
 pub(crate) struct MlpValues {
     gamma: f32,
     agents: Vec<Agent>,
+    /// The state columns that are predicted.
+    columns: Vec<usize>,
     workspace: Workspace,
     /// s of the batch, then that of the present step if asked for, then s' of the batch.
     inputs: Vec<f32>,
-    /// o' of the batch.
+    /// o' of the batch, column after column.
     cumulants: Vec<f32>,
     /// v(s') of the batch under the target network.
     next_values: Vec<f32>,
@@ -26,7 +31,12 @@ pub(crate) struct MlpValues {
 }
 
 struct Agent {
+    config: AgentConfig,
     network: Mlp,
+    /// Which of the columns it predicts.
+    sensor: usize,
+    /// Whether updates can change its parameters; otherwise it only predicts.
+    learns: bool,
     /// Bootstraps come from here, where there is one.
     target: Option<Mlp>,
     clock: TargetClock,
@@ -35,28 +45,30 @@ struct Agent {
 
 impl MlpValues {
     /// Agents of one shape, discount factor and batch size, for states of `width` values.
-    pub(crate) fn new(configs: &[&AgentConfig], width: usize, batch: usize, seed: Seed) -> Self {
-        let shape = configs[0];
-        let mut sizes = vec![shape.hidden_units; shape.hidden_layers + 2];
-        sizes[0] = width;
-        sizes[shape.hidden_layers + 1] = 1;
-        let network = Mlp::new(&sizes, parameter_seed(seed));
+    pub(crate) fn new(learners: &[Learner<'_>], width: usize, batch: usize, seed: Seed) -> Self {
+        let shape = learners[0].config;
+        let network = Mlp::new(&layer_sizes(shape, width), parameter_seed(seed));
         let rows = 2 * batch + 1;
-        let agent = |config: &&AgentConfig| {
-            let clock = TargetClock::new(config.target_network_period);
+        let Cumulants { columns, of } = Cumulants::new(learners);
+        let agent = |(learner, sensor): (&Learner<'_>, usize)| {
+            let clock = TargetClock::new(learner.config.target_network_period);
             Agent {
+                config: learner.config.clone(),
                 target: clock.is_on().then(|| network.clone()),
                 clock,
-                optimiser: optimiser(config, network.parameter_count()),
+                optimiser: optimiser(learner.config, network.parameter_count()),
                 network: network.clone(),
+                sensor,
+                learns: learner.learns(),
             }
         };
         Self {
             gamma: shape.gamma as f32,
-            agents: configs.iter().map(agent).collect(),
+            agents: learners.iter().zip(of).map(agent).collect(),
             workspace: Workspace::new(&network, rows),
             inputs: Vec::with_capacity(rows * width),
-            cumulants: Vec::with_capacity(batch),
+            cumulants: Vec::with_capacity(columns.len() * batch),
+            columns,
             next_values: vec![0.0; batch],
             output_gradient: vec![0.0; batch],
         }
@@ -73,17 +85,19 @@ impl MlpValues {
             self.inputs.extend_from_slice(stream.state(t));
         }
         for &t in starts {
-            let next = stream.state(t + 1);
-            self.inputs.extend_from_slice(next);
-            self.cumulants.push(next[batch.cumulant]);
+            self.inputs.extend_from_slice(stream.state(t + 1));
+        }
+        for &column in &self.columns {
+            self.cumulants.extend(starts.iter().map(|&t| stream.state(t + 1)[column]));
         }
     }
 
     fn learn_one(&mut self, agent: usize, width: usize, present: bool) -> Learned {
-        let Self { gamma, agents, workspace, inputs, cumulants, next_values, output_gradient } =
-            self;
+        let Self { gamma, agents, columns, workspace, inputs, cumulants, .. } = self;
+        let (next_values, output_gradient) = (&mut self.next_values, &mut self.output_gradient);
         let agent = &mut agents[agent];
-        let batch = cumulants.len();
+        let batch = cumulants.len() / columns.len();
+        let cumulants = &cumulants[agent.sensor * batch..][..batch];
         let ahead = batch + usize::from(present);
         let values = if let Some(target) = &agent.target {
             let next = target.forward(&inputs[ahead * width..], workspace);
@@ -121,10 +135,43 @@ impl Values for MlpValues {
     }
 
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]) {
-        self.gather(batch);
+        if live.iter().any(|&agent| self.agents[agent].learns) {
+            self.gather(batch);
+        }
         let width = batch.stream.width();
         for (learned, &agent) in learned.iter_mut().zip(live) {
-            *learned = self.learn_one(agent, width, batch.present.is_some());
+            *learned = if self.agents[agent].learns {
+                self.learn_one(agent, width, batch.present.is_some())
+            } else {
+                let prediction = batch.present.map(|t| self.predict(agent, batch.stream.state(t)));
+                Learned { prediction, finite: true }
+            };
+        }
+    }
+
+    fn state(&self, agent: usize) -> ValueState {
+        let agent = &self.agents[agent];
+        ValueState {
+            checkpoint: Checkpoint {
+                parameters: agent.network.parameters().to_vec(),
+                moments: agent.optimiser.moments(),
+            },
+            target: agent.target.as_ref().map(|target| target.parameters().to_vec()),
+            updates: agent.clock.updates(),
+        }
+    }
+
+    fn restore(&mut self, agent: usize, state: &ValueState) {
+        let agent = &mut self.agents[agent];
+        let parameters = &state.checkpoint.parameters;
+        agent.network.parameters_mut().copy_from_slice(parameters);
+        if let Some(target) = &mut agent.target {
+            target.parameters_mut().copy_from_slice(state.target.as_ref().unwrap_or(parameters));
+        }
+        agent.clock.set_updates(state.updates);
+        agent.optimiser = optimiser(&agent.config, parameters.len());
+        if let Some(moments) = &state.checkpoint.moments {
+            agent.optimiser = agent.optimiser.clone().with_moments(moments.clone());
         }
     }
 
@@ -156,7 +203,8 @@ mod tests {
         let states = States::new(values, 10, 3).expect("valid");
         let stream = RowStream::unbroken(states, (0..10).map(RowIndex::new).collect());
         let starts = [8, 2, 2, 5];
-        let mut agents = MlpValues::new(&[&config], 3, 4, Seed::new(9));
+        let learner = Learner { config: &config, cumulant: 1, start: None };
+        let mut agents = MlpValues::new(&[learner], 3, 4, Seed::new(9));
         let before = agents.agents[0].network.clone();
         let value = |network: &Mlp, t: usize| {
             network.forward(stream.state(t), &mut Workspace::new(network, 1))[0]
@@ -167,7 +215,7 @@ mod tests {
             let errors = starts.iter().zip(targets).map(|(&t, target)| target - value(network, t));
             errors.map(|error| f64::from(error).powi(2)).sum::<f64>() / 8.0
         };
-        let batch = Batch { stream: &stream, cumulant: 1, starts: &starts, present: Some(7) };
+        let batch = Batch { stream: &stream, starts: &starts, present: Some(7) };
         let mut learned = [Learned::default()];
         agents.learn(batch, &[0], &mut learned);
         let expected = value(&before, 7);

@@ -1,3 +1,5 @@
+use serde::{Deserialize, Serialize};
+
 use crate::{CurvePoint, CurveRule, curve::Curve, scoring::ScoredReturns};
 
 /// What one agent's run came to. Errors and returns are in normalised units of the sensor.
@@ -28,7 +30,7 @@ pub struct RunOutcome {
 }
 
 /// Running error of one agent: sums in f64, in the order of the steps.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tracker {
     sum: f64,
     count: usize,

@@ -1,7 +1,9 @@
 use calib_core::{Seed, Stream};
 
 use crate::{
-    AgentConfig, AgentError, CurveRule, ReplayKind, RunOutcome, ValueFunction,
+    AgentConfig, AgentError, Learner, ReplayKind, ValueFunction,
+    keeper::ValueState,
+    learner::Cumulants,
     linear::LinearValues,
     mlp::MlpValues,
     outcome::Tracker,
@@ -10,6 +12,19 @@ use crate::{
     scoring::{ScoredReturns, known_returns},
     values::{Batch, Learned, Values},
 };
+
+/// The value functions of learners of one kind and shape, for batches of up to `batch` transitions.
+pub(crate) fn values_of(
+    learners: &[Learner<'_>],
+    width: usize,
+    batch: usize,
+    seed: Seed,
+) -> Box<dyn Values> {
+    match learners[0].config.value_function {
+        ValueFunction::Mlp => Box::new(MlpValues::new(learners, width, batch, seed)),
+        ValueFunction::Linear => Box::new(LinearValues::new(learners, width, seed)),
+    }
+}
 
 /// What agents must share to learn in lockstep: the shape of the value function, γ, whether there are
 /// target networks, and everything that decides which transitions an update sees.
@@ -29,26 +44,58 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
         && (a.target_network_period > 0) == (b.target_network_period > 0)
 }
 
-/// One task for one population: which stream, which sensor, what is scored.
+/// What a population is trained on and held to.
 #[derive(Clone, Copy)]
 pub(crate) struct Task<'a> {
     pub(crate) stream: &'a dyn Stream,
-    pub(crate) cumulant: usize,
     pub(crate) first_scored: usize,
-    pub(crate) curve: CurveRule,
     pub(crate) seed: Seed,
+}
+
+/// The returns that the predictions of a population are held to, for each column that it predicts.
+pub(crate) struct Truth {
+    cumulants: Cumulants,
+    returns: Vec<Vec<f64>>,
+    scored: Vec<ScoredReturns>,
+}
+
+impl Truth {
+    /// For learners that [`can_share`] with one another.
+    pub(crate) fn new(task: Task<'_>, learners: &[Learner<'_>]) -> Result<Self, AgentError> {
+        let Task { stream, first_scored, .. } = task;
+        let gamma = learners[0].config.gamma;
+        let cumulants = Cumulants::new(learners);
+        let columns = cumulants.columns.iter();
+        let returns: Vec<_> =
+            columns.map(|&column| discounted_returns(stream, column, gamma)).collect();
+        let scored = returns
+            .iter()
+            .map(|returns| ScoredReturns::new(returns, stream.pieces(), gamma, first_scored))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { cumulants, returns, scored })
+    }
+
+    /// Statistics of the returns of the column that `learner` predicts.
+    pub(crate) fn scored(&self, learner: usize) -> ScoredReturns {
+        self.scored[self.cumulants.of[learner]]
+    }
+
+    fn of(&self, learner: usize, t: usize) -> f64 {
+        self.returns[self.cumulants.of[learner]][t]
+    }
 }
 
 /// Agents that learn from the same mini-batches, each from its own parameters.
 pub(crate) struct Population<'a> {
     task: Task<'a>,
+    truth: &'a Truth,
     gamma: f64,
     updates_per_step: usize,
     values: Box<dyn Values>,
     replay: Option<Replay>,
-    returns: Vec<f64>,
-    scored: ScoredReturns,
     trackers: Vec<Tracker>,
+    /// The first step that is still to be made.
+    next: usize,
     /// Agents that have not diverged, and room for what they learned.
     live: Vec<usize>,
     learned: Vec<Learned>,
@@ -56,54 +103,86 @@ pub(crate) struct Population<'a> {
 }
 
 impl<'a> Population<'a> {
-    /// Agents that [`can_share`] with one another.
-    pub(crate) fn new(task: Task<'a>, configs: &[&AgentConfig]) -> Result<Self, AgentError> {
-        let shared = configs[0];
+    /// Learners that [`can_share`] with one another, with a tracker for each.
+    pub(crate) fn new(
+        task: Task<'a>,
+        truth: &'a Truth,
+        learners: &[Learner<'_>],
+        trackers: Vec<Tracker>,
+    ) -> Self {
+        let shared = learners[0].config;
         let Task { stream, seed, .. } = task;
-        let (steps, pieces) = (stream.len(), stream.pieces());
-        let returns = discounted_returns(stream, task.cumulant, shared.gamma);
-        let scored = ScoredReturns::new(&returns, pieces, shared.gamma, task.first_scored)?;
         let (replay, batch) = match shared.replay {
             ReplayKind::Uniform => {
                 let seed = seed.child("replay");
-                let replay = Replay::new(seed, shared.replay_capacity, steps);
+                let replay = Replay::new(seed, shared.replay_capacity, stream.len());
                 (Some(replay), shared.batch_size)
             }
             ReplayKind::None => (None, 1),
         };
-        let width = stream.width();
-        let values: Box<dyn Values> = match shared.value_function {
-            ValueFunction::Mlp => Box::new(MlpValues::new(configs, width, batch, seed)),
-            ValueFunction::Linear => Box::new(LinearValues::new(configs, width, seed)),
-        };
-        Ok(Self {
+        let mut values = values_of(learners, stream.width(), batch, seed);
+        for (agent, learner) in learners.iter().enumerate() {
+            if let Some(start) = learner.start {
+                values.restore(agent, &ValueState::from(start));
+            }
+        }
+        Self {
             task,
+            truth,
             gamma: shared.gamma,
             updates_per_step: shared.updates_per_step,
             values,
             replay,
-            returns,
-            scored,
-            trackers: vec![Tracker::new(task.curve, steps); configs.len()],
-            live: (0..configs.len()).collect(),
-            learned: vec![Learned::default(); configs.len()],
+            trackers,
+            next: 0,
+            live: (0..learners.len()).collect(),
+            learned: vec![Learned::default(); learners.len()],
             starts: vec![0; batch],
-        })
+        }
     }
 
-    /// Train over the whole stream. `tick` is called with each step and may end the run.
+    /// Go on at step `next`, before which these agents were left like this; the others have diverged.
+    pub(crate) fn resume<'s>(
+        &mut self,
+        next: usize,
+        values: impl IntoIterator<Item = (usize, &'s ValueState)>,
+    ) {
+        self.next = next;
+        self.live.clear();
+        for (agent, state) in values {
+            self.values.restore(agent, state);
+            self.live.push(agent);
+        }
+        if let Some(replay) = &mut self.replay {
+            let steps = self.task.stream.pieces().iter();
+            let steps = steps.flat_map(|piece| piece.start..piece.end.saturating_sub(1));
+            steps.take_while(|&t| t < next).for_each(|t| replay.push(t));
+        }
+    }
+
+    /// Agents that are still learning, as they stand.
+    pub(crate) fn values(&self) -> impl Iterator<Item = (usize, ValueState)> {
+        self.live.iter().map(|&agent| (agent, self.values.state(agent)))
+    }
+
+    /// Errors so far.
+    pub(crate) fn trackers(&self) -> &[Tracker] {
+        &self.trackers
+    }
+
+    /// Train over the rest of the stream. `before` is called before each step and may end the run.
     pub(crate) fn run(
-        mut self,
-        mut tick: impl FnMut(usize) -> Result<(), AgentError>,
-    ) -> Result<Vec<RunOutcome>, AgentError> {
+        &mut self,
+        mut before: impl FnMut(&Self, usize) -> Result<(), AgentError>,
+    ) -> Result<(), AgentError> {
         let stream = self.task.stream;
         for piece in stream.pieces() {
             let known = known_returns(piece, self.gamma);
-            for t in piece.start..piece.end.saturating_sub(1) {
+            for t in piece.start.max(self.next)..piece.end.saturating_sub(1) {
                 if self.live.is_empty() {
                     break;
                 }
-                tick(t)?;
+                before(self, t)?;
                 self.step(t, known.contains(&t));
             }
         }
@@ -113,8 +192,7 @@ impl<'a> Population<'a> {
                 self.trackers[agent].diverged = Some(last);
             }
         }
-        let outcome = |tracker: Tracker| tracker.outcome(self.scored, stream.len());
-        Ok(self.trackers.into_iter().map(outcome).collect())
+        Ok(())
     }
 
     /// Predict at step `t`, see the next state, learn.
@@ -147,7 +225,6 @@ impl<'a> Population<'a> {
         }
         let batch = Batch {
             stream: self.task.stream,
-            cumulant: self.task.cumulant,
             starts: &self.starts,
             present: (update == 0).then_some(t),
         };
@@ -167,7 +244,7 @@ impl<'a> Population<'a> {
                 && known
                 && prediction.is_finite()
             {
-                tracker.record(t, prediction, self.returns[t], scored);
+                tracker.record(t, prediction, self.truth.of(agent, t), scored);
             }
             if !learned.finite || learned.prediction.is_some_and(|value| !value.is_finite()) {
                 tracker.diverged = Some(t);

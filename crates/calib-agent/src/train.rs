@@ -1,8 +1,10 @@
 use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
-    AgentConfig, AgentError, CurveRule, RunOutcome, Scoring,
-    population::{Population, Task, can_share},
+    AgentConfig, AgentError, CurveRule, Keeper, Learner, NoKeeper, RunOutcome, RunProgress,
+    RunState, Scoring,
+    outcome::Tracker,
+    population::{Population, Task, Truth, can_share},
 };
 
 /// Steps between looks at the monitor.
@@ -53,38 +55,114 @@ pub fn train(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
-    agents.iter().try_for_each(AgentConfig::check)?;
-    check_cumulant(stream, cumulant)?;
-    let task =
-        Task { stream, cumulant, first_scored: scoring.first_step(stream.len())?, curve, seed };
-    let mut progress = Progress { monitor, agents: agents.len() as u64, done: 0, reported: 0 };
-    let mut outcomes: Vec<Option<RunOutcome>> = vec![None; agents.len()];
-    for members in populations(agents) {
-        let configs: Vec<&AgentConfig> = members.iter().map(|&member| &agents[member]).collect();
-        let size = members.len() as u64;
-        let before = progress.done;
-        let trained = Population::new(task, &configs)?.run(|t| {
-            if t.is_multiple_of(STEPS_PER_LOOK) {
-                progress.set(before + size * t as u64);
-                if monitor.interrupted() {
-                    return Err(AgentError::Interrupted);
-                }
+    let learners: Vec<_> =
+        agents.iter().map(|config| Learner { config, cumulant, start: None }).collect();
+    train_learners(Run { stream, scoring, curve, seed }, &learners, &NoKeeper, monitor)
+}
+
+/// What all learners of a run share.
+#[derive(Clone, Copy)]
+pub struct Run<'a> {
+    /// What they experience.
+    pub stream: &'a dyn Stream,
+    /// Which steps count.
+    pub scoring: Scoring,
+    /// How their learning curves are sub-sampled.
+    pub curve: CurveRule,
+    /// Of initial parameters and mini-batches.
+    pub seed: Seed,
+}
+
+/// Train all `learners` of a run side by side; see [`train`].
+///
+/// Learners may predict different sensors and start from checkpoints: where their other settings agree they still
+/// see the same mini-batches, which are gathered once. A learning rate of 0 costs one prediction a step, and
+/// one that has diverged costs nothing further.
+///
+/// A state goes to `keeper` whenever as much work as it asks for has been done since the last one, and when the
+/// run is interrupted after an eighth of that. Work is counted in multiplications of matrix products, four for
+/// each parameter and transition of a mini-batch, not in time, so that states are kept at the same steps on
+/// every machine.
+///
+/// # Errors
+/// As [`train`]; if a checkpoint does not fit its agent; if the keeper fails.
+pub fn train_learners(
+    run: Run<'_>,
+    learners: &[Learner<'_>],
+    keeper: &dyn Keeper,
+    monitor: &dyn Monitor,
+) -> Result<Vec<RunOutcome>, AgentError> {
+    let Run { stream, scoring, curve, seed } = run;
+    for learner in learners {
+        learner.check(stream.width())?;
+        check_cumulant(stream, learner.cumulant)?;
+    }
+    let task = Task { stream, first_scored: scoring.first_step(stream.len())?, seed };
+    let groups = populations(learners);
+    let kept = keeper.load().filter(|kept| kept.progress.trackers.len() == learners.len());
+    let finished = kept.as_ref().map_or(0, |kept| kept.progress.populations);
+    let mut trackers = match &kept {
+        Some(kept) => kept.progress.trackers.clone(),
+        None => vec![Tracker::new(curve, stream.len()); learners.len()],
+    };
+    let mut outcomes: Vec<Option<RunOutcome>> = vec![None; learners.len()];
+    let mut progress = Progress { monitor, agents: learners.len() as u64, done: 0, reported: 0 };
+    let mut work = 0;
+    for (number, members) in groups.iter().enumerate() {
+        let of_group: Vec<Learner<'_>> = members.iter().map(|&member| learners[member]).collect();
+        let truth = Truth::new(task, &of_group)?;
+        let (size, before) = (members.len() as u64, progress.done);
+        if number >= finished {
+            let own = members.iter().map(|&member| trackers[member].clone()).collect();
+            let mut population = Population::new(task, &truth, &of_group, own);
+            if let Some(kept) = kept.as_ref().filter(|_| number == finished) {
+                let place = |learner: usize| members.iter().position(|&member| member == learner);
+                let values = kept.values.iter();
+                let values = values.filter_map(|(learner, of)| Some((place(*learner)?, of)));
+                population.resume(kept.progress.step, values);
             }
-            Ok(())
-        })?;
+            let work_per_step: u64 =
+                of_group.iter().map(|learner| learner.work_per_step(stream.width())).sum();
+            population.run(|population, step| {
+                let look = step.is_multiple_of(STEPS_PER_LOOK);
+                if look {
+                    progress.set(before + size * step as u64);
+                }
+                let stop = look && monitor.interrupted();
+                let enough = keeper.work_between() / if stop { 8 } else { 1 };
+                if work >= enough {
+                    let mut trackers = trackers.clone();
+                    for (&member, tracker) in members.iter().zip(population.trackers()) {
+                        trackers[member] = tracker.clone();
+                    }
+                    let values = population.values().map(|(agent, of)| (members[agent], of));
+                    let progress = RunProgress { populations: number, step, trackers };
+                    let state = RunState { progress, values: values.collect() };
+                    keeper.keep(&state).map_err(AgentError::Keep)?;
+                    work = 0;
+                }
+                work += work_per_step;
+                if stop { Err(AgentError::Interrupted) } else { Ok(()) }
+            })?;
+            for (&member, tracker) in members.iter().zip(population.trackers()) {
+                trackers[member] = tracker.clone();
+            }
+        }
         progress.set(before + size * stream.len() as u64);
-        for (member, outcome) in members.into_iter().zip(trained) {
+        for (position, &member) in members.iter().enumerate() {
+            let outcome = trackers[member].clone().outcome(truth.scored(position), stream.len());
             outcomes[member] = Some(outcome);
         }
     }
     Ok(outcomes.into_iter().flatten().collect())
 }
 
-/// Agents grouped by what they can share, each group and the groups in the order of `agents`.
-fn populations(agents: &[AgentConfig]) -> Vec<Vec<usize>> {
+/// Learners grouped by what they can share, each group and the groups in the order of `learners`.
+fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
-    for (index, agent) in agents.iter().enumerate() {
-        let fits = |group: &&mut Vec<usize>| can_share(&agents[group[0]], agent);
+    for (index, learner) in learners.iter().enumerate() {
+        let fits =
+            |group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config);
         match groups.iter_mut().find(fits) {
             Some(group) => group.push(index),
             None => groups.push(vec![index]),
@@ -123,3 +201,6 @@ impl Progress<'_> {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod side_by_side;

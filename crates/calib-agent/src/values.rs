@@ -1,14 +1,12 @@
 use calib_core::{Seed, Stream};
 use calib_nn::{AdamRule, Optimiser, SgdRule};
 
-use crate::{AgentConfig, OptimiserKind};
+use crate::{AgentConfig, OptimiserKind, keeper::ValueState};
 
 /// The transitions of one update, by the steps they start from.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
     pub(crate) stream: &'a dyn Stream,
-    /// The state column that is predicted.
-    pub(crate) cumulant: usize,
     pub(crate) starts: &'a [usize],
     /// The step whose prediction is to be recorded before this update, if it was not yet.
     pub(crate) present: Option<usize>,
@@ -34,6 +32,13 @@ pub(crate) trait Values {
     /// `live[i]`. The loss is the mean of ½δ², the target held fixed, so one step of gradient descent
     /// without replay is the textbook's `θ ← θ + α δ ∇v(s_t)`.
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]);
+
+    /// One agent as it stands.
+    fn state(&self, agent: usize) -> ValueState;
+
+    /// Go on from `state`, which fits the agent's shape. Without moments they start from zero; without a
+    /// target network that is the network itself.
+    fn restore(&mut self, agent: usize, state: &ValueState);
 
     /// Whether all parameters of one agent are finite.
     fn is_finite(&self, agent: usize) -> bool;
@@ -73,6 +78,14 @@ pub(crate) struct TargetClock {
 impl TargetClock {
     pub(crate) fn new(period: usize) -> Self {
         Self { period, updates: 0 }
+    }
+
+    pub(crate) fn updates(self) -> usize {
+        self.updates
+    }
+
+    pub(crate) fn set_updates(&mut self, updates: usize) {
+        self.updates = updates;
     }
 
     pub(crate) fn is_on(self) -> bool {

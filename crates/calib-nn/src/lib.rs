@@ -39,7 +39,7 @@ mod workspace;
 
 pub use adam::{Adam, AdamRule};
 pub use mlp::{Layer, Mlp, ParameterCountError};
-pub use optimiser::Optimiser;
+pub use optimiser::{Moments, Optimiser};
 pub use product::{Matrix, multiply};
 pub use sgd::{Sgd, SgdRule};
 pub use workspace::Workspace;

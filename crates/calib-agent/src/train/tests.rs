@@ -12,7 +12,7 @@ fn unbroken(values: Vec<f32>, width: usize, order: impl IntoIterator<Item = usiz
 }
 
 /// A slow wave, its derivative, and a little noise.
-fn waves(steps: usize) -> RowStream {
+pub(super) fn waves(steps: usize) -> RowStream {
     let mut rng: Rng = Seed::new(11).rng();
     let values = (0..steps).flat_map(|t| {
         let phase = t as f64 * 0.05;
@@ -27,7 +27,7 @@ fn run(stream: &RowStream, agents: &[AgentConfig], scoring: Scoring) -> Vec<RunO
     train(stream, 0, agents, scoring, curve, Seed::new(5), &Silent).expect("trains")
 }
 
-fn linear() -> AgentConfig {
+pub(super) fn linear() -> AgentConfig {
     AgentConfig {
         value_function: ValueFunction::Linear,
         optimiser: OptimiserKind::Sgd,
@@ -38,7 +38,7 @@ fn linear() -> AgentConfig {
     }
 }
 
-fn mlp() -> AgentConfig {
+pub(super) fn mlp() -> AgentConfig {
     AgentConfig { hidden_units: 12, gamma: 0.9, batch_size: 16, ..AgentConfig::default() }
 }
 
@@ -139,7 +139,8 @@ fn a_population_changes_nothing_about_its_agents() {
         AgentConfig { replay: ReplayKind::None, learning_rate: 0.02, ..linear() },
         AgentConfig { replay_capacity: 50, ..linear() },
     ];
-    assert_eq!(populations(&agents)[0], [0, 2, 3]);
+    let learners = agents.each_ref().map(|config| Learner { config, cumulant: 0, start: None });
+    assert_eq!(populations(&learners)[0], [0, 2, 3]);
     let together = run(&stream, &agents, Scoring::WholeRun);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
     for (agent, outcome) in agents.iter().zip(&together) {
@@ -254,9 +255,9 @@ fn bad_requests_are_refused() {
 }
 
 #[derive(Default)]
-struct Impatient {
-    advanced: AtomicU64,
-    patience: u64,
+pub(super) struct Impatient {
+    pub(super) advanced: AtomicU64,
+    pub(super) patience: u64,
 }
 
 impl Monitor for Impatient {

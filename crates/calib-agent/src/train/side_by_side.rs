@@ -1,0 +1,166 @@
+//! Learners of several sensors, from checkpoints, and runs that are resumed.
+
+use std::{cell::RefCell, sync::atomic::AtomicU64};
+
+use calib_core::Silent;
+use calib_nn::Moments;
+
+use super::{
+    tests::{Impatient, linear, mlp, waves},
+    *,
+};
+use crate::{Checkpoint, OptimiserKind, ReplayKind, parameter_count};
+
+fn run(stream: &dyn Stream) -> Run<'_> {
+    let (scoring, curve) = (Scoring::Final(0.5), CurveRule { windows: 20 });
+    Run { stream, scoring, curve, seed: Seed::new(5) }
+}
+
+fn outcomes(stream: &dyn Stream, learners: &[Learner<'_>]) -> Vec<RunOutcome> {
+    train_learners(run(stream), learners, &NoKeeper, &Silent).expect("trains")
+}
+
+/// Agents of every kind, one of which diverges.
+fn agents() -> Vec<AgentConfig> {
+    let adam = AgentConfig { optimiser: OptimiserKind::Adam, learning_rate: 1e-2, ..linear() };
+    vec![
+        mlp(),
+        linear(),
+        AgentConfig { learning_rate: 1e8, ..linear() },
+        AgentConfig { learning_rate: 1e-2, ..mlp() },
+        adam.clone(),
+        AgentConfig { target_network_period: 7, replay_capacity: 60, ..adam },
+        AgentConfig { target_network_period: 10, updates_per_step: 2, ..mlp() },
+        AgentConfig { replay: ReplayKind::None, ..mlp() },
+        AgentConfig { gamma: 0.5, learning_rate: 0.0, ..mlp() },
+    ]
+}
+
+fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
+    let count = parameter_count(config, 2);
+    let mut rng = Seed::new(8).rng();
+    let mut draw = |low, high| (0..count).map(|_| rng.uniform(low, high) as f32).collect();
+    let parameters = draw(-0.3, 0.3);
+    let (mean, square) = (draw(-0.1, 0.1), draw(0.0, 0.1));
+    let moments = moments.then_some(Moments { mean, square, powers: (0.5, 0.9) });
+    Checkpoint { parameters, moments }
+}
+
+#[test]
+fn sensors_side_by_side_are_what_they_are_alone() {
+    let (stream, agents) = (waves(300), agents());
+    let learner = |config, cumulant| Learner { config, cumulant, start: None };
+    let together: Vec<_> =
+        [1, 0].iter().flat_map(|&of| agents.iter().map(move |c| learner(c, of))).collect();
+    let all = outcomes(&stream, &together);
+    for (learner, outcome) in together.iter().zip(&all) {
+        let alone = outcomes(&stream, std::slice::from_ref(learner));
+        assert_eq!(&alone[0], outcome, "{learner:?}");
+    }
+    assert_ne!(all[0].rmse, all[agents.len()].rmse, "sensors differ");
+    assert!(all[2].diverged.is_some());
+}
+
+#[test]
+fn a_checkpoint_is_where_learning_starts() {
+    let stream = waves(300);
+    for kind in [mlp(), AgentConfig { optimiser: OptimiserKind::Adam, ..linear() }] {
+        let with = |learning_rate| AgentConfig { learning_rate, ..kind.clone() };
+        let (frozen, slow, fast) = (with(0.0), with(1e-12), with(1e-2));
+        let (bare, whole) = (checkpoint(&kind, false), checkpoint(&kind, true));
+        let learner = |config, start| Learner { config, cumulant: 0, start };
+        let outcome = |config, start| outcomes(&stream, &[learner(config, start)]).remove(0);
+
+        let kept = outcome(&frozen, Some(&bare));
+        let moved = outcome(&slow, Some(&bare));
+        assert!((kept.rmse - moved.rmse).abs() < 1e-5 * kept.rmse, "no rate, or nearly none");
+        assert_eq!(kept.rmse, outcome(&frozen, Some(&whole)).rmse);
+        assert_ne!(kept.rmse, outcome(&frozen, None).rmse);
+        // Without learning the curve repeats the stream's errors: the checkpoint never gets better.
+        let scratch = outcome(&fast, None);
+        let [reset, keep] = [&bare, &whole].map(|start| outcome(&fast, Some(start)));
+        assert_ne!(reset.rmse, scratch.rmse);
+        assert_ne!(reset.rmse, keep.rmse, "moments have an effect");
+        assert!(reset.rmse < kept.rmse, "{reset:?} {kept:?}");
+    }
+}
+
+#[test]
+fn a_checkpoint_of_another_shape_is_refused() {
+    let stream = waves(60);
+    let (config, start) = (mlp(), checkpoint(&linear(), false));
+    let learner = Learner { config: &config, cumulant: 0, start: Some(&start) };
+    let error = train_learners(run(&stream), &[learner], &NoKeeper, &Silent);
+    assert_eq!(
+        error.expect_err("refused").to_string(),
+        "the checkpoint has 3 parameters: expected 205, as many as the value function has"
+    );
+}
+
+/// Keeps every state in memory.
+struct Memory {
+    work: u64,
+    states: RefCell<Vec<RunState>>,
+}
+
+impl Keeper for Memory {
+    fn work_between(&self) -> u64 {
+        self.work
+    }
+
+    fn load(&self) -> Option<RunState> {
+        self.states.borrow().last().cloned()
+    }
+
+    fn keep(&self, state: &RunState) -> Result<(), String> {
+        // As a file would: figures as text.
+        let text = serde_json::to_string(&state.progress).expect("plain data");
+        let progress = serde_json::from_str(&text).expect("reads");
+        self.states.borrow_mut().push(RunState { progress, values: state.values.clone() });
+        Ok(())
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_uninterrupted_one() {
+    let (stream, agents) = (waves(300), agents());
+    let start = checkpoint(&agents[0], true);
+    let learners: Vec<_> = agents
+        .iter()
+        .enumerate()
+        .map(|(index, config)| {
+            let start = (parameter_count(config, 2) == start.parameters.len()).then_some(&start);
+            Learner { config, cumulant: index % 2, start }
+        })
+        .collect();
+    let whole = outcomes(&stream, &learners);
+    let memory = |work| Memory { work, states: RefCell::default() };
+    let all = memory(20_000_000);
+    let kept = train_learners(run(&stream), &learners, &all, &Silent).expect("trains");
+    assert_eq!(kept, whole, "keeping changes nothing");
+    let states = all.states.take();
+    assert!(states.len() > 20, "{}", states.len());
+    for state in states {
+        let one = Memory { work: u64::MAX, states: RefCell::new(vec![state]) };
+        let resumed = train_learners(run(&stream), &learners, &one, &Silent).expect("trains");
+        assert_eq!(resumed, whole);
+    }
+}
+
+#[test]
+fn an_interrupted_run_keeps_its_state() {
+    let (stream, agents) = (waves(1_000), [mlp()]);
+    let learners = [Learner { config: &agents[0], cumulant: 0, start: None }];
+    let stop = |work| {
+        let memory = Memory { work, states: RefCell::default() };
+        let impatient = Impatient { patience: 500, advanced: AtomicU64::new(0) };
+        let stopped = train_learners(run(&stream), &learners, &memory, &impatient);
+        assert_eq!(stopped, Err(AgentError::Interrupted));
+        memory
+    };
+    assert!(stop(8_000_000_000).states.take().is_empty(), "a short run is not worth it");
+    let long = stop(3_000_000_000);
+    assert_eq!(long.states.borrow().len(), 1);
+    let resumed = train_learners(run(&stream), &learners, &long, &Silent).expect("trains");
+    assert_eq!(resumed, outcomes(&stream, &learners));
+}
