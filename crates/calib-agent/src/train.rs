@@ -161,8 +161,7 @@ pub fn train_learners(
 fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
     for (index, learner) in learners.iter().enumerate() {
-        let fits =
-            |group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config);
+        let fits = |group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config);
         match groups.iter_mut().find(fits) {
             Some(group) => group.push(index),
             None => groups.push(vec![index]),
