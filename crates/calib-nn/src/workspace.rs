@@ -27,6 +27,11 @@ impl Workspace {
         }
     }
 
+    /// The gradients of the latest [`Mlp::backward`], which losses over several workspaces may add up.
+    pub fn gradients_mut(&mut self) -> &mut [f32] {
+        &mut self.gradients
+    }
+
     /// The most rows of a pass.
     pub fn capacity(&self) -> usize {
         self.capacity

@@ -1,0 +1,137 @@
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::DynamicsError;
+
+/// The `[dynamics]` section of a study: parametric models, of any kind but `"knn"`.
+///
+/// Defaults are the paper's (its tables of NN and GRU hyperparameters); what it leaves open is our choice.
+///
+/// | key | default | meaning |
+/// |---|---|---|
+/// | `hidden_layers` | 2 | hidden layers of the network, or layers of the GRU |
+/// | `hidden_units` | 512 | units of each |
+/// | `learning_rate` | 1e-3 | of Adam |
+/// | `batch_size` | 256 | transitions, or sequences, of an update |
+/// | `epochs` | 100 | passes over the training part |
+/// | `sequence_length` | 20 | transitions of a sequence, for the GRU |
+/// | `sequence_stride` | 1 | transitions from one sequence's start to the next one's (our choice: every window) |
+/// | `validation_fraction` | 0.1 | last part of the training range that is not learnt from (our choice) |
+/// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
+/// | `path` | none | a TorchScript file, for `"torchscript"` |
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DynamicsConfig {
+    /// Hidden layers of the network, or layers of the GRU.
+    pub hidden_layers: usize,
+    /// Units of each layer.
+    pub hidden_units: usize,
+    /// Step size of Adam.
+    pub learning_rate: f64,
+    /// Transitions, or sequences, of an update.
+    pub batch_size: usize,
+    /// Passes over the training part.
+    pub epochs: usize,
+    /// Transitions of a sequence.
+    pub sequence_length: usize,
+    /// Transitions from one sequence's start to the next one's.
+    pub sequence_stride: usize,
+    /// Last part of the training range that is not learnt from.
+    pub validation_fraction: f64,
+    /// Which epoch's weights are kept.
+    pub keep: Keep,
+    /// A TorchScript file.
+    pub path: Option<PathBuf>,
+}
+
+/// Which epoch's weights are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// The one with the lowest validation loss; of equal ones the first.
+    #[default]
+    Best,
+    /// The last.
+    Last,
+}
+
+impl Default for DynamicsConfig {
+    fn default() -> Self {
+        Self {
+            hidden_layers: 2,
+            hidden_units: 512,
+            learning_rate: 1e-3,
+            batch_size: 256,
+            epochs: 100,
+            sequence_length: 20,
+            sequence_stride: 1,
+            validation_fraction: 0.1,
+            keep: Keep::Best,
+            path: None,
+        }
+    }
+}
+
+impl DynamicsConfig {
+    /// Check what can be checked before data is read. The upper ends turn slips of the finger into messages.
+    ///
+    /// # Errors
+    /// If a value is outside its range.
+    pub fn check(&self) -> Result<(), DynamicsError> {
+        let counts = [
+            ("hidden_layers", self.hidden_layers, 16),
+            ("hidden_units", self.hidden_units, 16_384),
+            ("batch_size", self.batch_size, 1 << 20),
+            ("epochs", self.epochs, 1_000_000),
+            ("sequence_length", self.sequence_length, 10_000),
+            ("sequence_stride", self.sequence_stride, 1_000_000),
+        ];
+        for (key, got, most) in counts {
+            if !(1..=most).contains(&got) {
+                return Err(DynamicsError::Config {
+                    key,
+                    expected: format!("a whole number from 1 to {most}"),
+                    got: got.to_string(),
+                });
+            }
+        }
+        let number = |key, expected: &str, got: f64| DynamicsError::Config {
+            key,
+            expected: expected.to_owned(),
+            got: got.to_string(),
+        };
+        if !(self.learning_rate > 0.0 && self.learning_rate.is_finite()) {
+            return Err(number("learning_rate", "a positive number", self.learning_rate));
+        }
+        if !(self.validation_fraction > 0.0 && self.validation_fraction < 1.0) {
+            let expected = "a number between 0 and 1";
+            return Err(number("validation_fraction", expected, self.validation_fraction));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_section_is_the_documented_default() {
+        let config: DynamicsConfig = toml::from_str("").expect("all keys have defaults");
+        assert_eq!(config, DynamicsConfig::default());
+        config.check().expect("defaults are valid");
+    }
+
+    #[test]
+    fn slips_are_named() {
+        let of = |text: &str| {
+            let config: DynamicsConfig = toml::from_str(text).expect("readable");
+            config.check().expect_err(text).to_string()
+        };
+        assert!(of("epochs = 0").contains("epochs"), "{}", of("epochs = 0"));
+        assert!(of("learning_rate = -1.0").contains("positive"));
+        assert!(of("validation_fraction = 1.0").contains("between 0 and 1"));
+        assert!(toml::from_str::<DynamicsConfig>("hidden = 3").is_err());
+    }
+}

@@ -1,0 +1,58 @@
+use calib_nn::{Mlp, Workspace};
+
+use crate::{Dynamics, DynamicsError, LANES, Walk};
+
+/// The NN baseline: a feed-forward network with `ReLU` between layers whose output is the next state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeedForward {
+    network: Mlp,
+}
+
+impl FeedForward {
+    /// The model of a network.
+    ///
+    /// # Errors
+    /// If it does not map states to states.
+    pub fn new(network: Mlp) -> Result<Self, DynamicsError> {
+        let (inputs, outputs) = (network.inputs(), network.outputs());
+        if inputs != outputs {
+            let reason = format!("{inputs} values go in and {outputs} come out, expected as many");
+            return Err(DynamicsError::Weights { reason });
+        }
+        Ok(Self { network })
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Mlp {
+        &self.network
+    }
+}
+
+impl Dynamics for FeedForward {
+    fn columns(&self) -> usize {
+        self.network.inputs()
+    }
+
+    fn history(&self) -> usize {
+        0
+    }
+
+    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+        let workspace = Workspace::new(&self.network, LANES);
+        Ok(Box::new(FeedForwardWalk { network: &self.network, workspace }))
+    }
+}
+
+struct FeedForwardWalk<'a> {
+    network: &'a Mlp,
+    workspace: Workspace,
+}
+
+impl Walk for FeedForwardWalk<'_> {
+    fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
+        next.copy_from_slice(self.network.forward(states, &mut self.workspace));
+        Ok(())
+    }
+
+    fn forget(&mut self, _lane: usize) {}
+}

@@ -1,0 +1,295 @@
+use std::{ops::Range, sync::Arc};
+
+use calib_core::{Monitor, RowIndex, Segments, States, Stream};
+use rayon::prelude::*;
+
+use crate::{Dynamics, DynamicsError, LANES};
+
+/// Steps between two looks at the monitor.
+const STEPS_PER_LOOK: usize = 256;
+
+/// A trajectory that a model predicts, from a recorded state on.
+///
+/// State 0 is the start; every further one is what the model makes of the one before. States are normalised, and
+/// need not look like anything that was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    start: RowIndex,
+    columns: usize,
+    states: Vec<f32>,
+    ended: Ended,
+}
+
+/// How a rollout ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// After all the steps that were asked for.
+    Complete,
+    /// Before this step, because its state would have had a value that is not finite.
+    NotFinite {
+        /// The step that is not there, counted from 1.
+        step: usize,
+        /// The first column that is not finite.
+        column: usize,
+    },
+}
+
+impl Prediction {
+    /// The recorded row that it starts from.
+    pub fn start(&self) -> RowIndex {
+        self.start
+    }
+
+    /// Steps taken: states but the start.
+    pub fn steps(&self) -> usize {
+        self.states.len() / self.columns - 1
+    }
+
+    /// Values in a state.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// The state after `step` steps.
+    pub fn state(&self, step: usize) -> &[f32] {
+        &self.states[step * self.columns..][..self.columns]
+    }
+
+    /// One column, from the start on.
+    pub fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
+        self.states.iter().skip(column).step_by(self.columns).copied()
+    }
+
+    /// How it ended.
+    pub fn ended(&self) -> Ended {
+        self.ended
+    }
+}
+
+/// A prediction as a stream for an agent, in one unbroken piece.
+#[derive(Clone, Debug)]
+pub struct PredictedStream {
+    prediction: Arc<Prediction>,
+    pieces: [Range<usize>; 1],
+}
+
+impl PredictedStream {
+    /// The stream of a prediction.
+    pub fn new(prediction: Arc<Prediction>) -> Self {
+        let pieces = [0..prediction.steps() + 1];
+        Self { prediction, pieces }
+    }
+}
+
+impl Stream for PredictedStream {
+    fn len(&self) -> usize {
+        self.prediction.steps() + 1
+    }
+
+    fn width(&self) -> usize {
+        self.prediction.columns
+    }
+
+    fn state(&self, t: usize) -> &[f32] {
+        self.prediction.state(t)
+    }
+
+    fn pieces(&self) -> &[Range<usize>] {
+        &self.pieces
+    }
+}
+
+/// Roll `model` out from each of the recorded `starts` for `steps` steps, feeding predictions back.
+///
+/// A model with a hidden state first sees the recorded states before the start, as many as it wants and the segment
+/// has (our choice: the hidden state is then as in training). A rollout depends on its start alone, to the bit: not on
+/// the others, nor on the number of threads. Progress counts steps.
+///
+/// # Errors
+/// If the model does not fit the states or cannot be run, or the monitor is interrupted.
+///
+/// # Panics
+/// If a start is not a row of the segments.
+pub fn predict(
+    model: &dyn Dynamics,
+    states: &States,
+    segments: &Segments,
+    starts: &[RowIndex],
+    steps: usize,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Prediction>, DynamicsError> {
+    if model.columns() != states.columns() {
+        let (model, states) = (model.columns(), states.columns());
+        let reason = format!("the model has {model} columns, the states have {states}");
+        return Err(DynamicsError::Weights { reason });
+    }
+    monitor.begin("rollouts", starts.len() as u64 * steps as u64);
+    let lockstep: Result<Vec<Vec<Prediction>>, DynamicsError> = starts
+        .par_chunks(LANES)
+        .map(|starts| predict_lanes(model, states, segments, starts, steps, monitor))
+        .collect();
+    Ok(lockstep?.into_iter().flatten().collect())
+}
+
+fn predict_lanes(
+    model: &dyn Dynamics,
+    states: &States,
+    segments: &Segments,
+    starts: &[RowIndex],
+    steps: usize,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Prediction>, DynamicsError> {
+    let columns = states.columns();
+    let mut walk = model.walk()?;
+    let mut current = vec![0.0; LANES * columns];
+    let mut next = vec![0.0; LANES * columns];
+    let histories: Vec<usize> =
+        starts.iter().map(|&start| history(segments, start).min(model.history())).collect();
+    for back in (1..=histories.iter().copied().max().unwrap_or(0)).rev() {
+        for (lane, start) in starts.iter().enumerate().filter(|(lane, _)| histories[*lane] >= back)
+        {
+            let row = states.row(start.get() - back);
+            current[lane * columns..][..columns].copy_from_slice(row);
+            if histories[lane] == back {
+                walk.forget(lane);
+            }
+        }
+        walk.step(&current, &mut next)?;
+    }
+    let mut rollouts = Vec::with_capacity(starts.len());
+    for (lane, &start) in starts.iter().enumerate() {
+        let row = states.row(start.get());
+        current[lane * columns..][..columns].copy_from_slice(row);
+        if histories[lane] == 0 {
+            walk.forget(lane);
+        }
+        let mut all = Vec::with_capacity((steps + 1) * columns);
+        all.extend_from_slice(row);
+        rollouts.push(Prediction { start, columns, states: all, ended: Ended::Complete });
+    }
+    for step in 1..=steps {
+        walk.step(&current, &mut next)?;
+        for (lane, rollout) in rollouts.iter_mut().enumerate() {
+            let predicted = &mut next[lane * columns..][..columns];
+            if rollout.ended != Ended::Complete {
+                predicted.fill(0.0);
+            } else if let Some(column) = predicted.iter().position(|value| !value.is_finite()) {
+                rollout.ended = Ended::NotFinite { step, column };
+                predicted.fill(0.0);
+            } else {
+                rollout.states.extend_from_slice(predicted);
+            }
+        }
+        std::mem::swap(&mut current, &mut next);
+        // Lanes that nobody wants stay where they are.
+        current[rollouts.len() * columns..].fill(0.0);
+        if step % STEPS_PER_LOOK == 0 || step == steps {
+            if monitor.interrupted() {
+                return Err(DynamicsError::Interrupted);
+            }
+            let done = (step - 1) % STEPS_PER_LOOK + 1;
+            monitor.advance((done * rollouts.len()) as u64);
+        }
+    }
+    Ok(rollouts)
+}
+
+/// Rows of the start's segment before it.
+fn history(segments: &Segments, start: RowIndex) -> usize {
+    let position = segments.position_of(start.get()).expect("a start is a row of the data");
+    start.get() - segments.as_slice()[position].start as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Silent};
+    use calib_nn::Mlp;
+
+    use super::*;
+    use crate::{FeedForward, GruLayer, Recurrent};
+
+    fn states(rows: usize, columns: usize) -> States {
+        let mut rng = Seed::new(5).rng();
+        let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();
+        States::new(values, rows, columns).expect("finite")
+    }
+
+    fn recurrent(columns: usize, hidden: usize) -> Recurrent {
+        let mut rng = Seed::new(9).rng();
+        let mut draw = |count: usize| -> Vec<f32> {
+            (0..count).map(|_| rng.uniform(-0.4, 0.4) as f32).collect()
+        };
+        let layers = [columns, hidden]
+            .map(|inputs| GruLayer {
+                weight_ih: draw(3 * hidden * inputs),
+                weight_hh: draw(3 * hidden * hidden),
+                bias_ih: draw(3 * hidden),
+                bias_hh: draw(3 * hidden),
+            })
+            .to_vec();
+        Recurrent::new(layers, draw(columns * hidden), draw(columns), 6).expect("valid")
+    }
+
+    #[test]
+    fn together_and_alone_are_the_same_bits() {
+        let (rows, columns) = (90, 7);
+        let states = states(rows, columns);
+        let segments = Segments::from_lengths([40, 3, 47]).expect("valid");
+        let starts: Vec<RowIndex> = (0..37).map(|r| RowIndex::new(r * 29 % rows)).collect();
+        let network = Mlp::new(&[columns, 33, 65, columns], Seed::new(4));
+        let models: [Box<dyn Dynamics>; 2] = [
+            Box::new(FeedForward::new(network).expect("square")),
+            Box::new(recurrent(columns, 19)),
+        ];
+        for model in models {
+            let roll = |starts: &[RowIndex]| {
+                predict(&*model, &states, &segments, starts, 25, &Silent).expect("it runs")
+            };
+            let together = roll(&starts);
+            for (start, expected) in starts.iter().zip(&together) {
+                assert_eq!(roll(&[*start])[0], *expected);
+                assert_eq!(expected.state(0), states.row(start.get()));
+                assert_eq!((expected.steps(), expected.ended()), (25, Ended::Complete));
+            }
+        }
+    }
+
+    #[test]
+    fn the_hidden_state_is_filled_from_the_same_segment() {
+        let states = states(30, 3);
+        let model = recurrent(3, 8);
+        let roll = |lengths: &[usize], start: usize| {
+            let segments = Segments::from_lengths(lengths.iter().copied()).expect("valid");
+            let starts = [RowIndex::new(start)];
+            predict(&model, &states, &segments, &starts, 4, &Silent).expect("it runs").remove(0)
+        };
+        assert_eq!(roll(&[30], 20), roll(&[14, 16], 20), "six rows back, no more");
+        assert!(roll(&[30], 20) != roll(&[15, 15], 20), "five rows back");
+        // By hand: the walk over the recorded rows.
+        let mut walk = model.walk().expect("it runs");
+        let mut next = vec![0.0; LANES * 3];
+        for row in 15..=20 {
+            walk.step(&states.row(row).repeat(LANES), &mut next).expect("a step");
+        }
+        assert_eq!(roll(&[15, 15], 20).state(1), &next[..3]);
+    }
+
+    #[test]
+    fn what_is_not_finite_ends_a_rollout() {
+        // x grows tenfold each step and leaves the range of f32 after 38 steps or so.
+        let network = Mlp::from_parameters(&[1, 1], vec![10.0, 0.0]).expect("two parameters");
+        let model = FeedForward::new(network).expect("square");
+        let states = States::new(vec![1.0, 0.0], 2, 1).expect("finite");
+        let segments = Segments::from_lengths([2]).expect("valid");
+        let starts = [RowIndex(0), RowIndex(1)];
+        let rolled = predict(&model, &states, &segments, &starts, 50, &Silent).expect("it runs");
+        assert_eq!(rolled[0].ended(), Ended::NotFinite { step: 39, column: 0 });
+        assert_eq!(rolled[0].steps(), 38);
+        assert_eq!((rolled[1].ended(), rolled[1].steps()), (Ended::Complete, 50));
+        let stream = PredictedStream::new(Arc::new(rolled[0].clone()));
+        assert_eq!((stream.len(), stream.pieces()), (39, &[0..39][..]));
+        assert_eq!(stream.state(2), [100.0]);
+        let wide = FeedForward::new(Mlp::new(&[2, 2], Seed::new(1))).expect("square");
+        assert!(predict(&wide, &states, &segments, &starts, 1, &Silent).is_err());
+    }
+}

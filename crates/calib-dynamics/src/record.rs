@@ -1,0 +1,122 @@
+use calib_core::{Monitor, Seed};
+use calib_files::Tensors;
+use serde::{Deserialize, Serialize};
+
+use crate::{DynamicsConfig, DynamicsError, Keep};
+
+/// Losses of one epoch: mean squared errors over transitions and columns, normalised units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpochLoss {
+    /// Over the mini-batches of the epoch, each before its update.
+    pub training: f64,
+    /// Over the validation part, after the epoch.
+    pub validation: f64,
+}
+
+/// What training did so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrainingRecord {
+    /// Losses of each epoch.
+    pub epochs: Vec<EpochLoss>,
+    /// Updates made.
+    pub updates: u64,
+    /// The epoch whose weights are kept, counted from 1; 0 before the first.
+    pub kept: usize,
+}
+
+impl TrainingRecord {
+    /// Whether all epochs are done.
+    pub fn is_complete(&self, config: &DynamicsConfig) -> bool {
+        self.epochs.len() >= config.epochs
+    }
+
+    /// Add an epoch; whether its weights are now those to keep.
+    ///
+    /// # Errors
+    /// If a loss is not finite.
+    pub fn push(
+        &mut self,
+        loss: EpochLoss,
+        config: &DynamicsConfig,
+    ) -> Result<bool, DynamicsError> {
+        let epoch = self.epochs.len() + 1;
+        for loss in [loss.training, loss.validation] {
+            if !loss.is_finite() {
+                let learning_rate = config.learning_rate;
+                return Err(DynamicsError::Diverged { epoch, loss, learning_rate });
+            }
+        }
+        let best = self.epochs.iter().map(|of| of.validation).fold(f64::INFINITY, f64::min);
+        let kept = config.keep == Keep::Last || loss.validation < best;
+        self.epochs.push(loss);
+        if kept {
+            self.kept = epoch;
+        }
+        Ok(kept)
+    }
+}
+
+/// Training of a model, epoch by epoch.
+///
+/// An epoch is a pure function of the state before it, so training that was put aside in a
+/// [`checkpoint`](Self::checkpoint) and resumed ends with the same bytes.
+pub trait Trainer {
+    /// Updates of one epoch; they measure progress.
+    fn updates_per_epoch(&self) -> usize;
+
+    /// What was done so far.
+    fn record(&self) -> &TrainingRecord;
+
+    /// Train for one epoch. The monitor advances by its updates; the caller begins the task.
+    ///
+    /// # Errors
+    /// [`DynamicsError::Diverged`], or [`DynamicsError::Interrupted`]; then the trainer is of no more use.
+    fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError>;
+
+    /// Everything that the next epoch follows from.
+    ///
+    /// # Errors
+    /// If the weights cannot be had from where they are.
+    fn checkpoint(&self) -> Result<Tensors, DynamicsError>;
+
+    /// The weights that are kept.
+    ///
+    /// # Errors
+    /// If the weights cannot be had from where they are.
+    fn weights(&self) -> Result<Tensors, DynamicsError>;
+}
+
+/// The order in which items are learnt from in epoch `epoch` (from 0): the same for every backend.
+pub fn epoch_order(items: impl Iterator<Item = u32>, seed: Seed, epoch: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = items.collect();
+    seed.child("epoch").number(epoch as u64).rng().shuffle(&mut order);
+    order
+}
+
+/// The seed of the first parameters: the same for every backend.
+pub fn seed_of_parameters(seed: Seed) -> Seed {
+    seed.child("parameters")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_or_the_last_epoch_is_kept() {
+        let losses = [3.0, 1.0, 2.0, 1.0];
+        for (keep, expected) in [(Keep::Best, 2), (Keep::Last, 4)] {
+            let config = DynamicsConfig { keep, epochs: 4, ..DynamicsConfig::default() };
+            let mut record = TrainingRecord::default();
+            for validation in losses {
+                assert!(!record.is_complete(&config));
+                record.push(EpochLoss { training: 0.5, validation }, &config).expect("finite");
+            }
+            assert!(record.is_complete(&config));
+            assert_eq!(record.kept, expected);
+        }
+        let loss = EpochLoss { training: f64::NAN, validation: 1.0 };
+        let error = TrainingRecord::default().push(loss, &DynamicsConfig::default());
+        assert!(error.expect_err("not finite").to_string().contains("learning_rate"));
+    }
+}

@@ -1,0 +1,222 @@
+use calib_nn::{Matrix, multiply};
+
+use crate::{Dynamics, DynamicsError, LANES, Walk};
+
+/// One layer of a GRU, with PyTorch's layout: rows are the reset, update and new gates, each of `hidden` units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GruLayer {
+    /// Weights of the input, `[3 · hidden, inputs]`.
+    pub weight_ih: Vec<f32>,
+    /// Weights of the hidden state, `[3 · hidden, hidden]`.
+    pub weight_hh: Vec<f32>,
+    /// Biases of the input, `[3 · hidden]`.
+    pub bias_ih: Vec<f32>,
+    /// Biases of the hidden state, `[3 · hidden]`.
+    pub bias_hh: Vec<f32>,
+}
+
+/// The GRU baseline: layers of gated recurrent units (Cho et al. 2014, as PyTorch computes them) and a linear output,
+/// which is the next state.
+///
+/// r = σ(W_ir x + b_ir + W_hr h + b_hr), z = σ(W_iz x + b_iz + W_hz h + b_hz),
+/// n = tanh(W_in x + b_in + r ⊙ (W_hn h + b_hn)), h ← (1 − z) ⊙ n + z ⊙ h.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recurrent {
+    columns: usize,
+    hidden: usize,
+    layers: Vec<GruLayer>,
+    /// `[columns, hidden]`.
+    head_weight: Vec<f32>,
+    head_bias: Vec<f32>,
+    history: usize,
+}
+
+impl Recurrent {
+    /// The model of these weights; `history` recorded states before a start fill the hidden state.
+    ///
+    /// # Errors
+    /// If the sizes do not agree.
+    pub fn new(
+        layers: Vec<GruLayer>,
+        head_weight: Vec<f32>,
+        head_bias: Vec<f32>,
+        history: usize,
+    ) -> Result<Self, DynamicsError> {
+        let columns = head_bias.len();
+        let hidden = layers.first().map_or(0, |layer| layer.bias_hh.len() / 3);
+        let wrong = |reason: String| Err(DynamicsError::Weights { reason });
+        if columns == 0 || hidden == 0 || head_weight.len() != columns * hidden {
+            return wrong(format!(
+                "an output of {columns} values from {hidden} units has {} weights, got {}",
+                columns * hidden,
+                head_weight.len()
+            ));
+        }
+        for (number, layer) in layers.iter().enumerate() {
+            let inputs = if number == 0 { columns } else { hidden };
+            let expected = [3 * hidden * inputs, 3 * hidden * hidden, 3 * hidden, 3 * hidden];
+            let got = [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh]
+                .map(|values| values.len());
+            if got != expected {
+                return wrong(format!(
+                    "layer {number} of {hidden} units on {inputs} values has {expected:?} weights, got {got:?}"
+                ));
+            }
+        }
+        Ok(Self { columns, hidden, layers, head_weight, head_bias, history })
+    }
+
+    /// The layers, input first.
+    pub fn layers(&self) -> &[GruLayer] {
+        &self.layers
+    }
+
+    /// Units of each layer.
+    pub fn hidden(&self) -> usize {
+        self.hidden
+    }
+
+    /// Weights `[columns, hidden]` and biases `[columns]` of the output.
+    pub fn head(&self) -> (&[f32], &[f32]) {
+        (&self.head_weight, &self.head_bias)
+    }
+}
+
+impl Dynamics for Recurrent {
+    fn columns(&self) -> usize {
+        self.columns
+    }
+
+    fn history(&self) -> usize {
+        self.history
+    }
+
+    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+        Ok(Box::new(RecurrentWalk {
+            model: self,
+            hidden: vec![vec![0.0; LANES * self.hidden]; self.layers.len()],
+            of_input: vec![0.0; LANES * 3 * self.hidden],
+            of_hidden: vec![0.0; LANES * 3 * self.hidden],
+        }))
+    }
+}
+
+struct RecurrentWalk<'a> {
+    model: &'a Recurrent,
+    /// Hidden state of each layer, `[LANES, hidden]`.
+    hidden: Vec<Vec<f32>>,
+    of_input: Vec<f32>,
+    of_hidden: Vec<f32>,
+}
+
+impl Walk for RecurrentWalk<'_> {
+    fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
+        let units = self.model.hidden;
+        for (number, layer) in self.model.layers.iter().enumerate() {
+            let (before, from) = self.hidden.split_at_mut(number);
+            let input = before.last().map_or(states, Vec::as_slice);
+            let inputs = input.len() / LANES;
+            let hidden = &mut from[0];
+            multiply(
+                &mut self.of_input,
+                Matrix::new(input, LANES, inputs),
+                Matrix::new(&layer.weight_ih, 3 * units, inputs).transposed(),
+            );
+            multiply(
+                &mut self.of_hidden,
+                Matrix::new(hidden, LANES, units),
+                Matrix::new(&layer.weight_hh, 3 * units, units).transposed(),
+            );
+            let lanes = self.of_input.chunks_exact(3 * units);
+            let lanes = lanes.zip(self.of_hidden.chunks_exact(3 * units));
+            for ((from_input, from_hidden), hidden) in lanes.zip(hidden.chunks_exact_mut(units)) {
+                update(layer, from_input, from_hidden, hidden);
+            }
+        }
+        let last = &self.hidden[self.model.layers.len() - 1];
+        multiply(
+            next,
+            Matrix::new(last, LANES, units),
+            Matrix::new(&self.model.head_weight, self.model.columns, units).transposed(),
+        );
+        for row in next.chunks_exact_mut(self.model.columns) {
+            for (value, bias) in row.iter_mut().zip(&self.model.head_bias) {
+                *value += bias;
+            }
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self, lane: usize) {
+        let units = self.model.hidden;
+        for hidden in &mut self.hidden {
+            hidden[lane * units..(lane + 1) * units].fill(0.0);
+        }
+    }
+}
+
+/// The new hidden state of one lane, from the products of its gates.
+fn update(layer: &GruLayer, from_input: &[f32], from_hidden: &[f32], hidden: &mut [f32]) {
+    let units = hidden.len();
+    let sum = |gate: usize| {
+        let input = from_input[gate] + layer.bias_ih[gate];
+        (input, from_hidden[gate] + layer.bias_hh[gate])
+    };
+    for (unit, value) in hidden.iter_mut().enumerate() {
+        let (a, b) = sum(unit);
+        let reset = sigmoid(a + b);
+        let (a, b) = sum(units + unit);
+        let keep = sigmoid(a + b);
+        let (a, b) = sum(2 * units + unit);
+        let new = (a + reset * b).tanh();
+        *value = (1.0 - keep) * new + keep * *value;
+    }
+}
+
+fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_unit_follows_the_formula() {
+        let layer = GruLayer {
+            weight_ih: vec![0.5, -0.25, 1.0],
+            weight_hh: vec![0.1, 0.2, -0.3],
+            bias_ih: vec![0.01, 0.02, 0.03],
+            bias_hh: vec![-0.01, 0.04, 0.05],
+        };
+        let model = Recurrent::new(vec![layer], vec![2.0], vec![0.5], 0).expect("valid");
+        let mut walk = model.walk().expect("it runs");
+        let mut next = vec![0.0; LANES];
+        let (mut h, sigmoid) = (0.0_f64, |x: f64| 1.0 / (1.0 + (-x).exp()));
+        for x in [0.7_f64, -1.2, 0.3] {
+            walk.step(&vec![x as f32; LANES], &mut next).expect("a step");
+            let r = sigmoid(0.5 * x + 0.01 + 0.1 * h - 0.01);
+            let z = sigmoid(-0.25 * x + 0.02 + 0.2 * h + 0.04);
+            let n = (x + 0.03 + r * (-0.3 * h + 0.05)).tanh();
+            h = (1.0 - z) * n + z * h;
+            for &value in &next {
+                assert!((f64::from(value) - (2.0 * h + 0.5)).abs() < 1e-6, "{value} {h}");
+            }
+        }
+        walk.forget(3);
+        walk.step(&vec![0.0; LANES], &mut next).expect("a step");
+        assert!(next[3] != next[2] && next[2] == next[4], "only one lane forgets");
+    }
+
+    #[test]
+    fn sizes_must_agree() {
+        let layer = GruLayer {
+            weight_ih: vec![0.0; 6],
+            weight_hh: vec![0.0; 3],
+            bias_ih: vec![0.0; 3],
+            bias_hh: vec![0.0; 3],
+        };
+        let error = Recurrent::new(vec![layer], vec![0.0], vec![0.0], 0).expect_err("two inputs");
+        assert!(error.to_string().contains("layer 0"), "{error}");
+    }
+}
