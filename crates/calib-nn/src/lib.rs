@@ -34,6 +34,7 @@ mod kernels;
 mod mlp;
 mod optimiser;
 mod product;
+mod sequential;
 mod sgd;
 mod workspace;
 
@@ -41,5 +42,6 @@ pub use adam::{Adam, AdamRule};
 pub use mlp::{Layer, Mlp, ParameterCountError};
 pub use optimiser::{Moments, Optimiser};
 pub use product::{Matrix, multiply};
+pub use sequential::{NamedParameter, SequentialError};
 pub use sgd::{Sgd, SgdRule};
 pub use workspace::Workspace;

@@ -87,6 +87,12 @@ impl Mlp {
         &self.layers
     }
 
+    /// Layer sizes, input first, output last.
+    pub fn sizes(&self) -> Vec<usize> {
+        let outputs = self.layers.iter().map(|layer| layer.outputs);
+        std::iter::once(self.inputs()).chain(outputs).collect()
+    }
+
     /// Values in an input row.
     pub fn inputs(&self) -> usize {
         self.layers[0].inputs

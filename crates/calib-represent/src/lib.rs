@@ -1,15 +1,58 @@
 //! Laplacian representations of a plant's states: training, scores, selection.
+//!
+//! ψ maps a state to `d` numbers so that states which follow each other are near, and the others apart. Then
+//! the nearest neighbours of a state are states from which the plant goes on alike.
+//!
+//! - [`LaplacianConfig`], [`LossConfig`]: hyperparameters, and what second moments they lead to.
+//! - [`Split`]: which states are trained on, and which later ones are scored.
+//! - [`PairSampler`]: pairs of states a truncated-geometric time apart.
+//! - [`laplacian_loss`]: both published forms, and the gradient by hand.
+//! - [`Training`]: one update; [`train`]: all of them, with a learning curve, checkpoints and divergence.
+//! - [`encode`], [`write_encoder`], [`read_encoder`]: ψ of every state; weights as PyTorch reads them.
+//! - [`score`], [`select`]: dynamics awareness, uniqueness, live dimensions; the rule of choice.
+//!
+//! ```
+//! use calib_core::{Seed, Segments, Silent, States};
+//! use calib_represent::{LaplacianConfig, Split, Task, encode, score, train};
+//!
+//! let angles = (0..500_u16).map(|row| f32::from(row) * 0.05);
+//! let values = angles.flat_map(|angle| [angle.cos(), angle.sin()]).collect();
+//! let states = States::new(values, 500, 2).unwrap();
+//! let segments = Segments::from_lengths([500]).unwrap();
+//! let split = Split::in_time(&segments).unwrap();
+//! let seed = Seed::new(1);
+//! let task = Task { states: &states, segments: &segments, split: &split, seed };
+//! let config = LaplacianConfig {
+//!     dimension: 4, hidden_units: 16, batch_size: 32, learning_rate: 3e-3, steps: 500, ..Default::default()
+//! };
+//! let trained = train(&config, task, None, &Silent).unwrap();
+//! let psi = encode(&trained.encoder, &states).unwrap();
+//! assert!(score(&states, &psi, &segments, &split.validation, seed).dynamics_awareness > 0.5);
+//! ```
 
+mod checkpoint;
 mod config;
+mod distinct;
+mod eigen;
+mod encoder;
 mod error;
 mod loss;
 mod pairs;
+mod scores;
+mod selection;
 mod split;
+mod train;
 mod training;
 
+pub use checkpoint::Checkpoint;
 pub use config::{ConfigError, LaplacianConfig, LossConfig, LossForm};
+pub use eigen::symmetric_eigenvalues;
+pub use encoder::{encode, read_encoder, write_encoder};
 pub use error::RepresentError;
 pub use loss::{Loss, LossBuffers, laplacian_loss};
 pub use pairs::PairSampler;
+pub use scores::{MOST_DISTINCT, Scores, TOLERANCE, score};
+pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;
-pub use training::Training;
+pub use train::{Divergence, Point, Task, Trained, train};
+pub use training::{Batch, Training};

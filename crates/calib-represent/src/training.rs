@@ -1,9 +1,20 @@
-use calib_core::{Rng, Seed, Segments, States};
+use calib_core::{Seed, Segments, States};
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 
 use crate::{
     LaplacianConfig, Loss, LossBuffers, PairSampler, RepresentError, Split, laplacian_loss,
 };
+
+/// Rows of a mini-batch, equally many of each.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Batch {
+    /// First states of the pairs.
+    pub u: Vec<usize>,
+    /// Second states of the pairs.
+    pub v: Vec<usize>,
+    /// Independent states.
+    pub x: Vec<usize>,
+}
 
 /// An encoder in training: parameters, optimiser, and every buffer of a step.
 ///
@@ -19,9 +30,10 @@ pub struct Training {
     draws: Seed,
     pub(crate) encoder: Mlp,
     pub(crate) adam: Adam,
-    pub(crate) done: usize,
+    done: usize,
     workspace: Workspace,
     buffers: LossBuffers,
+    batch: Batch,
     /// ψ's inputs: u of every pair, v of every pair, x. `[3B, columns]`.
     inputs: Vec<f32>,
 }
@@ -39,10 +51,30 @@ impl Training {
         seed: Seed,
     ) -> Result<Self, RepresentError> {
         config.check()?;
+        let encoder = Mlp::new(&config.sizes(states.columns()), seed.child("encoder"));
+        Self::from_encoder(config, states, segments, split, seed, encoder)
+    }
+
+    /// The same with an encoder that exists, and an optimiser without moments.
+    ///
+    /// # Errors
+    /// As [`Training::new`].
+    ///
+    /// # Panics
+    /// If the encoder has not the layers that `config` describes.
+    pub fn from_encoder(
+        config: &LaplacianConfig,
+        states: &States,
+        segments: &Segments,
+        split: &Split,
+        seed: Seed,
+        encoder: Mlp,
+    ) -> Result<Self, RepresentError> {
+        config.check()?;
+        assert_eq!(encoder.sizes(), config.sizes(states.columns()), "layers as configured");
         let rows = split.training.clone();
         let pairs = PairSampler::new(segments, rows.clone(), config.kappa, config.trajectory)
             .ok_or(RepresentError::NoPairs { part: "training", rows: rows.len() })?;
-        let encoder = Mlp::new(&config.sizes(states.columns()), seed.child("encoder"));
         let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
         Ok(Self {
             config: *config,
@@ -54,6 +86,7 @@ impl Training {
             done: 0,
             workspace: Workspace::new(&encoder, 3 * config.batch_size),
             buffers: LossBuffers::new(config.batch_size, config.dimension),
+            batch: Batch::default(),
             inputs: vec![0.0; 3 * config.batch_size * states.columns()],
             encoder,
         })
@@ -61,8 +94,24 @@ impl Training {
 
     /// One update; the loss of its batch before the update.
     pub fn step(&mut self) -> Loss {
-        let mut rng = self.draws.number(self.done as u64).rng();
-        self.gather(&mut rng);
+        let mut batch = std::mem::take(&mut self.batch);
+        self.draw(&mut batch);
+        let loss = self.step_on(&batch);
+        self.batch = batch;
+        loss
+    }
+
+    /// One update on these rows; the loss before the update.
+    ///
+    /// # Panics
+    /// If the batch has not as many rows as configured, or a row is not one of the states.
+    pub fn step_on(&mut self, batch: &Batch) -> Loss {
+        let (states, columns) = (self.states.as_slice(), self.states.columns());
+        let rows = batch.u.iter().chain(&batch.v).chain(&batch.x);
+        assert_eq!(rows.clone().count(), 3 * self.config.batch_size, "u, v and x of a batch");
+        for (input, &row) in self.inputs.chunks_exact_mut(columns).zip(rows) {
+            input.copy_from_slice(&states[row * columns..][..columns]);
+        }
         self.done += 1;
         let outputs = self.encoder.forward(&self.inputs, &mut self.workspace);
         let (loss, gradient) = laplacian_loss(&self.config.loss, outputs, &mut self.buffers);
@@ -71,21 +120,32 @@ impl Training {
         loss
     }
 
-    fn gather(&mut self, rng: &mut Rng) {
-        let (states, columns) = (self.states.as_slice(), self.states.columns());
-        let block = self.config.batch_size * columns;
-        let (u_rows, rest) = self.inputs.split_at_mut(block);
-        let (v_rows, x_rows) = rest.split_at_mut(block);
-        let copy = |to: &mut [f32], row: usize| {
-            to.copy_from_slice(&states[row * columns..][..columns]);
-        };
-        let places = u_rows.chunks_exact_mut(columns).zip(v_rows.chunks_exact_mut(columns));
-        for ((u_row, v_row), x_row) in places.zip(x_rows.chunks_exact_mut(columns)) {
-            let (u, v) = self.pairs.draw(rng);
-            copy(u_row, u);
-            copy(v_row, v);
-            copy(x_row, self.rows.start + rng.below(self.rows.len()));
+    /// The rows of the next step's batch.
+    pub fn draw(&self, batch: &mut Batch) {
+        let mut rng = self.draws.number(self.done as u64).rng();
+        batch.u.clear();
+        batch.v.clear();
+        batch.x.clear();
+        for _ in 0..self.config.batch_size {
+            let (u, v) = self.pairs.draw(&mut rng);
+            batch.u.push(u);
+            batch.v.push(v);
+            batch.x.push(self.rows.start + rng.below(self.rows.len()));
         }
+    }
+
+    /// Go on from where another training of the same shape was after `done` updates.
+    pub(crate) fn restore(
+        &mut self,
+        parameters: &[f32],
+        mean: Vec<f32>,
+        square: Vec<f32>,
+        powers: (f64, f64),
+        done: usize,
+    ) {
+        self.encoder.parameters_mut().copy_from_slice(parameters);
+        self.adam = Adam::from_moments(self.adam.rule(), mean, square, powers);
+        self.done = done;
     }
 
     /// Hyperparameters.

@@ -1,0 +1,103 @@
+use std::{collections::BTreeMap, fs, io, path::PathBuf};
+
+use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
+use serde::{Deserialize, Serialize};
+
+use crate::{Point, RepresentError, Training};
+
+/// What a checkpoint holds beside parameters and moments.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Progress {
+    /// What the training follows from; a checkpoint of another key is not gone on from.
+    key: String,
+    /// Updates so far.
+    done: usize,
+    /// Loss of the first update.
+    pub(crate) first_loss: Option<f64>,
+    /// Sum of the losses since the latest point.
+    pub(crate) sum: f64,
+    /// Losses in that sum.
+    pub(crate) count: usize,
+    /// Adam's powers β₁ᵗ and β₂ᵗ.
+    powers: (f64, f64),
+    /// Points so far.
+    pub(crate) points: Vec<Point>,
+}
+
+const PROGRESS: &str = "progress";
+
+/// Where a training that may be killed keeps what it needs to go on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checkpoint {
+    /// A safetensors file; it need not exist.
+    pub path: PathBuf,
+    /// Names everything that the training follows from: data, hyperparameters, seed. A file that was written
+    /// under another key is not gone on from, and replaced.
+    pub key: String,
+}
+
+impl Checkpoint {
+    /// Remove the file, once the training's results are kept elsewhere.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn remove(&self) -> Result<(), RepresentError> {
+        match fs::remove_file(&self.path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(FileError::io("remove", &self.path, error).into())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Write all that `training` needs to go on.
+pub(crate) fn write(
+    Checkpoint { path, key }: &Checkpoint,
+    training: &Training,
+    progress: &Progress,
+) -> Result<(), RepresentError> {
+    let (mean, square, powers) = training.adam.moments();
+    let flat = |name: &str, values: &[f32]| Tensor {
+        name: name.to_owned(),
+        shape: vec![values.len()],
+        values: values.to_vec(),
+    };
+    let tensors = vec![
+        flat("mean", mean),
+        flat("parameters", training.encoder.parameters()),
+        flat("square", square),
+    ];
+    let progress = Progress { key: key.clone(), done: training.done(), powers, ..progress.clone() };
+    let text = serde_json::to_string(&progress).map_err(io::Error::from);
+    let text = text.map_err(|source| FileError::io("write", path, source))?;
+    let metadata = BTreeMap::from([(PROGRESS.to_owned(), text)]);
+    Ok(write_tensors(path, &Tensors { tensors, metadata })?)
+}
+
+/// Put `training` where the checkpoint at `path` stopped. `None` if there is no file.
+pub(crate) fn read(
+    Checkpoint { path, key }: &Checkpoint,
+    training: &mut Training,
+) -> Result<Option<Progress>, RepresentError> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let refuse = |reason: String| RepresentError::Checkpoint { path: path.clone(), reason };
+    let content = read_tensors(path)?;
+    let text = content.metadata.get(PROGRESS).ok_or_else(|| refuse("no progress".to_owned()))?;
+    let progress: Progress =
+        serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;
+    if progress.key != *key {
+        // Of another study or other data: training begins anew and replaces it.
+        return Ok(None);
+    }
+    let values = |name: &str| {
+        let expected = training.encoder.parameter_count();
+        let found = content.get(name).filter(|tensor| tensor.values.len() == expected);
+        found.map(|tensor| tensor.values.clone()).ok_or_else(|| refuse(format!("`{name}`")))
+    };
+    let (parameters, mean, square) = (values("parameters")?, values("mean")?, values("square")?);
+    training.restore(&parameters, mean, square, progress.powers, progress.done);
+    Ok(Some(progress))
+}

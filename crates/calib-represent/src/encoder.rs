@@ -1,0 +1,102 @@
+use std::{collections::BTreeMap, path::Path};
+
+use calib_core::{States, StatesError};
+use calib_files::{Tensor, Tensors, read_tensors, write_tensors};
+use calib_nn::{Mlp, Workspace};
+use rayon::prelude::*;
+
+use crate::RepresentError;
+
+/// Rows that are encoded as one product. Every product has as many, the last one filled up, so that the
+/// bytes of ψ(s) do not depend on how many states are encoded with s.
+const CHUNK: usize = 256;
+
+/// ψ of every state, `[n, d]`, on all threads; the bytes do not depend on their number.
+///
+/// # Errors
+/// If ψ of some state is not finite.
+///
+/// # Panics
+/// If the states have not as many columns as the encoder has inputs.
+pub fn encode(encoder: &Mlp, states: &States) -> Result<States, StatesError> {
+    let (columns, dimension) = (states.columns(), encoder.outputs());
+    assert_eq!(columns, encoder.inputs(), "an encoder is for states of its own width");
+    let mut psi = vec![0.0; states.rows() * dimension];
+    let chunks = psi.par_chunks_mut(CHUNK * dimension);
+    let inputs = states.as_slice().par_chunks(CHUNK * columns);
+    let buffers = || (Workspace::new(encoder, CHUNK), vec![0.0; CHUNK * columns]);
+    chunks.zip(inputs).for_each_init(buffers, |(workspace, padded), (psi, input)| {
+        padded[..input.len()].copy_from_slice(input);
+        padded[input.len()..].fill(0.0);
+        psi.copy_from_slice(&encoder.forward(padded, workspace)[..psi.len()]);
+    });
+    States::new(psi, states.rows(), dimension)
+}
+
+/// Write an encoder as safetensors, named and laid out as PyTorch's `Sequential(Linear, ReLU, …, Linear)`.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_encoder(
+    path: &Path,
+    encoder: &Mlp,
+    metadata: BTreeMap<String, String>,
+) -> Result<(), RepresentError> {
+    let tensors = encoder.to_sequential().into_iter().map(|parameter| Tensor {
+        name: parameter.name,
+        shape: parameter.shape,
+        values: parameter.values,
+    });
+    Ok(write_tensors(path, &Tensors { tensors: tensors.collect(), metadata })?)
+}
+
+/// Read what [`write_encoder`], or PyTorch, wrote.
+///
+/// # Errors
+/// If the file cannot be read, or does not hold the weights of such a network.
+pub fn read_encoder(path: &Path) -> Result<Mlp, RepresentError> {
+    let content = read_tensors(path)?;
+    let parameter = |name: &str| {
+        content.get(name).map(|tensor| (tensor.shape.as_slice(), tensor.values.as_slice()))
+    };
+    Mlp::from_sequential(parameter).map_err(|error| RepresentError::Encoder {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Seed;
+
+    use super::*;
+
+    #[test]
+    fn a_state_has_the_same_code_in_any_company() {
+        let encoder = Mlp::new(&[5, 16, 3], Seed::new(1));
+        let mut rng = Seed::new(2).rng();
+        let values: Vec<f32> = (0..700 * 5).map(|_| rng.normal() as f32).collect();
+        let all = States::new(values.clone(), 700, 5).expect("finite");
+        let psi = encode(&encoder, &all).expect("finite");
+        for (row, count) in [(0, 1), (3, 2), (255, 300), (699, 1)] {
+            let few = values[row * 5..(row + count) * 5].to_vec();
+            let few = States::new(few, count, 5).expect("finite");
+            let alone = encode(&encoder, &few).expect("finite");
+            assert_eq!(alone.as_slice(), &psi.as_slice()[row * 3..(row + count) * 3]);
+        }
+        let one = encoder.forward(all.row(5), &mut Workspace::new(&encoder, 1)).to_vec();
+        assert!(one.iter().zip(psi.row(5)).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn encoders_come_back() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("encoder.safetensors");
+        let encoder = Mlp::new(&[2, 3, 4, 2], Seed::new(1));
+        write_encoder(&path, &encoder, BTreeMap::new()).expect("written");
+        assert_eq!(read_encoder(&path).expect("readable"), encoder);
+        write_tensors(&path, &Tensors::default()).expect("written");
+        let error = read_encoder(&path).expect_err("empty").to_string();
+        assert!(error.contains("no `0.weight`"), "{error}");
+    }
+}

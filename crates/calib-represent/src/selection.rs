@@ -1,0 +1,41 @@
+use crate::Scores;
+
+/// A representation is chosen only if it tells this share of the distinct states apart (paper).
+pub const LEAST_UNIQUENESS: f64 = 0.95;
+
+/// The position of the representation to use: among those with a uniqueness above 0.95 the one of the highest
+/// dynamics awareness (paper), the first of equals; `None` if none qualifies. Diverged ones have no scores.
+pub fn select(candidates: &[Option<Scores>]) -> Option<usize> {
+    let mut best: Option<(usize, f64)> = None;
+    for (position, scores) in candidates.iter().enumerate() {
+        let Some(scores) = scores.filter(|scores| scores.uniqueness > LEAST_UNIQUENESS) else {
+            continue;
+        };
+        if best.is_none_or(|(_, awareness)| scores.dynamics_awareness > awareness) {
+            best = Some((position, scores.dynamics_awareness));
+        }
+    }
+    best.map(|(position, _)| position)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uniqueness_qualifies_and_awareness_decides() {
+        let scores = |dynamics_awareness, uniqueness| {
+            Some(Scores {
+                dynamics_awareness,
+                uniqueness,
+                live_dimensions: 1,
+                successive_distance: 1.0,
+                random_distance: 2.0,
+            })
+        };
+        let all = [scores(0.9, 0.95), None, scores(0.5, 0.96), scores(0.6, 0.99), scores(0.6, 1.0)];
+        assert_eq!(select(&all), Some(3));
+        assert_eq!(select(&all[..2]), None);
+        assert_eq!(select(&[scores(0.0, 1.0)]), Some(0));
+    }
+}

@@ -1,0 +1,182 @@
+use std::fmt;
+
+use calib_core::{Monitor, Seed, Segments, States};
+use calib_nn::Mlp;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Checkpoint, LaplacianConfig, RepresentError, Scores, Split, Training,
+    checkpoint::{self, Progress},
+    encode, score,
+    split::successive,
+};
+
+/// Points of the learning curve, and checkpoints, that a training has at most.
+const POINTS: usize = 20;
+
+/// Pairs of successive validation states that a point of the learning curve is scored on, at most.
+const SAMPLE: usize = 2_000;
+
+/// A loss this many times the greater of its first value and its natural scale is on its way to infinity.
+const EXPLOSION: f64 = 1e4;
+
+/// A point of the learning curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Updates so far.
+    pub step: usize,
+    /// Mean loss of the updates since the point before.
+    pub loss: f64,
+    /// Scores on evenly spaced validation states.
+    pub scores: Scores,
+}
+
+/// Why a training was stopped before its time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "reason")]
+pub enum Divergence {
+    /// The loss, or ψ of a validation state, was NaN or infinite.
+    NotFinite {
+        /// The update, from 1.
+        step: usize,
+    },
+    /// The loss grew beyond all bounds of a training that converges.
+    Exploded {
+        /// The update, from 1.
+        step: usize,
+        /// The loss.
+        loss: f64,
+    },
+}
+
+impl fmt::Display for Divergence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite { step } => write!(f, "not finite at step {step}"),
+            Self::Exploded { step, loss } => write!(f, "loss of {loss:.3e} at step {step}"),
+        }
+    }
+}
+
+/// What a training is of.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// Normalised states.
+    pub states: &'a States,
+    /// Their segments.
+    pub segments: &'a Segments,
+    /// Which of them are trained on and scored on.
+    pub split: &'a Split,
+    /// Root of the randomness.
+    pub seed: Seed,
+}
+
+/// The end of a training.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trained {
+    /// The encoder; of no use if the training diverged.
+    pub encoder: Mlp,
+    /// The learning curve.
+    pub points: Vec<Point>,
+    /// Why it ended early, if it did.
+    pub divergence: Option<Divergence>,
+}
+
+/// Train an encoder to the end, or until it diverges.
+///
+/// Updates are reported to `monitor`, whose task the caller begins with `config.steps` units. With a
+/// checkpoint the training is written down at every point of the learning curve and where it is interrupted, and
+/// goes on from there when it is called again: to the same bytes, as if it had never stopped.
+///
+/// # Errors
+/// As [`Training::new`]; an unusable checkpoint; [`RepresentError::Interrupted`].
+pub fn train(
+    config: &LaplacianConfig,
+    task: Task<'_>,
+    checkpoint: Option<&Checkpoint>,
+    monitor: &dyn Monitor,
+) -> Result<Trained, RepresentError> {
+    let Task { states, segments, split, seed } = task;
+    let mut training = Training::new(config, states, segments, split, seed)?;
+    let restored = checkpoint.map(|checkpoint| checkpoint::read(checkpoint, &mut training));
+    let mut progress = restored.transpose()?.flatten().unwrap_or_default();
+    monitor.advance(training.done() as u64);
+    let sample = Sample::new(states, segments, split);
+    let every = config.steps.div_ceil(POINTS);
+    let keep = |training: &Training, progress: &Progress| match checkpoint {
+        Some(checkpoint) => checkpoint::write(checkpoint, training, progress),
+        None => Ok(()),
+    };
+    let mut divergence = None;
+    while training.done() < config.steps && divergence.is_none() {
+        if monitor.interrupted() {
+            keep(&training, &progress)?;
+            return Err(RepresentError::Interrupted);
+        }
+        let loss = training.step().total;
+        monitor.advance(1);
+        let step = training.done();
+        let first = *progress.first_loss.get_or_insert(loss);
+        divergence = diverged(config, step, loss, first);
+        progress.sum += loss;
+        progress.count += 1;
+        if divergence.is_none() && (step.is_multiple_of(every) || step == config.steps) {
+            match sample.score(training.encoder(), seed) {
+                Some(scores) => {
+                    let loss = progress.sum / progress.count as f64;
+                    progress.points.push(Point { step, loss, scores });
+                    (progress.sum, progress.count) = (0.0, 0);
+                    keep(&training, &progress)?;
+                }
+                None => divergence = Some(Divergence::NotFinite { step }),
+            }
+        }
+    }
+    let rest = config.steps - training.done();
+    monitor.advance(rest as u64);
+    Ok(Trained { encoder: training.encoder().clone(), points: progress.points, divergence })
+}
+
+fn diverged(config: &LaplacianConfig, step: usize, loss: f64, first: f64) -> Option<Divergence> {
+    if !loss.is_finite() {
+        return Some(Divergence::NotFinite { step });
+    }
+    // What the repulsion takes off the loss when every dimension has its full second moment l/q.
+    let (quartic, quadratic) = config.loss.repulsion();
+    let scale = config.dimension as f64 * quadratic * quadratic / quartic;
+    (loss > EXPLOSION * first.abs().max(scale)).then_some(Divergence::Exploded { step, loss })
+}
+
+/// Evenly spaced pairs of successive validation states, each a segment of its own.
+struct Sample {
+    states: States,
+    segments: Segments,
+}
+
+impl Sample {
+    fn new(states: &States, segments: &Segments, split: &Split) -> Self {
+        let all: Vec<usize> = successive(segments, &split.validation).collect();
+        let count = all.len().min(SAMPLE);
+        let mut values = Vec::with_capacity(2 * count * states.columns());
+        for place in 0..count {
+            let row = all[place * all.len() / count];
+            values.extend_from_slice(states.row(row));
+            values.extend_from_slice(states.row(row + 1));
+        }
+        Self {
+            states: States::new(values, 2 * count, states.columns())
+                .unwrap_or_else(|_| unreachable!("rows of valid states")),
+            segments: Segments::from_lengths(vec![2; count])
+                .unwrap_or_else(|_| unreachable!("no segment is empty")),
+        }
+    }
+
+    /// `None` if ψ is not finite.
+    fn score(&self, encoder: &Mlp, seed: Seed) -> Option<Scores> {
+        let psi = encode(encoder, &self.states).ok()?;
+        Some(score(&self.states, &psi, &self.segments, &(0..self.states.rows()), seed))
+    }
+}
+
+#[cfg(test)]
+mod tests;
