@@ -18,7 +18,7 @@ pub struct Loss {
 pub struct LossBuffers {
     batch: usize,
     dimension: usize,
-    /// Σ_i ψ(xᵢ)ψ(xᵢ)ᵀ, `[d, d]`.
+    /// Σᵢ ψ(xᵢ)ψ(xᵢ)ᵀ, `[d, d]`.
     second_moment: Vec<f32>,
     /// The gradient with respect to the batch's outputs, `[3 batch, d]`.
     gradient: Vec<f32>,
@@ -44,9 +44,10 @@ impl LossBuffers {
 ///
 /// `outputs` are `[3B, d]`: ψ(u) of `B` pairs, their ψ(v), and ψ(x) of `B` independent states.
 ///
-/// form A: L = c · mean_b ‖ψ(u_b) − ψ(v_b)‖² + β · mean_{i≠j} [(ψ(xᵢ)·ψ(xⱼ))² − ζ‖ψ(xᵢ)‖² − ζ‖ψ(xⱼ)‖²]
-///
-/// form B: L = c · mean_b ‖ψ(u_b) − ψ(v_b)‖² + mean_{i≠j} [β(ψ(xᵢ)·ψ(xⱼ))² − ζ‖ψ(xᵢ)‖² − ζ‖ψ(xⱼ)‖²]
+/// ```text
+/// form A: L = c · mean_b ‖ψ(u_b) − ψ(v_b)‖² + β · mean_{i≠j} [ (ψ(x_i)·ψ(x_j))² − ζ‖ψ(x_i)‖² − ζ‖ψ(x_j)‖²]
+/// form B: L = c · mean_b ‖ψ(u_b) − ψ(v_b)‖² +     mean_{i≠j} [β(ψ(x_i)·ψ(x_j))² − ζ‖ψ(x_i)‖² − ζ‖ψ(x_j)‖²]
+/// ```
 ///
 /// The mean over i ≠ j is an unbiased estimate of the expectation over two independent states. (Form of
 /// the loss: public code of the same lab and Wu et al. 2019; leaving i = j out: ours.)

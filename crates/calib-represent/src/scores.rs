@@ -17,22 +17,22 @@ const ALIVE: f64 = 0.01;
 /// How good a representation is, by the states that it was not trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// (d_rand − d_succ)/d_rand, at least 0: how much nearer successive states are than random ones.
+    /// `(d_rand − d_succ)/d_rand`, at least 0: how much nearer successive states are than random ones.
     pub dynamics_awareness: f64,
     /// Distinct ψ / distinct states, at most 1: whether different states stay different.
     pub uniqueness: f64,
     /// Eigenvalues of the second moment E[ψψᵀ] that are at least 1 % of the greatest.
     pub live_dimensions: usize,
-    /// d_succ: mean ‖ψ(s) − ψ(s')‖ of successive states.
+    /// `d_succ`: mean ‖ψ(s) − ψ(s')‖ of successive states.
     pub successive_distance: f64,
-    /// d_rand: mean ‖ψ(s) − ψ(s')‖ of as many random pairs.
+    /// `d_rand`: mean ‖ψ(s) − ψ(s')‖ of as many random pairs.
     pub random_distance: f64,
 }
 
 /// Score ψ `[n, d]` of the states `[n, columns]` on the rows of `validation`.
 ///
 /// - Dynamics awareness (name: paper; formula: public code) over all successive pairs and as many uniform
-///   random pairs, drawn from `seed`. Without a finite, positive d_rand it is 0.
+///   random pairs, drawn from `seed`. Without a finite, positive `d_rand` it is 0.
 /// - Uniqueness (name: paper; formula: ours) on at most 20,000 evenly spaced rows. Rows are gone through in
 ///   order; one is distinct if no distinct one before it is nearer than 1e-3 of the median distance of
 ///   the random pairs. The same is counted for the states.
