@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+"""Open a report in a real browser and use it as a reader would.
+
+    python3 scripts/browser/report.py calib-quickstart/results/report.html [SCREENSHOTS]
+
+Needs Chromium (`apt-get install chromium`); pinned Playwright goes into a virtual environment of its
+own. Checks that the page loads without a console error or a request, that every chart answers to the
+pointer, its legend, a drag and the keyboard, that tables can be copied, that both themes are legible
+(contrast of text at least 4.5), that a narrow screen never scrolls sideways, and that the page prints.
+Writes screenshots of wide, narrow, dark and printed pages to SCREENSHOTS, if given.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PINNED = ["playwright==1.65.2"]
+
+
+def in_own_environment() -> None:
+    """Run again inside a virtual environment that has the pinned packages."""
+    home = Path(os.environ.get("CALIB_TOOLS", Path(__file__).parents[2] / "target" / "tools")) / "browser"
+    python = home / "bin" / "python"
+    if Path(sys.prefix) == home:
+        return
+    if not python.exists():
+        subprocess.run([sys.executable, "-m", "venv", home], check=True)
+    subprocess.run([python, "-m", "pip", "install", "--quiet", *PINNED], check=True)
+    os.execv(python, [python, *sys.argv])
+
+
+# The smallest contrast of the texts of the page against what is behind them, and the text itself (WCAG 2.1).
+CONTRAST = """() => {
+  const rgba = (text) => (text.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
+    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (element) => {
+    for (let at = element; at; at = at.parentElement) {
+      const colour = rgba(getComputedStyle(at).backgroundColor);
+      if (colour.length === 3 || colour[3] === 1) return colour;
+    }
+    return [255, 255, 255];
+  };
+  let worst = [21, ""];
+  for (const element of document.querySelectorAll("h1, h2, h3, p, li, td, th, a, button, summary, svg text")) {
+    const text = element.textContent.trim();
+    if (!text || !element.getClientRects().length) continue;
+    const style = getComputedStyle(element);
+    const ink = rgba(element.closest("svg") ? style.fill : style.color);
+    const [a, b] = [light(ink), light(behind(element))].sort((x, y) => y - x);
+    const ratio = (a + 0.05) / (b + 0.05);
+    if (ratio < worst[0]) worst = [ratio, `${element.tagName}: ${text.slice(0, 60)}`];
+  }
+  return worst;
+}"""
+
+
+def check(truth: bool, what: str) -> None:
+    if not truth:
+        raise SystemExit(f"report.py: {what}")
+
+
+def use_chart(page, figure) -> None:
+    """Read, hide, zoom and walk over one chart."""
+    name = figure.get_attribute("id") or figure.locator("h3, figcaption").first.inner_text()
+    figure.scroll_into_view_if_needed()
+    plot = figure.locator(".plot").first
+    box = plot.bounding_box()
+    tip = figure.locator(".tip").first
+
+    at = lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
+    shown = False
+    for x in [0.25, 0.4, 0.5, 0.6, 0.75]:
+        page.mouse.move(*at(x, 0.45))
+        shown = shown or (tip.is_visible() and tip.inner_text().strip() != "")
+    check(shown, f"{name}: the pointer shows no values")
+
+    keys = figure.locator("button.key")
+    for i in range(min(keys.count(), 3)):
+        key = keys.nth(i)
+        before = key.get_attribute("aria-pressed")
+        key.click()
+        check(key.get_attribute("aria-pressed") != before, f"{name}: a curve cannot be hidden or shown")
+        key.click()
+        check(key.get_attribute("aria-pressed") == before, f"{name}: a curve does not come back")
+
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    axis = figure.locator("svg .axis.x").first
+    whole = axis.inner_html()
+    page.mouse.move(*at(0.3, 0.4))
+    page.mouse.down()
+    page.mouse.move(*at(0.6, 0.42), steps=4)
+    page.mouse.up()
+    reset = figure.locator("button.reset").first
+    check(reset.is_visible(), f"{name}: a drag does not zoom")
+    check(axis.inner_html() != whole, f"{name}: the axis does not follow the zoom")
+    reset.click()
+    check(axis.inner_html() == whole and reset.is_hidden(), f"{name}: the zoom cannot be undone")
+
+    plot.focus()
+    page.keyboard.press("Home")
+    first = figure.locator("[aria-live]").first.inner_text()
+    page.keyboard.press("End")
+    last = figure.locator("[aria-live]").first.inner_text()
+    check(first != "" and last != "", f"{name}: the keyboard reads no values aloud")
+    page.keyboard.press("Escape")
+
+
+def main() -> None:
+    if len(sys.argv) not in (2, 3):
+        raise SystemExit(__doc__)
+    report = Path(sys.argv[1]).resolve()
+    pictures = Path(sys.argv[2]) if len(sys.argv) == 3 else None
+    if pictures:
+        pictures.mkdir(parents=True, exist_ok=True)
+    chromium = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
+    check(chromium is not None, "no Chromium on this machine; `apt-get install chromium`")
+    check(report.is_file(), f"{report} does not exist; `calib evaluate` writes it")
+    size = report.stat().st_size
+    check(size < 20_000_000, f"the report is {size} bytes large, expected less than 20 MB")
+
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = context.new_page()
+        complaints, requests = [], []
+        page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(report.as_uri())
+
+        def picture(name: str) -> None:
+            if pictures:
+                page.screenshot(path=pictures / f"{name}.png", full_page=True)
+
+        figures = page.locator("figure:has(.plot)")
+        check(figures.count() > 0, "there is no chart")
+        picture("wide-light")
+        for i in range(figures.count()):
+            use_chart(page, figures.nth(i))
+        for theme in ["light", "dark"]:
+            page.emulate_media(color_scheme=theme)
+            ratio, text = page.evaluate(CONTRAST)
+            check(ratio >= 4.5, f"in the {theme} theme the contrast of '{text}' is {ratio:.1f}, expected 4.5")
+        picture("wide-dark")
+        button = page.locator("button.theme")
+        background = "getComputedStyle(document.body).backgroundColor"
+        before = page.evaluate(background)
+        button.click()
+        check(page.evaluate(background) != before, "the theme button changes nothing")
+        page.emulate_media(color_scheme="light")
+        page.reload()
+
+        for width in [360, 768]:
+            page.set_viewport_size({"width": width, "height": 800})
+            overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            check(overflow <= 0, f"on a screen {width} pixels wide the page is {overflow} pixels too wide")
+            picture(f"narrow-{width}")
+        page.set_viewport_size({"width": 1280, "height": 900})
+        printed = page.pdf(format="A4")
+        check(printed[:4] == b"%PDF", "the page does not print")
+        if pictures:
+            (pictures / "printed.pdf").write_bytes(printed)
+
+        links = page.eval_on_selector_all("a[href^='#']", "all => all.map((a) => a.getAttribute('href'))")
+        for link in links:
+            check(page.locator(f"[id='{link[1:]}']").count() == 1, f"the link {link} leads nowhere")
+        unnamed = page.eval_on_selector_all(
+            "button, svg[role=img], table",
+            "all => all.filter((e) => !(e.textContent.trim() || e.getAttribute('aria-label'))).length",
+        )
+        check(unnamed == 0, f"{unnamed} controls or pictures have no name for a screen reader")
+        outside = [url for url in requests if not url.startswith(("file:", "data:"))]
+        check(not outside, f"the page asks the network for {outside[:3]}")
+        check(not complaints, f"the console says {complaints[:3]}")
+        print(f"{figures.count()} charts, {len(links)} links, {size / 1e6:.1f} MB: the report works in a browser")
+        browser.close()
+
+
+if __name__ == "__main__":
+    in_own_environment()
+    main()
