@@ -20,6 +20,8 @@
 mod config;
 mod curve;
 mod error;
+#[cfg(test)]
+mod golden;
 mod keeper;
 mod kernels;
 mod learner;
