@@ -12,7 +12,7 @@ pub enum LossForm {
 
 /// The loss of a Laplacian representation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct LossConfig {
     /// Form of the loss. Default `A`.
     pub form: LossForm,
@@ -52,7 +52,7 @@ impl LossConfig {
 
 /// Hyperparameters of one representation. Every field is a scalar and has a default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct LaplacianConfig {
     /// The loss.
     #[serde(flatten)]
@@ -124,7 +124,7 @@ impl LaplacianConfig {
         real("kappa", self.kappa, 1.0, "above 0, at most 1")?;
         real("learning_rate", self.learning_rate, f64::MAX, positive)?;
         whole("trajectory", self.trajectory, 2, 1_000_000, "from 2 to 1000000")?;
-        whole("dimension", self.dimension, 1, 4096, "from 1 to 4096")?;
+        whole("dimension", self.dimension, 1, 1024, "from 1 to 1024")?;
         whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
         whole("hidden_units", self.hidden_units, 1, 16_384, "from 1 to 16384")?;
         whole("batch_size", self.batch_size, 2, 65_536, "from 2 to 65536")?;
@@ -154,6 +154,14 @@ mod tests {
         let b = LossConfig { form: LossForm::B, ..a };
         assert!((b.stationary_moment(1.0) - 0.01).abs() < 1e-12);
         assert!(b.stationary_moment(0.96) > 0.0 && b.stationary_moment(0.94) == 0.0);
+    }
+
+    #[test]
+    fn come_back_from_a_manifest() {
+        let loss = LossConfig { zeta: 0.1, form: LossForm::B, ..LossConfig::default() };
+        let config = LaplacianConfig { loss, kappa: 0.5, steps: 7, ..LaplacianConfig::default() };
+        let text = serde_json::to_string(&config).expect("JSON");
+        assert_eq!(serde_json::from_str::<LaplacianConfig>(&text).expect("JSON"), config);
     }
 
     #[test]

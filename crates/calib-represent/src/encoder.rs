@@ -19,18 +19,58 @@ const CHUNK: usize = 256;
 /// # Panics
 /// If the states have not as many columns as the encoder has inputs.
 pub fn encode(encoder: &Mlp, states: &States) -> Result<States, StatesError> {
-    let (columns, dimension) = (states.columns(), encoder.outputs());
-    assert_eq!(columns, encoder.inputs(), "an encoder is for states of its own width");
-    let mut psi = vec![0.0; states.rows() * dimension];
-    let chunks = psi.par_chunks_mut(CHUNK * dimension);
-    let inputs = states.as_slice().par_chunks(CHUNK * columns);
-    let buffers = || (Workspace::new(encoder, CHUNK), vec![0.0; CHUNK * columns]);
-    chunks.zip(inputs).for_each_init(buffers, |(workspace, padded), (psi, input)| {
-        padded[..input.len()].copy_from_slice(input);
-        padded[input.len()..].fill(0.0);
-        psi.copy_from_slice(&encoder.forward(padded, workspace)[..psi.len()]);
-    });
-    States::new(psi, states.rows(), dimension)
+    let (mut psi, shape) = prepare(encoder, states);
+    let chunks = psi.par_chunks_mut(CHUNK * shape.1);
+    let inputs = states.as_slice().par_chunks(CHUNK * shape.0);
+    chunks.zip(inputs).for_each_init(
+        || Buffers::new(encoder),
+        |buffers, (psi, input)| buffers.encode(psi, input),
+    );
+    States::new(psi, states.rows(), shape.1)
+}
+
+/// The same bytes on the calling thread, for work that is parallel outside.
+///
+/// # Errors
+/// As [`encode`].
+///
+/// # Panics
+/// As [`encode`].
+pub(crate) fn encode_here(encoder: &Mlp, states: &States) -> Result<States, StatesError> {
+    let (mut psi, shape) = prepare(encoder, states);
+    let mut buffers = Buffers::new(encoder);
+    let inputs = states.as_slice().chunks(CHUNK * shape.0);
+    for (psi, input) in psi.chunks_mut(CHUNK * shape.1).zip(inputs) {
+        buffers.encode(psi, input);
+    }
+    States::new(psi, states.rows(), shape.1)
+}
+
+/// Room for ψ; the columns of a state and of ψ.
+fn prepare(encoder: &Mlp, states: &States) -> (Vec<f32>, (usize, usize)) {
+    let shape = (states.columns(), encoder.outputs());
+    assert_eq!(shape.0, encoder.inputs(), "an encoder is for states of its own width");
+    (vec![0.0; states.rows() * shape.1], shape)
+}
+
+struct Buffers<'a> {
+    encoder: &'a Mlp,
+    workspace: Workspace,
+    padded: Vec<f32>,
+}
+
+impl<'a> Buffers<'a> {
+    fn new(encoder: &'a Mlp) -> Self {
+        let workspace = Workspace::new(encoder, CHUNK);
+        Self { encoder, workspace, padded: vec![0.0; CHUNK * encoder.inputs()] }
+    }
+
+    fn encode(&mut self, psi: &mut [f32], input: &[f32]) {
+        self.padded[..input.len()].copy_from_slice(input);
+        self.padded[input.len()..].fill(0.0);
+        let outputs = self.encoder.forward(&self.padded, &mut self.workspace);
+        psi.copy_from_slice(&outputs[..psi.len()]);
+    }
 }
 
 /// Write an encoder as safetensors, named and laid out as PyTorch's `Sequential(Linear, ReLU, …, Linear)`.
@@ -84,6 +124,7 @@ mod tests {
             let alone = encode(&encoder, &few).expect("finite");
             assert_eq!(alone.as_slice(), &psi.as_slice()[row * 3..(row + count) * 3]);
         }
+        assert_eq!(encode_here(&encoder, &all).expect("finite").as_slice(), psi.as_slice());
         let one = encoder.forward(all.row(5), &mut Workspace::new(&encoder, 1)).to_vec();
         assert!(one.iter().zip(psi.row(5)).all(|(a, b)| (a - b).abs() < 1e-6));
     }

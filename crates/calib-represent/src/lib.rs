@@ -3,6 +3,7 @@
 //! ψ maps a state to `d` numbers so that states which follow each other are near, and the others apart. Then
 //! the nearest neighbours of a state are states from which the plant goes on alike.
 //!
+//! - [`RepresentationConfig`]: the section of a study, with lists of values to try.
 //! - [`LaplacianConfig`], [`LossConfig`]: hyperparameters, and what second moments they lead to.
 //! - [`Split`]: which states are trained on, and which later ones are scored.
 //! - [`PairSampler`]: pairs of states a truncated-geometric time apart.
@@ -37,8 +38,10 @@ mod eigen;
 mod encoder;
 mod error;
 mod loss;
+mod one_or_more;
 mod pairs;
 mod scores;
+mod section;
 mod selection;
 mod split;
 mod train;
@@ -50,8 +53,10 @@ pub use eigen::symmetric_eigenvalues;
 pub use encoder::{encode, read_encoder, write_encoder};
 pub use error::RepresentError;
 pub use loss::{Loss, LossBuffers, laplacian_loss};
+pub use one_or_more::OneOrMore;
 pub use pairs::PairSampler;
 pub use scores::{MOST_DISTINCT, Scores, TOLERANCE, score};
+pub use section::{RepresentationConfig, RepresentationKind};
 pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;
 pub use train::{Divergence, Point, Task, Trained, train};

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Checkpoint, LaplacianConfig, RepresentError, Scores, Split, Training,
     checkpoint::{self, Progress},
-    encode, score,
+    encoder::encode_here,
+    score,
     split::successive,
 };
 
@@ -173,7 +174,7 @@ impl Sample {
 
     /// `None` if ψ is not finite.
     fn score(&self, encoder: &Mlp, seed: Seed) -> Option<Scores> {
-        let psi = encode(encoder, &self.states).ok()?;
+        let psi = encode_here(encoder, &self.states).ok()?;
         Some(score(&self.states, &psi, &self.segments, &(0..self.states.rows()), seed))
     }
 }
