@@ -47,6 +47,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
+    /// Train or import representations of the states, score them, and choose one
+    Represent(StudyArgs),
     /// Build the ensemble of nearest-neighbour calibration models
     BuildModel(BuildModelArgs),
     /// Roll the model out and compare with the recorded trajectory

@@ -1,6 +1,7 @@
 use calib_agent::AgentError;
 use calib_data::DataError;
 use calib_knn::KnnError;
+use calib_represent::RepresentError;
 use calib_rollout::RolloutError;
 use calib_sweep::SweepError;
 
@@ -57,6 +58,7 @@ fn was_interrupted(error: &anyhow::Error) -> bool {
             || matches!(cause.downcast_ref(), Some(KnnError::Interrupted))
             || matches!(cause.downcast_ref(), Some(AgentError::Interrupted))
             || matches!(cause.downcast_ref(), Some(SweepError::Interrupted))
+            || matches!(cause.downcast_ref(), Some(RepresentError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RolloutError::Interrupted))
     })
 }

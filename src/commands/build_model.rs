@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail};
-use calib_core::{Seed, Transitions};
+use calib_core::{Seed, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, fingerprint_file, write_json};
 use calib_knn::{KnnModel, verify};
@@ -12,6 +12,7 @@ use super::{
     artefact::{self, Below, Claim, TOOL},
     jumps, load_study,
     model_files::{self, MemberSummary, ModelManifest, model_key},
+    represent::{self, Representation},
 };
 use crate::{
     cli::BuildModelArgs,
@@ -33,7 +34,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
     let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
     check_sensors(&study, &dataset)?;
-    let key = model_key(&dataset.fingerprint, &study.model)?;
+    let representation = represent::open(&study, &paths, &dataset)?;
+    let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     announce(&study, &dataset, printer);
     if args.study.dry_run {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
@@ -45,9 +47,12 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     });
     let (manifest, built) = match existing {
         Some(manifest) if !args.study.force => {
-            (refresh(manifest, &study, &dataset, &directory)?, false)
+            (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
         }
-        _ => (build(&study, &dataset, key, &directory, clock, printer)?, true),
+        _ => {
+            let representation = representation.as_ref();
+            (build(&study, &dataset, representation, key, &directory, clock, printer)?, true)
+        }
     };
     let status = if args.verify > 0 {
         check_against_brute_force(&paths, &study, args.verify, printer)?
@@ -93,6 +98,7 @@ fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
 fn build(
     study: &Study,
     dataset: &Dataset,
+    representation: Option<&Representation>,
     key: String,
     directory: &std::path::Path,
     clock: Stopwatch,
@@ -102,10 +108,11 @@ fn build(
     claim.begin()?;
     let read = clock.elapsed();
     let transitions = Transitions::new(dataset.train.segments().clone());
-    let states = dataset.train.states().clone();
+    let states = metric(dataset, representation);
     let knn = KnnModel::build(states, transitions, &study.model, &printer.progress())?;
     let searched = clock.elapsed();
     model_files::write(directory, dataset, &knn)?;
+    let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
     let members =
         (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
     let manifest = ModelManifest {
@@ -120,7 +127,7 @@ fn build(
         segments: dataset.train.segments().len(),
         normaliser: dataset.normaliser.clone(),
         members,
-        files: fingerprints(directory, knn.members())?,
+        files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
     };
     write_json(
         &directory.join("timings.json"),
@@ -139,6 +146,7 @@ fn refresh(
     mut manifest: ModelManifest,
     study: &Study,
     dataset: &Dataset,
+    representation: Option<&Representation>,
     directory: &std::path::Path,
 ) -> anyhow::Result<ModelManifest> {
     if manifest.study == *study {
@@ -146,7 +154,7 @@ fn refresh(
     }
     let knn = KnnModel::open(
         directory,
-        dataset.train.states().clone(),
+        metric(dataset, representation),
         Transitions::new(dataset.train.segments().clone()),
         study.model.members,
         study.model.exclusion(),
@@ -157,9 +165,14 @@ fn refresh(
     let claim = Claim::new(directory, Below::Ours)?;
     // The profile tells of the held-out range, which the tables do not depend on.
     write_json(&directory.join("profile.json"), &dataset.profile)?;
-    manifest.files = fingerprints(directory, knn.members())?;
+    manifest.files.extend(fingerprints(directory, knn.members(), &[])?);
     claim.complete(&manifest)?;
     Ok(manifest)
+}
+
+/// What distances are measured in: the states, or their representation.
+fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
+    representation.map_or_else(|| dataset.train.states().clone(), |of| of.psi.clone())
 }
 
 /// Wall times: the only file of a model that differs from one build to the next.
@@ -182,9 +195,10 @@ fn summary(study: &Study, knn: &KnnModel, member: usize) -> anyhow::Result<Membe
 fn fingerprints(
     directory: &std::path::Path,
     members: usize,
+    further: &[&str],
 ) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
-    let mut names =
-        vec!["states.npy".to_owned(), "rows.parquet".to_owned(), "profile.json".to_owned()];
+    let own = ["states.npy", "rows.parquet", "profile.json"];
+    let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
     for member in 0..members {
         names.push(format!("members/{member}/neighbors.npy"));
         names.push(format!("members/{member}/distances.npy"));
@@ -201,7 +215,7 @@ fn check_against_brute_force(
 ) -> anyhow::Result<ExitStatus> {
     let model = model_files::open(paths, study)?;
     let seed = Seed::new(study.seed).child("verify");
-    for (name, fingerprint) in fingerprints(&paths.model(), model.knn.members())? {
+    for (name, fingerprint) in fingerprints(&paths.model(), model.knn.members(), &[])? {
         if model.manifest.files.get(&name) != Some(&fingerprint) {
             bail!(
                 "{} is not what was written; run `{} --force`",

@@ -50,7 +50,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         .collect::<anyhow::Result<Vec<_>>>()?;
     let advice = verdicts
         .iter()
-        .map(|verdict| report::advice(verdict, &manifest.candidates, study.evaluate.top_k))
+        .map(|verdict| report::advice(verdict, &manifest.candidates, &study))
         .collect();
     let summary = Summary {
         format: 1,
@@ -84,6 +84,7 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
         ("[sweep]", made.sweep == study.sweep),
         ("[agent]", made.agent == study.agent),
         ("[rollout]", made.rollout.starts() == study.rollout.starts()),
+        ("[representation]", made.representation == study.representation),
         ("[model]", made.model == study.model),
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),

@@ -12,6 +12,7 @@ mod jumps;
 mod model_files;
 mod quickstart;
 mod report;
+mod represent;
 mod rollout;
 mod series;
 mod simulate;
@@ -42,6 +43,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
+        Command::Represent(args) => represent::run(&args, printer),
         Command::BuildModel(args) => build_model::run(&args, printer),
         Command::Rollout(args) => rollout::run(&args, printer),
         Command::Sweep(args) => sweep::run(&args, printer),

@@ -12,10 +12,15 @@ use calib_data::{
 };
 use calib_files::{Fingerprint, map_npy, read_json, write_json, write_npy};
 use calib_knn::{KnnModel, ModelConfig};
+use calib_nn::Mlp;
+use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
 use serde::{Deserialize, Serialize};
 
-use super::artefact::{self, Manifest};
+use super::{
+    artefact::{self, Manifest},
+    represent::{self, Representation},
+};
 use crate::study::{Study, StudyPaths};
 
 /// `manifest.json` of a model directory.
@@ -56,10 +61,18 @@ impl Manifest for ModelManifest {
 }
 
 /// Fingerprint of what a model follows from.
-pub(super) fn model_key(data: &Fingerprint, model: &ModelConfig) -> anyhow::Result<String> {
+pub(super) fn model_key(
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> anyhow::Result<String> {
     // The search structure does not change the tables, and the weights only what is drawn from them.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
-    artefact::key(&(ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler))
+    let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler);
+    match representation {
+        None => artefact::key(&tables),
+        Some(representation) => artefact::key(&(tables, &representation.key)),
+    }
 }
 
 /// A model that was opened from its directory.
@@ -67,6 +80,26 @@ pub(super) struct OpenModel {
     pub(super) manifest: ModelManifest,
     pub(super) frames: Frames,
     pub(super) knn: KnnModel,
+    /// What computes the representation that neighbours are searched in, where there is one and it can.
+    encoder: Option<Mlp>,
+}
+
+impl OpenModel {
+    /// States that were not recorded with the model's, as they are compared with them: ψ of them where neighbours
+    /// are searched in a representation.
+    pub(super) fn in_metric(&self, states: &States) -> anyhow::Result<States> {
+        match &self.encoder {
+            Some(encoder) => Ok(encode(encoder, states)?),
+            None if self.manifest.study.representation.kind == RepresentationKind::None => {
+                Ok(states.clone())
+            }
+            None => bail!(
+                "the representation was imported without an encoder, so the states nearest to others than \
+                 its own cannot be found; use another rollout.start than \"nearest\", or \
+                 representation.kind = \"laplacian\""
+            ),
+        }
+    }
 }
 
 /// Write states, rows, profile and members; the manifest is the caller's to write last.
@@ -105,6 +138,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let manifest: ModelManifest = artefact::require(directory, &build)?;
     let made = &manifest.study;
     let changed = [
+        ("[representation]", made.representation == study.representation),
         ("[model]", made.model == study.model),
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),
@@ -127,11 +161,13 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let segments = Segments::from_lengths(lengths).with_context(again)?;
     let transitions = Transitions::new(segments.clone());
     let frames = Frames::new(timestamps, segments, states.clone()).with_context(again)?;
+    let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
+    let metric = psi.unwrap_or(states);
     let members = manifest.study.model.members;
     let exclusion = manifest.study.model.exclusion();
     let knn =
-        KnnModel::open(directory, states, transitions, members, exclusion).with_context(again)?;
-    Ok(OpenModel { manifest, frames, knn })
+        KnnModel::open(directory, metric, transitions, members, exclusion).with_context(again)?;
+    Ok(OpenModel { manifest, frames, knn, encoder })
 }
 
 /// Check that the model was built from `dataset`.

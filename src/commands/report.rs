@@ -7,23 +7,23 @@ use calib_files::write_atomically;
 use calib_report::{
     Agreement, Alternative, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
     JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting,
-    TopK, Verdict,
+    Table, TopK, Verdict,
 };
+use calib_represent::RepresentationKind;
 use calib_stats::Summary as ScoreSummary;
 use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
 
 use super::{
-    artefact, comparison,
+    artefact,
+    comparison::{self, Comparison},
     evaluate::Summary,
     figures, jumps as jump_text,
     model_files::{self, ModelManifest},
+    represent::{self, RepresentationManifest},
     rollout::RolloutManifest,
     sweep::SweepManifest,
 };
 use crate::study::{Study, StudyPaths};
-
-/// The name of the model in figures and tables.
-const MODEL: &str = "Euclidean kNN";
 
 /// Write `report.html` and the figures.
 pub(super) fn write(
@@ -64,23 +64,33 @@ fn assemble(
         verdicts: summary
             .verdicts
             .iter()
-            .map(|verdict| verdict_row(verdict, candidates, study.evaluate.top_k))
+            .map(|verdict| verdict_row(verdict, candidates, study))
             .collect(),
         warnings: summary.notes.clone(),
         sensitivities: summary
             .verdicts
             .iter()
-            .map(|verdict| sensitivity(verdict, candidates))
+            .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         rollouts: match &rollouts {
             Some(rollouts) => rollout_figures(paths, rollouts)?,
             None => Vec::new(),
         },
         jumps: jumps(&model),
-        tables: comparison.map(|of| comparison::report_tables(&[(MODEL, of)])).unwrap_or_default(),
+        tables: tables(study, paths, comparison),
         data: Some(data_profile(&profile, &model)),
         reproduction: reproduction(study, paths, sweep)?,
     })
+}
+
+/// Distances of rollouts, and the representations that could be used.
+fn tables(study: &Study, paths: &StudyPaths, comparison: Option<&Comparison>) -> Vec<Table> {
+    let rollouts = comparison.map(|of| comparison::report_tables(&[(study.model_name(), of)]));
+    let representations = (study.representation.kind != RepresentationKind::None)
+        .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
+        .flatten()
+        .map(|manifest| represent::report_table(&manifest));
+    rollouts.into_iter().flatten().chain(representations).collect()
 }
 
 /// The swept field, or all of them where there are several.
@@ -103,13 +113,13 @@ fn setting(candidate: &Candidate) -> Setting {
 pub(super) fn advice(
     verdict: &SensorVerdict,
     candidates: &[Candidate],
-    top_k: usize,
+    study: &Study,
 ) -> Vec<String> {
-    let row = verdict_row(verdict, candidates, top_k);
+    let row = verdict_row(verdict, candidates, study);
     [row.headline()].into_iter().chain(row.reasons(&Score::nrmse())).collect()
 }
 
-fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) -> Verdict {
+fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], study: &Study) -> Verdict {
     let of = |index: usize| setting(&candidates[index]);
     let selection = &verdict.selection;
     let online = verdict.model_agreement.as_ref().zip(verdict.best_online).map(|(model, best)| {
@@ -122,7 +132,7 @@ fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) 
             regret: model.regret,
             spearman: model.spearman,
             kendall: model.kendall,
-            top_k: Some(TopK { k: top_k, hit: model.top_k_hit }),
+            top_k: Some(TopK { k: study.evaluate.top_k, hit: model.top_k_hit }),
         }
     });
     let alternative = |agreement: &calib_sweep::Agreement| Alternative {
@@ -132,7 +142,7 @@ fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) 
     Verdict {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
-        model: MODEL.to_owned(),
+        model: study.model_name().to_owned(),
         chosen: of(selection.chosen),
         tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
         worst_rank: selection.worst_ranks[selection.chosen],
@@ -145,7 +155,7 @@ fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], top_k: usize) 
     }
 }
 
-fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate]) -> Sensitivity {
+fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -> Sensitivity {
     let grid: Vec<&Candidate> =
         candidates.iter().filter(|candidate| candidate.role == Role::Grid).collect();
     let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
@@ -171,7 +181,7 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate]) -> Sensitivity
         values: grid.iter().map(|candidate| setting(candidate)).collect(),
         errors,
         worst_ranks: vec![RankCurve {
-            label: format!("{MODEL}, worst rank"),
+            label: format!("{model}, worst rank"),
             worst_ranks: verdict.selection.worst_ranks.clone(),
         }],
         chosen: Some(verdict.selection.chosen),
@@ -197,7 +207,7 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
     let members = model.members.iter().enumerate();
     members
         .map(|(member, summary)| JumpStatistics {
-            model: MODEL.to_owned(),
+            model: model.study.model_name().to_owned(),
             member,
             steps: summary.jumps.steps as u64,
             jump_rate: summary.jumps.jump_rate,

@@ -151,7 +151,7 @@ fn roll_out(
     let mut all = Vec::with_capacity(model.knn.members());
     for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
         let held_out = held_out.as_ref();
-        let starts = starts(&member, config, &model.frames, held_out, config.rollouts, seed)?;
+        let starts = starts(&member, config, model, held_out, config.rollouts, seed)?;
         all.push(rollouts(&member, &starts, config.steps, weights, seed, &progress)?);
     }
     drop(progress);

@@ -6,6 +6,7 @@ use calib_data::Moment;
 use calib_knn::Member;
 use calib_rollout::{RolloutConfig, StartKind, StartSource, StartState, month_of, start_states};
 
+use super::model_files::OpenModel;
 use crate::study::Study;
 
 /// Whether start states depend on the held-out range.
@@ -17,13 +18,14 @@ pub(super) fn starts_from_held_out(study: &Study) -> bool {
 pub(super) fn starts(
     member: &Member<'_>,
     config: &RolloutConfig,
-    frames: &Frames,
+    model: &OpenModel,
     held_out: Option<&Frames>,
     count: usize,
     seed: Seed,
 ) -> anyhow::Result<Vec<StartState>> {
     let seed = seed.child("member").number(member.number() as u64);
-    let listed;
+    let (listed, metric);
+    let frames = &model.frames;
     let source = match config.start {
         StartKind::Random => StartSource::Random,
         StartKind::Recent => StartSource::Recent,
@@ -31,11 +33,12 @@ pub(super) fn starts(
             listed = listed_rows(config, frames)?;
             StartSource::Rows { rows: &listed, absent: config.absent }
         }
-        StartKind::Nearest => StartSource::Nearest {
-            states: held_out
-                .context("rollout.start = \"nearest\" wants a held-out range; set data.held_out")?
-                .states(),
-        },
+        StartKind::Nearest => {
+            let held_out = held_out
+                .context("rollout.start = \"nearest\" wants a held-out range; set data.held_out")?;
+            metric = model.in_metric(held_out.states())?;
+            StartSource::Nearest { states: &metric }
+        }
         StartKind::CalendarMonth => {
             let deployment = held_out.and_then(|held_out| held_out.timestamps().first().copied());
             let month = config.month.or_else(|| deployment.map(month_of)).context(

@@ -191,7 +191,7 @@ fn environments<'a>(
     for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
         let held_out = dataset.held_out.as_ref();
         let runs = sweep.member_runs;
-        let starts = starts(&member, &study.rollout, &model.frames, held_out, runs, rollout_seed)?;
+        let starts = starts(&member, &study.rollout, model, held_out, runs, rollout_seed)?;
         let options = RolloutOptions { steps, weights, seed: rollout_seed, inputs: inputs.clone() };
         let states = model.frames.states();
         environments.push(Box::new(MemberEnvironment::new(member, states, starts, options)));

@@ -60,6 +60,7 @@ impl Study {
     fn check(&self) -> anyhow::Result<()> {
         self.data.check()?;
         self.preprocess.check()?;
+        self.representation.check().context("[representation]")?;
         self.model.check().context("[model]")?;
         self.agent.check().context("[agent]")?;
         // The upper ends are far beyond use; they turn a slip of the finger into a message.

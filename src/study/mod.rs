@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use calib_agent::AgentConfig;
 use calib_data::{DataConfig, PreprocessConfig};
 use calib_knn::ModelConfig;
+use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_rollout::RolloutConfig;
 use calib_sweep::SweepConfig;
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,8 @@ pub struct Study {
     pub data: DataConfig,
     /// From log to states.
     pub preprocess: PreprocessConfig,
+    /// What neighbours are searched in.
+    pub representation: RepresentationConfig,
     /// The calibration model.
     pub model: ModelConfig,
     /// Rollouts of the model, and the start states of sweeps.
@@ -38,6 +41,17 @@ pub struct Study {
     pub sweep: SweepConfig,
     /// How to judge.
     pub evaluate: EvaluateConfig,
+}
+
+impl Study {
+    /// What the model is called in figures and tables.
+    pub(crate) fn model_name(&self) -> &'static str {
+        match self.representation.kind {
+            RepresentationKind::None => "Euclidean kNN",
+            RepresentationKind::Laplacian => "Laplacian kNN",
+            RepresentationKind::Import => "kNN in an imported representation",
+        }
+    }
 }
 
 /// The `[evaluate]` section.

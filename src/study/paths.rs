@@ -28,6 +28,11 @@ impl StudyPaths {
         &self.root
     }
 
+    /// Representations of the states.
+    pub fn representation(&self) -> PathBuf {
+        self.root.join("representation")
+    }
+
     /// The calibration model.
     pub fn model(&self) -> PathBuf {
         self.root.join("model")

@@ -20,6 +20,7 @@
 
 mod cells;
 mod error;
+mod lists;
 mod log;
 mod read;
 mod write;
@@ -28,6 +29,7 @@ use std::collections::BTreeMap;
 
 pub use cells::{Cell, Cells, Values};
 pub use error::TableError;
+pub use lists::{Lists, parquet_names, read_parquet_list};
 pub use log::write_log;
 pub use read::{read_parquet, read_parquet_columns};
 

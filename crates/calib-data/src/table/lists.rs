@@ -1,0 +1,103 @@
+use std::{fs::File, path::Path};
+
+use calib_files::FileError;
+use pl::SerReader as _;
+use polars::prelude as pl;
+
+use super::TableError;
+use crate::guard::guard;
+
+/// A column of lists of equal length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lists {
+    /// All values, row after row.
+    pub values: Vec<f32>,
+    /// Number of lists.
+    pub rows: usize,
+}
+
+/// Names of the columns of a Parquet file, in order.
+///
+/// # Errors
+/// If the file cannot be read or is not Parquet.
+pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
+    let mut reader = open(path)?;
+    guard(|| Ok(reader.schema()?.iter_names().map(ToString::to_string).collect()))
+        .map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })
+}
+
+/// Read a column of lists of numbers; `None` if the column holds something else.
+///
+/// # Errors
+/// If the file cannot be read, is not Parquet, has no such column, or its lists differ in length or miss
+/// values.
+pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, TableError> {
+    let refuse = |reason| TableError::NotParquet { path: path.to_owned(), reason };
+    let mut reader = open(path)?;
+    let schema = guard(|| reader.schema()).map_err(refuse)?;
+    if !schema.contains(name) {
+        let available = schema.iter_names().map(ToString::to_string).collect();
+        return Err(TableError::NoColumn { name: name.to_owned(), available });
+    }
+    let frame =
+        guard(|| reader.with_columns(Some(vec![name.to_owned()])).finish()).map_err(refuse)?;
+    let column =
+        guard(|| Ok(frame.column(name)?.as_materialized_series().clone())).map_err(refuse)?;
+    let Ok(lists) = column.list() else { return Ok(None) };
+    let (mut values, mut width) = (Vec::new(), None);
+    for row in 0..lists.len() {
+        let list = lists.get_as_series(row);
+        let list = list.ok_or(TableError::MissingValue { name: name.to_owned(), row })?;
+        let numbers = guard(|| {
+            let list = list.cast(&pl::DataType::Float32)?;
+            Ok(list.f32()?.iter().collect::<Option<Vec<f32>>>())
+        })
+        .map_err(refuse)?;
+        let numbers = numbers.ok_or(TableError::MissingValue { name: name.to_owned(), row })?;
+        let expected = *width.get_or_insert(numbers.len());
+        if numbers.len() != expected {
+            return Err(refuse(format!(
+                "column {name}: expected lists of equal length, got {expected} and, in row {row}, {}",
+                numbers.len()
+            )));
+        }
+        values.extend(numbers);
+    }
+    Ok(Some(Lists { values, rows: lists.len() }))
+}
+
+fn open(path: &Path) -> Result<pl::ParquetReader<File>, TableError> {
+    let file = File::open(path).map_err(|source| FileError::io("open", path, source))?;
+    Ok(pl::ParquetReader::new(file))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(path: &Path, lists: &[&[f32]]) {
+        let series = |values: &&[f32]| pl::Series::new("".into(), *values);
+        let lists: pl::ListChunked = lists.iter().map(|list| series(list)).collect();
+        let lists = lists.with_name("psi".into());
+        let numbers = pl::Column::new("n".into(), vec![1.0; lists.len()]);
+        let columns = vec![pl::IntoColumn::into_column(lists), numbers];
+        let mut frame = pl::DataFrame::new_infer_height(columns).expect("a frame");
+        let file = File::create(path).expect("writable");
+        pl::ParquetWriter::new(file).finish(&mut frame).expect("written");
+    }
+
+    #[test]
+    fn lists_of_equal_length_are_read() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("psi.parquet");
+        write(&path, &[&[1.0, 2.0], &[3.0, 4.0], &[5.0, 6.0]]);
+        assert_eq!(parquet_names(&path).expect("readable"), ["psi", "n"]);
+        let lists = read_parquet_list(&path, "psi").expect("readable").expect("lists");
+        assert_eq!(lists, Lists { values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], rows: 3 });
+        assert_eq!(read_parquet_list(&path, "n").expect("readable"), None);
+        assert!(read_parquet_list(&path, "phi").is_err());
+        write(&path, &[&[1.0, 2.0], &[3.0]]);
+        let error = read_parquet_list(&path, "psi").expect_err("unequal").to_string();
+        assert!(error.contains("in row 1, 1"), "{error}");
+    }
+}

@@ -1,0 +1,104 @@
+//! Training of a grid of representations, several side by side, each on one core.
+
+use std::{collections::BTreeMap, path::Path};
+
+use calib_core::{Monitor as _, Seed};
+use calib_data::Dataset;
+use calib_files::{read_json, write_json};
+use calib_nn::Mlp;
+use calib_represent::{
+    Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
+    write_encoder,
+};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Candidate, ENCODER};
+use crate::{commands::artefact, output::Printer, study::Study};
+
+/// What happens to candidates that are trained already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stored {
+    Keep,
+    Redo,
+}
+
+/// `training.json` of a candidate: written last.
+#[derive(Debug, Serialize, Deserialize)]
+struct TrainingRecord {
+    key: String,
+    config: LaplacianConfig,
+    divergence: Option<Divergence>,
+    points: Vec<Point>,
+}
+
+const RECORD: &str = "training.json";
+
+/// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
+pub(super) fn train(
+    study: &Study,
+    dataset: &Dataset,
+    split: &Split,
+    seed: Seed,
+    directory: &Path,
+    stored: Stored,
+    printer: &Printer,
+) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
+    let (states, segments) = (dataset.train.states(), dataset.train.segments());
+    let task = Task { states, segments, split, seed };
+    let keyed = |config: LaplacianConfig| {
+        Ok((artefact::key(&(&dataset.fingerprint, &config, study.seed))?, config))
+    };
+    let grid = study.representation.candidates().into_iter().map(keyed);
+    let grid = grid.collect::<anyhow::Result<Vec<(String, LaplacianConfig)>>>()?;
+    let at = |key: &str| directory.join("candidates").join(short(key));
+    let missing: Vec<&(String, LaplacianConfig)> = grid
+        .iter()
+        .filter(|(key, _)| stored == Stored::Redo || read(&at(key), key).is_none())
+        .collect();
+    let progress = printer.progress();
+    progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
+    missing.into_par_iter().try_for_each(|(key, config)| -> anyhow::Result<()> {
+        let directory = at(key);
+        let checkpoint =
+            Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.clone() };
+        let trained = train_one(config, task, Some(&checkpoint), &progress)?;
+        write_encoder(&directory.join(ENCODER), &trained.encoder, BTreeMap::new())?;
+        let record = TrainingRecord {
+            key: key.clone(),
+            config: *config,
+            divergence: trained.divergence,
+            points: trained.points,
+        };
+        write_json(&directory.join(RECORD), &record)?;
+        Ok(checkpoint.remove()?)
+    })?;
+    drop(progress);
+    grid.iter().map(|(key, _)| finished(&at(key), key)).collect()
+}
+
+/// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.
+fn short(key: &str) -> &str {
+    &key[..16]
+}
+
+fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
+    let record: TrainingRecord = read_json(&directory.join(RECORD)).ok()?;
+    (record.key == key && directory.join(ENCODER).is_file()).then_some(record)
+}
+
+fn finished(directory: &Path, key: &str) -> anyhow::Result<(Candidate, Option<Mlp>)> {
+    let record: TrainingRecord = read_json(&directory.join(RECORD))?;
+    let encoder = match record.divergence {
+        Some(_) => None,
+        None => Some(read_encoder(&directory.join(ENCODER))?),
+    };
+    let candidate = Candidate {
+        config: Some(record.config),
+        directory: Some(short(key).to_owned()),
+        scores: None,
+        divergence: record.divergence,
+        points: record.points,
+    };
+    Ok((candidate, encoder))
+}

@@ -1,0 +1,294 @@
+//! Representations of the states: trained or imported, scored, chosen.
+
+mod grid;
+mod import;
+mod table;
+
+use std::{collections::BTreeMap, path::Path, sync::Arc};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Seed, States};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
+use calib_nn::Mlp;
+use calib_represent::{
+    Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
+    score, select, write_encoder,
+};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    artefact::{self, Below, Claim, Manifest, TOOL},
+    load_study,
+};
+use crate::{
+    cli::StudyArgs,
+    clock::Stopwatch,
+    exit::ExitStatus,
+    output::{Printer, bytes, count, duration},
+    study::{Study, StudyPaths},
+};
+
+pub(super) use table::report_table;
+
+/// `manifest.json` of a representation directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct RepresentationManifest {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    /// Fingerprint of data and configuration.
+    pub(super) key: String,
+    pub(super) study: Study,
+    /// Fingerprint of the data that it was trained or imported for.
+    pub(super) data: Fingerprint,
+    /// Rows that ψ was scored on: the last fifth.
+    pub(super) validation_rows: usize,
+    pub(super) candidates: Vec<Candidate>,
+    /// Position of the chosen one; none if none qualifies.
+    pub(super) chosen: Option<usize>,
+    /// Fingerprint of every other file.
+    pub(super) files: BTreeMap<String, Fingerprint>,
+}
+
+/// A representation that could be used.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Candidate {
+    /// Hyperparameters; none of an imported one.
+    pub(super) config: Option<LaplacianConfig>,
+    /// The directory of its encoder, below `candidates/`; none of an imported one.
+    pub(super) directory: Option<String>,
+    /// None if its training diverged.
+    pub(super) scores: Option<Scores>,
+    pub(super) divergence: Option<Divergence>,
+    /// The learning curve.
+    pub(super) points: Vec<Point>,
+}
+
+impl Manifest for RepresentationManifest {
+    const FORMAT: u32 = 1;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+const ENCODER: &str = "encoder.safetensors";
+const PSI: &str = "representation.npy";
+
+/// Train or import the representations of a study, and choose one.
+pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let (study, paths) = load_study(args)?;
+    if study.representation.kind == RepresentationKind::None {
+        bail!(
+            "representation.kind is \"none\": there is nothing to train; \
+             set it to \"laplacian\" or \"import\""
+        );
+    }
+    let data = study.data_to_read(&paths)?;
+    printer.say(&format!("represent: reading {}", data.path.0.join(", ")));
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    let key = key(&study, &paths, &dataset)?;
+    let directory = paths.representation();
+    announce(&study, &dataset, printer);
+    if args.dry_run {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(ExitStatus::Done);
+    }
+    let existing = artefact::read::<RepresentationManifest>(&directory).filter(|found| {
+        let files = found.files.keys().map(String::as_str);
+        found.key == key && !args.force && artefact::has_files(&directory, files)
+    });
+    let (manifest, verb) = match existing {
+        Some(manifest) => (manifest, "up to date:"),
+        None => (make(&study, &paths, &dataset, key, args, printer)?, "wrote"),
+    };
+    if args.json {
+        printer.json(&manifest)?;
+    } else {
+        let (place, time) = (directory.display(), duration(clock.elapsed()));
+        printer.result(&format!("{verb} {place} in {time}"))?;
+        table::show(&manifest, printer)?;
+    }
+    if manifest.chosen.is_some() {
+        printer.say(&format!("next: {}", paths.command("build-model")));
+        return Ok(ExitStatus::Done);
+    }
+    printer.warn(NONE_QUALIFIES);
+    Ok(ExitStatus::Negative)
+}
+
+/// What to do where no candidate may be used.
+const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
+    try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
+
+/// Fingerprint of what the representations follow from.
+fn key(study: &Study, paths: &StudyPaths, dataset: &Dataset) -> anyhow::Result<String> {
+    let imported = match study.representation.kind {
+        RepresentationKind::Import => Some(fingerprint_file(&import::file(study, paths)?)?),
+        _ => None,
+    };
+    artefact::key(&(
+        RepresentationManifest::FORMAT,
+        &dataset.fingerprint,
+        &study.representation,
+        study.seed,
+        imported,
+    ))
+}
+
+fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    if study.representation.kind == RepresentationKind::Import {
+        let path = study.representation.path.as_deref().unwrap_or_default();
+        printer.say(&format!("{} rows x {columns} columns; importing {path}", count(rows)));
+        return;
+    }
+    let candidates = study.representation.candidates();
+    let steps: usize = candidates.iter().map(|of| of.steps).sum();
+    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len());
+    printer.say(&format!(
+        "{} rows x {columns} columns; {} representations of up to {widest} dimensions, {} steps in all, \
+         {at_once} at a time; expecting {} of memory",
+        count(rows),
+        candidates.len(),
+        count(steps),
+        bytes((rows * (2 * columns + widest) * 4) as u64),
+    ));
+}
+
+fn make(
+    study: &Study,
+    paths: &StudyPaths,
+    dataset: &Dataset,
+    key: String,
+    args: &StudyArgs,
+    printer: &Printer,
+) -> anyhow::Result<RepresentationManifest> {
+    let directory = paths.representation();
+    let split = Split::in_time(dataset.train.segments())?;
+    let claim = Claim::new(&directory, Below::Ours)?;
+    claim.begin()?;
+    let seed = Seed::new(study.seed).child("representation");
+    let score_of = |psi: &States| {
+        let (states, segments) = (dataset.train.states(), dataset.train.segments());
+        score(states, psi, segments, &split.validation, seed)
+    };
+    let mut files = vec!["candidates.parquet", "curves.parquet"];
+    let (candidates, chosen, psi) = if study.representation.kind == RepresentationKind::Import {
+        let psi = import::read(study, paths, dataset)?;
+        let scores = Some(score_of(&psi));
+        let candidate =
+            Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
+        let chosen = select(&[scores]);
+        (vec![candidate], chosen, chosen.map(|_| psi))
+    } else {
+        let redo = if args.force { grid::Stored::Redo } else { grid::Stored::Keep };
+        let trained = grid::train(study, dataset, &split, seed, &directory, redo, printer)?;
+        let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
+        let candidates: Vec<Candidate> = trained
+            .iter()
+            .map(|(candidate, encoder)| {
+                // ψ of a state that the training did not see may overflow.
+                let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
+                Candidate { scores: psi.as_ref().map(score_of), ..candidate.clone() }
+            })
+            .collect();
+        let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
+        let chosen = select(&scores);
+        let encoder = chosen.and_then(|chosen| trained[chosen].1.as_ref());
+        if let Some(encoder) = encoder {
+            write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
+            files.push(ENCODER);
+        }
+        (candidates, chosen, encoder.map(encoded).transpose()?)
+    };
+    if let Some(psi) = psi {
+        write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+        files.push(PSI);
+    }
+    table::write(&directory, &candidates, chosen)?;
+    let fingerprint = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
+    let manifest = RepresentationManifest {
+        format: RepresentationManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        validation_rows: split.validation.len(),
+        candidates,
+        chosen,
+        files: files.into_iter().map(fingerprint).collect::<anyhow::Result<_>>()?,
+    };
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// The chosen representation of the training states.
+pub(super) struct Representation {
+    /// Names all that it follows from.
+    pub(super) key: String,
+    /// ψ of every state.
+    pub(super) psi: States,
+    /// What computes ψ of other states; an imported representation has none.
+    pub(super) encoder: Option<Mlp>,
+}
+
+/// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
+pub(super) fn open(
+    study: &Study,
+    paths: &StudyPaths,
+    dataset: &Dataset,
+) -> anyhow::Result<Option<Representation>> {
+    if study.representation.kind == RepresentationKind::None {
+        return Ok(None);
+    }
+    let (directory, command) = (paths.representation(), paths.command("represent"));
+    let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
+    if manifest.key != key(study, paths, dataset)? {
+        bail!(
+            "the representation in {} was made from other data, with another [representation] or \
+             another seed; run `{command}` again",
+            directory.display()
+        );
+    }
+    if manifest.chosen.is_none() {
+        bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
+    }
+    let again = || format!("{} is damaged; run `{command} --force`", directory.display());
+    let psi = mapped(&directory.join(PSI)).with_context(again)?;
+    let encoder = manifest
+        .files
+        .contains_key(ENCODER)
+        .then(|| read_encoder(&directory.join(ENCODER)))
+        .transpose()
+        .with_context(again)?;
+    Ok(Some(Representation { key: manifest.key, psi, encoder }))
+}
+
+/// Put the representation into a model's directory, which then needs nothing else; names of the files.
+pub(super) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
+    let Representation { psi, encoder, .. } = of;
+    write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+    let Some(encoder) = encoder else { return Ok(vec![PSI]) };
+    write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
+    Ok(vec![PSI, ENCODER])
+}
+
+/// What a model's directory holds of the representation that its neighbours were searched in.
+pub(super) fn of_model(
+    directory: &Path,
+    files: &BTreeMap<String, Fingerprint>,
+) -> anyhow::Result<(Option<States>, Option<Mlp>)> {
+    let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
+    let psi = has(PSI).map(|path| mapped(&path)).transpose()?;
+    let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
+    Ok((psi, encoder))
+}
+
+fn mapped(path: &Path) -> anyhow::Result<States> {
+    let mapped = map_npy::<f32>(path)?;
+    let (rows, columns) = (mapped.rows(), mapped.columns());
+    Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
+}
