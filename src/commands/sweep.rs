@@ -64,7 +64,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
-    let candidates = candidates(&study.sweep, &study.agent)?;
+    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     let model = model_files::open(&paths, &study)?;
     let data = study.data_to_read(&paths)?;
     printer.say(&format!("sweep: reading {}", data.path.0.join(", ")));

@@ -35,10 +35,14 @@ pub enum ReplayKind {
     None,
 }
 
-/// Hyperparameters of a TD(0) agent. Every field is a scalar and has a default.
+/// Hyperparameters of a TD(0) agent. Every field has a default, and all but `traces` are scalars.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
+    /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state s_t, a
+    /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` with each
+    /// unbroken piece of the stream.
+    pub traces: Vec<f64>,
     /// `"mlp"` (default) or `"linear"`.
     pub value_function: ValueFunction,
     /// Hidden layers of the MLP, 1 to 16. Default 2 (the paper's size is 2 × 256).
@@ -75,6 +79,7 @@ pub struct AgentConfig {
 impl Default for AgentConfig {
     fn default() -> Self {
         Self {
+            traces: Vec::new(),
             value_function: ValueFunction::Mlp,
             hidden_layers: 2,
             hidden_units: 256,
@@ -116,6 +121,7 @@ impl AgentConfig {
         let uniform = self.replay == ReplayKind::Uniform;
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let fraction = |value: f64| (0.0..1.0).contains(&value);
+        self.check_traces()?;
         require(
             !mlp || (1..=16).contains(&self.hidden_layers),
             "hidden_layers",
@@ -163,6 +169,24 @@ impl AgentConfig {
         )?;
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
     }
+
+    /// What the agent sees of a state of `width` values: these and their traces.
+    pub fn seen_width(&self, width: usize) -> usize {
+        width * (1 + self.traces.len())
+    }
+
+    fn check_traces(&self) -> Result<(), ConfigError> {
+        let decays = &self.traces;
+        let fits = |(place, decay): (usize, &f64)| {
+            (0.0..1.0).contains(decay) && !decays[..place].contains(decay)
+        };
+        require(
+            decays.len() <= 16 && decays.iter().enumerate().all(fits),
+            "traces",
+            &format!("{decays:?}"),
+            "at most 16 different numbers in [0, 1), such as [0.9, 0.99]",
+        )
+    }
 }
 
 fn require(
@@ -183,12 +207,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn defaults_are_valid_and_every_field_is_a_flat_scalar() {
+    fn defaults_are_valid_and_every_field_but_traces_is_a_scalar() {
         let config = AgentConfig::default();
         assert_eq!(config.check(), Ok(()));
         let value = serde_json::to_value(&config).expect("serialises");
         for (field, value) in value.as_object().expect("a table") {
-            assert!(value.is_number() || value.is_string(), "{field} is {value}");
+            let list = field == "traces";
+            assert!(value.is_number() || value.is_string() || list, "{field} is {value}");
         }
         assert_eq!(value["value_function"], "mlp");
         assert_eq!(serde_json::from_value::<AgentConfig>(value).expect("reads"), config);
@@ -212,6 +237,12 @@ mod tests {
             "agent hyperparameter `learning_rate`: expected 0 or a positive number, got NaN"
         );
         assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
+        assert_eq!(bad(|config| config.traces = vec![0.9, 1.0]).field, "traces");
+        assert_eq!(
+            bad(|config| config.traces = vec![0.9, 0.9]).to_string(),
+            "agent hyperparameter `traces`: expected at most 16 different numbers in [0, 1), such as \
+             [0.9, 0.99], got [0.9, 0.9]"
+        );
         assert_eq!(bad(|config| config.hidden_layers = 0).field, "hidden_layers");
         assert_eq!(bad(|config| config.hidden_units = 0).field, "hidden_units");
         assert_eq!(bad(|config| config.beta1 = 1.0).field, "beta1");

@@ -23,7 +23,8 @@ pub struct Checkpoint {
     pub moments: Option<Moments>,
 }
 
-/// Sizes of the layers of an agent's value function for states of `width` values, input first, the single
+/// Sizes of the layers of an agent's value function that sees `width` values
+/// ([`AgentConfig::seen_width`]), input first, the single
 /// output last.
 pub fn layer_sizes(config: &AgentConfig, width: usize) -> Vec<usize> {
     let hidden = match config.value_function {
@@ -43,7 +44,7 @@ impl Learner<'_> {
     pub(crate) fn check(&self, width: usize) -> Result<(), AgentError> {
         self.config.check()?;
         let Some(start) = self.start else { return Ok(()) };
-        let expected = parameter_count(self.config, width);
+        let expected = parameter_count(self.config, self.config.seen_width(width));
         let moments = start.moments.as_ref().map_or(expected, |moments| moments.mean.len());
         match [start.parameters.len(), moments].into_iter().find(|&got| got != expected) {
             Some(got) => Err(AgentError::Checkpoint { got, expected }),
@@ -64,7 +65,8 @@ impl Learner<'_> {
             ReplayKind::Uniform => self.config.batch_size,
             ReplayKind::None => 1,
         };
-        let update = 4 * (parameter_count(self.config, width) * batch) as u64;
+        let parameters = parameter_count(self.config, self.config.seen_width(width));
+        let update = 4 * (parameters * batch) as u64;
         update.max(1_000_000).saturating_mul(self.config.updates_per_step as u64)
     }
 }

@@ -32,6 +32,7 @@ mod population;
 mod replay;
 mod returns;
 mod scoring;
+mod traces;
 mod train;
 mod values;
 

@@ -26,7 +26,7 @@ pub(crate) fn values_of(
     }
 }
 
-/// What agents must share to learn in lockstep: the shape of the value function, γ, whether there are
+/// What agents must share to learn in lockstep: what they see, the shape of the value function, γ, whether there are
 /// target networks, and everything that decides which transitions an update sees.
 pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
     let shape = |config: &AgentConfig| match config.value_function {
@@ -37,7 +37,8 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
         ReplayKind::Uniform => Some((config.replay_capacity, config.batch_size)),
         ReplayKind::None => None,
     };
-    shape(a) == shape(b)
+    a.traces == b.traces
+        && shape(a) == shape(b)
         && draws(a) == draws(b)
         && a.gamma == b.gamma
         && a.updates_per_step == b.updates_per_step

@@ -5,6 +5,7 @@ use crate::{
     RunState, Scoring,
     outcome::Tracker,
     population::{Population, Task, Truth, can_share},
+    traces::TracedStream,
 };
 
 /// Steps between looks at the monitor.
@@ -110,6 +111,10 @@ pub fn train_learners(
     let mut work = 0;
     for (number, members) in groups.iter().enumerate() {
         let of_group: Vec<Learner<'_>> = members.iter().map(|&member| learners[member]).collect();
+        let decays = &of_group[0].config.traces;
+        let traced = (!decays.is_empty()).then(|| TracedStream::new(stream, decays));
+        let seen = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
+        let task = Task { stream: seen, ..task };
         let truth = Truth::new(task, &of_group)?;
         let (size, before) = (members.len() as u64, progress.done);
         if number >= finished {

@@ -1,9 +1,10 @@
 use calib_agent::AgentConfig;
+use calib_core::Seed;
 use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{SweepConfig, SweepError};
+use crate::{SweepConfig, SweepError, axis::fields, sampling::combinations};
 
 /// Why a candidate is in the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,40 +53,43 @@ pub fn written(value: &Value) -> String {
             }
             _ => number.to_string(),
         },
+        Value::Array(values) => format!("[{}]", values.iter().map(written).join(", ")),
         other => other.to_string(),
     }
 }
 
-/// The candidates of a sweep: the Cartesian product of the grid over the `[agent]` section,
-/// and the section's own values last if the grid lacks them.
+/// The candidates of a sweep: combinations of the swept values over the `[agent]` section, in the order of
+/// a grid, and the section's own values last if no combination has them.
+///
+/// Values are drawn, where they are drawn, from `seed`.
 ///
 /// # Errors
-/// An empty grid or field, a repeated value, or a combination that is not a valid agent.
-pub fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candidate>, SweepError> {
+/// An empty grid or field, a field that an agent lacks, a range without numbers, a repeated value, more
+/// samples than there are combinations, or a combination that is not a valid agent.
+pub fn candidates(
+    sweep: &SweepConfig,
+    agent: &AgentConfig,
+    seed: Seed,
+) -> Result<Vec<Candidate>, SweepError> {
     if sweep.grid.is_empty() {
         return Err(SweepError::EmptyGrid);
     }
-    for (field, values) in &sweep.grid {
-        check_values(field, values)?;
-    }
-    let points: Vec<Vec<(String, Value)>> = sweep
+    let axes = sweep
         .grid
         .iter()
-        .map(|(field, values)| values.iter().map(|value| (field.clone(), value.clone())))
-        .multi_cartesian_product()
-        .collect();
+        .map(|(field, axis)| Ok((field.clone(), axis.points(field, agent)?)))
+        .collect::<Result<Vec<_>, SweepError>>()?;
+    let points = combinations(&axes, sweep.sampling, sweep.samples, seed)?;
     let mut all = Vec::with_capacity(points.len() + 1);
     for (index, values) in points.into_iter().enumerate() {
+        let values: Vec<(String, Value)> = sweep.grid.keys().cloned().zip(values).collect();
         let with = with_values(agent, &values)?;
         let is_default = with == *agent;
         all.push(Candidate { index, role: Role::Grid, is_default, values, agent: with });
     }
     if !all.iter().any(|candidate| candidate.is_default) {
-        let fields = to_map(agent);
-        let values = sweep
-            .grid
-            .keys()
-            .map(|field| (field.clone(), fields.get(field).cloned().unwrap_or(Value::Null)));
+        let own = fields(agent);
+        let values = sweep.grid.keys().map(|field| (field.clone(), own[field].clone()));
         all.push(Candidate {
             index: all.len(),
             role: Role::Default,
@@ -97,31 +101,9 @@ pub fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candid
     Ok(all)
 }
 
-fn check_values(field: &str, values: &[Value]) -> Result<(), SweepError> {
-    if values.is_empty() {
-        return Err(SweepError::EmptyField { field: field.to_owned() });
-    }
-    for (position, value) in values.iter().enumerate() {
-        if values[..position].contains(value) {
-            return Err(SweepError::RepeatedValue {
-                field: field.to_owned(),
-                value: written(value),
-            });
-        }
-    }
-    Ok(())
-}
-
-fn to_map(agent: &AgentConfig) -> serde_json::Map<String, Value> {
-    match serde_json::to_value(agent) {
-        Ok(Value::Object(fields)) => fields,
-        _ => unreachable!("an agent's configuration is a flat table"),
-    }
-}
-
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
     let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
-    let mut fields = to_map(agent);
+    let mut fields = fields(agent);
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))
         .map_err(|error| invalid(error.to_string()))?;
@@ -135,11 +117,16 @@ mod tests {
 
     use super::*;
 
+    fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candidate>, SweepError> {
+        super::candidates(sweep, agent, Seed::new(1))
+    }
+
     fn sweep(grid: &[(&str, &[f64])]) -> SweepConfig {
         let grid = grid
             .iter()
             .map(|(field, values)| {
-                ((*field).to_owned(), values.iter().map(|&value| value.into()).collect())
+                let values: Vec<Value> = values.iter().map(|&value| value.into()).collect();
+                ((*field).to_owned(), values.into())
             })
             .collect::<BTreeMap<_, _>>();
         SweepConfig { grid, ..SweepConfig::default() }
@@ -176,7 +163,9 @@ mod tests {
         assert!(of(sweep(&[])).contains("sweep.grid is empty"));
         assert!(of(sweep(&[("gamma", &[])])).contains("sweep.grid.gamma has no values"));
         assert!(of(sweep(&[("gamma", &[0.5, 0.5])])).contains("twice"));
-        assert!(of(sweep(&[("learning_rat", &[0.5])])).contains("learning_rat"));
+        let misspelt = of(sweep(&[("learning_rat", &[0.5])]));
+        assert!(misspelt.contains("learning_rat is no key of [agent]"), "{misspelt}");
+        assert!(misspelt.contains("learning_rate"), "{misspelt}");
         assert!(of(sweep(&[("gamma", &[1.5])])).contains("gamma"));
     }
 }

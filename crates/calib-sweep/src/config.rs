@@ -2,6 +2,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::{Axis, Sampling};
+
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -21,8 +23,12 @@ pub struct SweepConfig {
     pub scored: Scored,
     /// Points of the learning curve that each run stores (default 50; 0 stores none).
     pub curve_points: usize,
-    /// Agent field → values. Several fields make the Cartesian product, the first varying slowest.
-    pub grid: BTreeMap<String, Vec<serde_json::Value>>,
+    /// Which combinations of the values are tried: `grid` (default), `random` or `sobol`.
+    pub sampling: Sampling,
+    /// Combinations that `random` and `sobol` draw (default 20).
+    pub samples: usize,
+    /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
+    pub grid: BTreeMap<String, Axis>,
 }
 
 /// Which steps of a run its error is taken over.
@@ -46,7 +52,12 @@ impl Default for SweepConfig {
             log_replay_runs: 10,
             scored: Scored::FinalQuarter,
             curve_points: 50,
-            grid: BTreeMap::from([("learning_rate".to_owned(), rates.map(Into::into).to_vec())]),
+            sampling: Sampling::Grid,
+            samples: 20,
+            grid: BTreeMap::from([(
+                "learning_rate".to_owned(),
+                Axis::List(rates.map(Into::into).to_vec()),
+            )]),
         }
     }
 }

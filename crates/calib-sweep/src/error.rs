@@ -26,6 +26,60 @@ pub enum SweepError {
         /// The value.
         value: String,
     },
+    /// A field that no agent has.
+    #[error("sweep.grid.{field} is no key of [agent]; there are: {known}")]
+    UnknownField {
+        /// What the study says.
+        field: String,
+        /// The fields that there are.
+        known: String,
+    },
+    /// A range that holds no values.
+    #[error("sweep.grid.{field} is not a range of values: {reason}")]
+    Range {
+        /// The agent field.
+        field: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// More combinations than can be swept.
+    #[error(
+        "sweep.grid has {got} combinations of values, more than {most}; sweep fewer, or set sweep.sampling to \"sobol\" and sweep.samples to how many to try"
+    )]
+    TooManyCandidates {
+        /// Combinations of the grid.
+        got: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// A number of samples outside its range.
+    #[error("sweep.samples must be from 1 to {most}, got {got}")]
+    Samples {
+        /// Samples asked for.
+        got: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// More fields than the sequence has dimensions.
+    #[error(
+        "sweep.sampling = \"sobol\" spreads samples over at most {most} fields, got {got} fields; use \"random\""
+    )]
+    TooManyFields {
+        /// Swept fields.
+        got: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// Samples cannot all be different.
+    #[error(
+        "sweep.samples asks for {got} different combinations of values, and only {there} were found; ask for fewer, or widen sweep.grid"
+    )]
+    TooFewPoints {
+        /// Samples asked for.
+        got: usize,
+        /// Different ones found.
+        there: usize,
+    },
     /// A candidate is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
     Candidate {

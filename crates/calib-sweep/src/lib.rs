@@ -1,6 +1,7 @@
 //! Hyperparameter sweeps: plan → units → store → verdict.
 //!
-//! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid.
+//! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid: lists and
+//!   ranges, all combinations or a random or Sobol sample of them.
 //! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of the
 //!   calibration model, [`ReplayEnvironment`] replays the log: held out (Online) or training.
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
@@ -8,15 +9,20 @@
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: worst ranks over the ensemble, the chosen candidate, its agreement with Online.
 
+mod axis;
 mod candidate;
 mod config;
 mod environment;
 mod error;
 mod plan;
+mod range;
+mod sampling;
+mod sobol;
 mod store;
 mod unit;
 mod verdict;
 
+pub use axis::Axis;
 pub use candidate::{Candidate, Role, candidates, written};
 pub use config::{Scored, SweepConfig};
 pub use environment::{
@@ -24,6 +30,8 @@ pub use environment::{
 };
 pub use error::SweepError;
 pub use plan::{Plan, PlanOptions};
+pub use range::{Range, Scale};
+pub use sampling::Sampling;
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
 pub use verdict::{Agreement, EnvironmentScores, SensorVerdict, told_apart, verdict};

@@ -42,9 +42,9 @@ impl Study {
             ..AgentConfig::default()
         };
         // 1e38 leaves single precision within a few steps.
-        let grid = [1e-5, 1e-2, 1e38].map(Into::into).to_vec();
+        let grid = [1e-5, 1e-2, 1e38].map(serde_json::Value::from).to_vec();
         let config = SweepConfig {
-            grid: BTreeMap::from([("learning_rate".to_owned(), grid)]),
+            grid: BTreeMap::from([("learning_rate".to_owned(), grid.into())]),
             ..SweepConfig::default()
         };
         let train = frames(900);
@@ -55,7 +55,7 @@ impl Study {
             &Silent,
         )
         .expect("built");
-        let candidates = candidates(&config, &agent).expect("valid");
+        let candidates = candidates(&config, &agent, Seed::new(1)).expect("valid");
         Self { train, held_out: frames(700), model, candidates }
     }
 

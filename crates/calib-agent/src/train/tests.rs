@@ -138,9 +138,18 @@ fn a_population_changes_nothing_about_its_agents() {
         AgentConfig { replay: ReplayKind::None, weight_decay: 0.1, ..linear() },
         AgentConfig { replay: ReplayKind::None, learning_rate: 0.02, ..linear() },
         AgentConfig { replay_capacity: 50, ..linear() },
+        AgentConfig { beta1: 0.5, ..mlp() },
+        AgentConfig { beta2: 0.9, ..mlp() },
+        AgentConfig { epsilon: 1e-3, ..mlp() },
+        AgentConfig { weight_decay: 0.1, ..mlp() },
+        AgentConfig { batch_size: 8, ..mlp() },
+        AgentConfig { traces: vec![0.9], ..mlp() },
+        AgentConfig { traces: vec![0.9], ..linear() },
+        AgentConfig { traces: vec![0.5, 0.9], ..linear() },
+        AgentConfig { traces: vec![0.9], replay: ReplayKind::None, ..linear() },
     ];
     let learners = agents.each_ref().map(|config| Learner { config, cumulant: 0, start: None });
-    assert_eq!(populations(&learners)[0], [0, 2, 3]);
+    assert_eq!(populations(&learners)[0], [0, 2, 3, 14, 15, 16, 17]);
     let together = run(&stream, &agents, Scoring::WholeRun);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
     for (agent, outcome) in agents.iter().zip(&together) {
@@ -288,4 +297,16 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
     let (stopped, advanced) = seen(500);
     assert_eq!(stopped, Err(AgentError::Interrupted));
     assert!((500..600).contains(&advanced), "{advanced}");
+}
+
+#[test]
+fn a_trace_predicts_what_the_state_alone_cannot() {
+    // 1, 0, 0, 1, 0, 0, …: after a 0 comes a 0 or a 1, and only memory tells which.
+    let values = (0..6_000).map(|t| if t % 3 == 0 { 1.0 } else { 0.0 });
+    let stream = unbroken(values.collect(), 1, 0..6_000);
+    let agent = AgentConfig { gamma: 0.5, learning_rate: 0.5, ..linear() };
+    let agents = [agent.clone(), AgentConfig { traces: vec![0.5], ..agent }];
+    let outcomes = run(&stream, &agents, Scoring::Final(0.25));
+    assert!(outcomes[0].rmse_over_std > 0.3, "{:?}", outcomes[0]);
+    assert!(outcomes[1].rmse_over_std < 0.05, "{:?}", outcomes[1]);
 }

@@ -1,0 +1,252 @@
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::axis::Points;
+
+/// How numbers are spaced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios.
+    Log,
+}
+
+/// A range of numbers, ends included.
+///
+/// With `per_decade`, `count` or `step` it stands for a list; without any of them for every number between
+/// its ends, from which random and Sobol sampling draw. Values other than the ends are rounded to what one
+/// would write by hand: three significant digits (log), or three more decimals than the spacing has (linear);
+/// whole numbers where the agent's field is one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// The lowest value.
+    pub from: f64,
+    /// The highest.
+    pub to: f64,
+    /// `"linear"` (default) or `"log"`; `per_decade` means `"log"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<Scale>,
+    /// Values from `from` by the factor `10^(1 / per_decade)`, as far as `to`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub per_decade: Option<usize>,
+    /// This many values from `from` to `to`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<usize>,
+    /// Values from `from` by this difference, as far as `to`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step: Option<f64>,
+}
+
+/// More values of one field than anybody asks for.
+const MANY_VALUES: usize = 10_000;
+
+/// What is left of a decade's or step's end to rounding.
+const SLACK: f64 = 1e-9;
+
+impl Range {
+    /// The values, or what is wrong with the range. `whole`: the field takes whole numbers.
+    pub(crate) fn points(&self, whole: bool) -> Result<Points, String> {
+        let Self { from, to, .. } = *self;
+        let span = Span { from, to, scale: self.scale()?, whole };
+        span.check()?;
+        let most = |count: usize| match count {
+            2..=MANY_VALUES => Ok(count),
+            _ => Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}")),
+        };
+        let values: Vec<f64> = match (self.per_decade, self.count, self.step) {
+            (None, None, None) => return Ok(Points::Continuous(span)),
+            (Some(0), ..) => return Err("per_decade must be at least 1".to_owned()),
+            (Some(per_decade), None, None) => {
+                let per_decade = per_decade as f64;
+                let steps = ((to / from).log10() * per_decade + SLACK).floor();
+                let steps = most(steps as usize + 1)? - 1;
+                let value = |i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade));
+                (0..=steps).map(value).collect()
+            }
+            (None, Some(count), None) => {
+                let last = (most(count)? - 1) as f64;
+                (0..count).map(|i| span.rounded(span.at(i as f64 / last))).collect()
+            }
+            (None, None, Some(step)) => {
+                if step.is_nan() || step <= 0.0 || (whole && step.fract() != 0.0) {
+                    let kind = if whole { "a whole number above 0" } else { "above 0" };
+                    return Err(format!("step must be {kind}, got {step}"));
+                }
+                let steps = most(((to - from) / step + SLACK).floor() as usize + 1)? - 1;
+                let value = |i: usize| decimals(from + i as f64 * step, step).clamp(from, to);
+                (0..=steps).map(value).collect()
+            }
+            _ => return Err("give one of per_decade, count and step".to_owned()),
+        };
+        Ok(Points::Discrete(values.into_iter().map(|value| span.value(value)).collect()))
+    }
+
+    fn scale(&self) -> Result<Scale, String> {
+        match (self.scale, self.per_decade, self.step) {
+            (Some(Scale::Linear), Some(_), _) => Err("per_decade needs scale = \"log\"".to_owned()),
+            (Some(Scale::Log), _, Some(_)) => {
+                Err("step needs scale = \"linear\"; give per_decade or count".to_owned())
+            }
+            (None, Some(_), _) => Ok(Scale::Log),
+            (scale, ..) => Ok(scale.unwrap_or(Scale::Linear)),
+        }
+    }
+}
+
+/// Every number between two ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Span {
+    from: f64,
+    to: f64,
+    scale: Scale,
+    whole: bool,
+}
+
+impl Span {
+    fn check(&self) -> Result<(), String> {
+        let Self { from, to, scale, whole } = *self;
+        if !(from.is_finite() && to.is_finite() && from < to) {
+            return Err(format!("it is empty: from {from:e} to {to:e}; from must be below to"));
+        }
+        if scale == Scale::Log && from <= 0.0 {
+            return Err(format!(
+                "it is logarithmic and begins at {from}; begin above 0, or use scale = \"linear\""
+            ));
+        }
+        if whole && (from.fract() != 0.0 || to.fract() != 0.0 || from < 0.0) {
+            return Err(format!("this field takes whole numbers, got {from} and {to}"));
+        }
+        Ok(())
+    }
+
+    /// The number at `share` of the way.
+    fn at(&self, share: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => self.from + (self.to - self.from) * share,
+            Scale::Log => self.from * (self.to / self.from).powf(share),
+        }
+    }
+
+    fn rounded(&self, value: f64) -> f64 {
+        let value = match self.scale {
+            _ if self.whole => value.round(),
+            Scale::Linear => decimals(value, self.to - self.from),
+            Scale::Log => read(&format!("{value:.2e}")),
+        };
+        // The ends are meant as they are written.
+        value.clamp(self.from, self.to)
+    }
+
+    /// The value that a uniform draw from `[0, 1)` stands for.
+    pub(crate) fn draw(&self, unit: f64) -> f64 {
+        match self.scale {
+            // Every whole number is equally likely, the ends too.
+            Scale::Linear if self.whole => {
+                (self.from + (unit * (self.to - self.from + 1.0)).floor()).min(self.to)
+            }
+            _ => self.rounded(self.at(unit)),
+        }
+    }
+
+    /// A value as the study would have it.
+    pub(crate) fn value(&self, value: f64) -> Value {
+        if self.whole { Value::from(value.round() as u64) } else { Value::from(value) }
+    }
+}
+
+/// `value` with three decimals more than `spacing` begins with.
+fn decimals(value: f64, spacing: f64) -> f64 {
+    let places = (3.0 - spacing.log10().floor()).clamp(0.0, 17.0) as usize;
+    read(&format!("{value:.places$}"))
+}
+
+fn read(text: &str) -> f64 {
+    text.parse().unwrap_or_else(|_| unreachable!("a formatted number"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range(text: &str) -> Range {
+        serde_json::from_str(text).expect("a range")
+    }
+
+    fn list(text: &str, whole: bool) -> Vec<f64> {
+        match range(text).points(whole).expect("valid") {
+            Points::Discrete(values) => {
+                assert!(values.iter().all(|value| value.is_u64() == whole));
+                values.iter().map(|value| value.as_f64().expect("a number")).collect()
+            }
+            Points::Continuous(span) => panic!("{span:?}"),
+        }
+    }
+
+    #[test]
+    fn ranges_are_what_one_would_write_by_hand() {
+        assert_eq!(
+            list(r#"{"from": 1e-4, "to": 1e-2, "per_decade": 2}"#, false),
+            [1e-4, 3.16e-4, 1e-3, 3.16e-3, 1e-2]
+        );
+        assert_eq!(
+            list(r#"{"from": 1e-6, "to": 5e-5, "per_decade": 1}"#, false),
+            [1e-6, 1e-5],
+            "as far as the end"
+        );
+        assert_eq!(
+            list(r#"{"from": 1e-6, "to": 1e-2, "scale": "log", "count": 3}"#, false),
+            [1e-6, 1e-4, 1e-2]
+        );
+        assert_eq!(
+            list(r#"{"from": 0.9, "to": 0.99, "count": 4}"#, false),
+            [0.9, 0.93, 0.96, 0.99]
+        );
+        assert_eq!(list(r#"{"from": 0, "to": 0.3, "step": 0.1}"#, false), [0.0, 0.1, 0.2, 0.3]);
+        assert_eq!(
+            list(r#"{"from": 64, "to": 256, "step": 64}"#, true),
+            [64.0, 128.0, 192.0, 256.0]
+        );
+        assert_eq!(
+            list(r#"{"from": 32, "to": 512, "scale": "log", "count": 5}"#, true),
+            [32.0, 64.0, 128.0, 256.0, 512.0]
+        );
+    }
+
+    #[test]
+    fn mistakes_say_what_to_do() {
+        let of = |text: &str, whole| range(text).points(whole).expect_err("invalid");
+        assert!(of(r#"{"from": 2, "to": 1, "count": 3}"#, false).contains("from must be below to"));
+        assert!(of(r#"{"from": 0, "to": 1, "per_decade": 2}"#, false).contains("begin above 0"));
+        assert!(of(r#"{"from": 1, "to": 2, "count": 1}"#, false).contains("2 to 10000 values"));
+        assert!(of(r#"{"from": 1, "to": 2, "step": 1e-9}"#, false).contains("2 to 10000"));
+        assert!(of(r#"{"from": 1, "to": 2, "step": 0.5}"#, true).contains("whole number"));
+        assert!(of(r#"{"from": 1.5, "to": 2, "count": 2}"#, true).contains("whole numbers"));
+        assert!(of(r#"{"from": 1, "to": 2, "count": 3, "step": 1}"#, false).contains("one of"));
+        let scales = r#"{"from": 1, "to": 2, "scale": "linear", "per_decade": 1}"#;
+        assert!(of(scales, false).contains("scale = \"log\""));
+        assert!(serde_json::from_str::<Range>(r#"{"from": 1}"#).is_err());
+    }
+
+    #[test]
+    fn draws_stay_inside_and_reach_both_ends() {
+        for (text, whole) in [
+            (r#"{"from": 0.123456, "to": 0.123789}"#, false),
+            (r#"{"from": 1.2345e-5, "to": 9.8765e-2, "scale": "log"}"#, false),
+            (r#"{"from": 3, "to": 6}"#, true),
+            (r#"{"from": 3, "to": 600, "scale": "log"}"#, true),
+        ] {
+            let range = range(text);
+            let Points::Continuous(span) = range.points(whole).expect("valid") else {
+                panic!("{text}")
+            };
+            let draws: Vec<f64> = (0..1000).map(|i| span.draw(f64::from(i) / 1000.0)).collect();
+            assert!(draws.iter().all(|draw| (range.from..=range.to).contains(draw)), "{text}");
+            assert!(draws.is_sorted(), "{text}");
+            assert_eq!(draws[0], range.from);
+            assert!(draws[999] > range.from + 0.98 * (range.to - range.from), "{text}");
+        }
+    }
+}

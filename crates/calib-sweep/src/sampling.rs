@@ -1,0 +1,212 @@
+use std::cmp::Ordering;
+
+use calib_core::Seed;
+use itertools::Itertools as _;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{
+    SweepError,
+    axis::Points,
+    sobol::{DIMENSIONS, Sobol},
+};
+
+/// Which combinations of the swept values are tried.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sampling {
+    /// All of them.
+    #[default]
+    Grid,
+    /// `samples` of them, each value drawn by itself and uniformly: from a list, from the numbers of a linear
+    /// range, or from the logarithms of a logarithmic one.
+    Random,
+    /// `samples` of them, spread evenly: Sobol's sequence with a digital shift drawn from the study's seed.
+    Sobol,
+}
+
+impl Sampling {
+    /// The name that a study gives it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grid => "grid",
+            Self::Random => "random",
+            Self::Sobol => "sobol",
+        }
+    }
+}
+
+/// More candidates than anybody asks for.
+const MANY_CANDIDATES: usize = 10_000;
+
+/// Draws for each sample that is asked for, before it is clear that there are no more different ones.
+const PATIENCE: usize = 100;
+
+/// Values of the swept fields, one list a candidate.
+pub(crate) fn combinations(
+    axes: &[(String, Points)],
+    sampling: Sampling,
+    samples: usize,
+    seed: Seed,
+) -> Result<Vec<Vec<Value>>, SweepError> {
+    match sampling {
+        Sampling::Grid => grid(axes),
+        Sampling::Random => {
+            let seed = seed.child("random");
+            let point = |index: usize| {
+                let mut rng = seed.number(index as u64).rng();
+                axes.iter().map(|_| rng.unit()).collect()
+            };
+            sample(axes, samples, point)
+        }
+        Sampling::Sobol => {
+            if axes.len() > DIMENSIONS {
+                return Err(SweepError::TooManyFields { got: axes.len(), most: DIMENSIONS });
+            }
+            let sobol = Sobol::new(axes.len(), seed.child("sobol"));
+            sample(axes, samples, |index| sobol.point(index as u32))
+        }
+    }
+}
+
+/// The Cartesian product, the first field varying slowest.
+fn grid(axes: &[(String, Points)]) -> Result<Vec<Vec<Value>>, SweepError> {
+    let lists = axes
+        .iter()
+        .map(|(field, points)| match points {
+            Points::Discrete(values) => Ok(values),
+            Points::Continuous(_) => Err(SweepError::Range {
+                field: field.clone(),
+                reason:
+                    "a grid cannot list every number in it; give per_decade, count or step, or set \
+                     sweep.sampling to \"random\" or \"sobol\""
+                        .to_owned(),
+            }),
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let count = lists.iter().fold(1_usize, |count, list| count.saturating_mul(list.len()));
+    if count > MANY_CANDIDATES {
+        return Err(SweepError::TooManyCandidates { got: count, most: MANY_CANDIDATES });
+    }
+    Ok(lists.into_iter().map(|list| list.iter().cloned()).multi_cartesian_product().collect())
+}
+
+/// The first `samples` different points, in the order of a grid. More samples keep those that fewer have.
+fn sample(
+    axes: &[(String, Points)],
+    samples: usize,
+    point: impl Fn(usize) -> Vec<f64>,
+) -> Result<Vec<Vec<Value>>, SweepError> {
+    if !(1..=MANY_CANDIDATES).contains(&samples) {
+        return Err(SweepError::Samples { got: samples, most: MANY_CANDIDATES });
+    }
+    let mut chosen: Vec<(Vec<f64>, Vec<Value>)> = Vec::with_capacity(samples);
+    for index in 0..samples * PATIENCE {
+        let drawn = axes.iter().zip(point(index)).map(|((_, points), unit)| draw(points, unit));
+        let (places, values): (Vec<f64>, Vec<Value>) = drawn.unzip();
+        if let Err(place) = chosen.binary_search_by(|(other, _)| compare(other, &places)) {
+            chosen.insert(place, (places, values));
+        }
+        if chosen.len() == samples {
+            return Ok(chosen.into_iter().map(|(_, values)| values).collect());
+        }
+    }
+    Err(SweepError::TooFewPoints { got: samples, there: chosen.len() })
+}
+
+fn compare(a: &[f64], b: &[f64]) -> Ordering {
+    let differing = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+    differing.unwrap_or(Ordering::Equal)
+}
+
+/// The value that a uniform draw stands for, and its place in the order of a grid.
+fn draw(points: &Points, unit: f64) -> (f64, Value) {
+    match points {
+        Points::Discrete(values) => {
+            let place = ((unit * values.len() as f64) as usize).min(values.len() - 1);
+            (place as f64, values[place].clone())
+        }
+        Points::Continuous(span) => {
+            let value = span.draw(unit);
+            (value, span.value(value))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_agent::AgentConfig;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::Axis;
+
+    fn axes(fields: &[(&str, &str)]) -> Vec<(String, Points)> {
+        let points = |text| {
+            let axis: Axis = serde_json::from_str(text).expect("an axis");
+            move |field| axis.points(field, &AgentConfig::default()).expect("valid")
+        };
+        fields.iter().map(|&(field, text)| (field.to_owned(), points(text)(field))).collect()
+    }
+
+    fn three() -> Vec<(String, Points)> {
+        axes(&[
+            ("hidden_units", r#"{"from": 16, "to": 512, "scale": "log"}"#),
+            ("learning_rate", r#"{"from": 1e-6, "to": 1e-1, "scale": "log"}"#),
+            ("optimiser", r#"["adam", "sgd"]"#),
+        ])
+    }
+
+    proptest! {
+        #[test]
+        fn samples_are_different_in_range_ordered_and_nested(
+            seed: u64,
+            samples in 1_usize..80,
+            sobol: bool,
+        ) {
+            let sampling = if sobol { Sampling::Sobol } else { Sampling::Random };
+            let of = |samples| combinations(&three(), sampling, samples, Seed::new(seed)).expect("drawn");
+            let drawn = of(samples);
+            prop_assert_eq!(&drawn, &of(samples), "a seed draws the same");
+            prop_assert_eq!(drawn.len(), samples);
+            let more = of(samples + 20);
+            prop_assert!(drawn.iter().all(|values| more.contains(values)));
+            for values in &drawn {
+                prop_assert_eq!(drawn.iter().filter(|other| *other == values).count(), 1);
+                prop_assert!((16..=512).contains(&values[0].as_u64().expect("whole")));
+                prop_assert!((1e-6..=1e-1).contains(&values[1].as_f64().expect("a number")));
+            }
+            prop_assert!(drawn.is_sorted_by_key(|values| values[0].as_u64()));
+        }
+    }
+
+    #[test]
+    fn sobol_is_more_even_than_chance() {
+        let rates = axes(&[("learning_rate", r#"{"from": 1e-8, "to": 1, "scale": "log"}"#)]);
+        let widest = |sampling| {
+            let drawn = combinations(&rates, sampling, 64, Seed::new(3)).expect("drawn");
+            let logs: Vec<f64> =
+                drawn.iter().map(|values| values[0].as_f64().expect("a number").log10()).collect();
+            logs.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+        };
+        // 64 points in 8 decades: one in each eighth of a decade, so no two neighbours are 2/8 apart.
+        assert!(widest(Sampling::Sobol) < 0.26, "{}", widest(Sampling::Sobol));
+        assert!(widest(Sampling::Random) > 0.3, "{}", widest(Sampling::Random));
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_refused() {
+        let of = |axes: &[(String, Points)], sampling, samples| {
+            combinations(axes, sampling, samples, Seed::new(1)).expect_err("refused").to_string()
+        };
+        assert!(of(&three(), Sampling::Grid, 5).contains("give per_decade, count or step"));
+        assert!(of(&three(), Sampling::Sobol, 0).contains("sweep.samples must be from 1 to 10000"));
+        let few = axes(&[("optimiser", r#"["adam", "sgd"]"#)]);
+        let text = of(&few, Sampling::Sobol, 3);
+        assert!(text.contains("3 different") && text.contains("only 2"), "{text}");
+        let wide: Vec<(String, Points)> =
+            (0..30).map(|field| (field.to_string(), few[0].1.clone())).collect();
+        assert!(of(&wide, Sampling::Sobol, 3).contains("30 fields"));
+        assert!(of(&wide, Sampling::Grid, 3).contains("combinations"));
+    }
+}
