@@ -9,6 +9,7 @@ mod cli;
 mod clock;
 mod commands;
 mod exit;
+mod memory;
 mod output;
 mod study;
 

@@ -18,6 +18,7 @@ mod series;
 mod simulate;
 mod starts;
 mod sweep;
+mod sweep_plan;
 mod sweep_tables;
 
 use anyhow::Context as _;

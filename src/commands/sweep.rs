@@ -15,6 +15,7 @@ use super::{
     load_study,
     model_files::{self, OpenModel},
     starts::{starts, starts_from_held_out},
+    sweep_plan::{Memory, SweepPlan},
     sweep_tables,
 };
 use crate::{
@@ -95,8 +96,17 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let units = plan.units();
     let stored = if args.force { vec![None; units.len()] } else { plan.stored(&store) };
     let missing = stored.iter().filter(|result| result.is_none()).count();
-    announce(&study, &candidates, &units, missing, &lengths, printer);
+    let preview = SweepPlan {
+        candidates: &candidates,
+        units: units.len(),
+        left: missing,
+        steps: lengths.steps,
+        threads: rayon::current_num_threads(),
+        memory: Memory::of(&study, &dataset, &candidates, lengths.steps, [units.len(), missing]),
+    };
+    preview.announce(&study, printer)?;
     if args.dry_run {
+        preview.show(args.json, printer)?;
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
@@ -212,25 +222,6 @@ fn environments<'a>(
         )));
     }
     Ok(environments)
-}
-
-fn announce(
-    study: &Study,
-    candidates: &[Candidate],
-    units: &[PlannedUnit],
-    missing: usize,
-    lengths: &Lengths,
-    printer: &Printer,
-) {
-    printer.say(&format!(
-        "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads",
-        candidates.len(),
-        count(units.len()),
-        count(lengths.steps),
-        study.sweep.sensors.join(", "),
-        if missing == units.len() { "all units are".to_owned() } else { format!("{} units are", count(missing)) },
-        rayon::current_num_threads(),
-    ));
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

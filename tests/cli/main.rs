@@ -6,3 +6,4 @@ mod errors;
 mod harness;
 mod interruption;
 mod real_data;
+mod sweeps;

@@ -39,7 +39,7 @@ pub enum ReplayKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
-    /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state s_t, a
+    /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a
     /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` with each
     /// unbroken piece of the stream.
     pub traces: Vec<f64>,

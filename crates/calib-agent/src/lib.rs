@@ -15,6 +15,7 @@
 //!   so long that a [`Keeper`] keeps their state.
 //! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
 //! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
+//! - [`training_bytes`]: the memory that a training takes.
 //! - [`discounted_returns`], [`truncation_horizon`]: the Monte-Carlo returns that predictions are held to.
 
 mod config;
@@ -26,6 +27,7 @@ mod keeper;
 mod kernels;
 mod learner;
 mod linear;
+mod memory;
 mod mlp;
 mod outcome;
 mod population;
@@ -41,6 +43,7 @@ pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
 pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
+pub use memory::training_bytes;
 pub use outcome::RunOutcome;
 pub use returns::{discounted_returns, truncation_horizon};
 pub use scoring::Scoring;

@@ -25,17 +25,6 @@ pub enum Sampling {
     Sobol,
 }
 
-impl Sampling {
-    /// The name that a study gives it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Grid => "grid",
-            Self::Random => "random",
-            Self::Sobol => "sobol",
-        }
-    }
-}
-
 /// More candidates than anybody asks for.
 const MANY_CANDIDATES: usize = 10_000;
 

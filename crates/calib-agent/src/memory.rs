@@ -1,0 +1,72 @@
+use crate::{
+    AgentConfig, ReplayKind, ValueFunction, layer_sizes, parameter_count, population::can_share,
+};
+
+/// Bytes that [`train_learners`](crate::train_learners) takes at most beside the stream, if each of `agents`
+/// predicts each of `sensors` columns of a stream of `states` states of `width` values.
+///
+/// The sum over what is allocated, an upper bound by a few per cent (populations are trained one after the other,
+/// so the largest counts):
+///
+/// - for each agent and sensor: parameters, two moments (Adam) and a target network, if any, 4 bytes each, and
+///   once more while the state of a long run is kept;
+/// - for the population: a mini-batch of s and s' with its activations and their gradients, 4 bytes each;
+///   the states with traces, if any, 4 bytes each; returns, 8 bytes a step and sensor; the replay buffer, which
+///   is a list of step numbers, 4 bytes a step.
+pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
+    let population = |first: &AgentConfig| {
+        let size = agents.iter().filter(|agent| can_share(first, agent)).count();
+        population_bytes(first, size * sensors, sensors, width, states)
+    };
+    agents.iter().map(population).max().unwrap_or(0)
+}
+
+fn population_bytes(
+    agent: &AgentConfig,
+    size: usize,
+    sensors: usize,
+    width: usize,
+    states: usize,
+) -> u64 {
+    let seen = agent.seen_width(width);
+    let sizes = layer_sizes(agent, seen);
+    let parameters = parameter_count(agent, seen);
+    let target = usize::from(agent.target_network_period > 0);
+    // Parameters and two moments, twice.
+    let own = (6 + target) * parameters;
+    let batch = match agent.replay {
+        ReplayKind::Uniform => agent.batch_size,
+        ReplayKind::None => 1,
+    };
+    let rows = 2 * batch + 1;
+    let widest = sizes.iter().skip(1).max().copied().unwrap_or(1);
+    let work = match agent.value_function {
+        ValueFunction::Mlp => rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters,
+        ValueFunction::Linear => size * parameters,
+    };
+    let traced = if agent.traces.is_empty() { 0 } else { states * seen };
+    let buffer = if agent.replay == ReplayKind::Uniform { states } else { 0 };
+    4 * (size * own + work + traced + buffer) as u64 + 8 * (states * sensors) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_population_counts() {
+        let small = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
+        let of = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
+        // 10 · 8 + 8 + 8 · 8 + 8 + 8 + 1 = 169 parameters; 9 rows of 10 + 8 + 8 + 1 values and two of 8.
+        let expected = 4 * (6 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
+        assert_eq!(of(&[small.clone()]), expected);
+        let faster = AgentConfig { learning_rate: 0.5, ..small.clone() };
+        assert_eq!(of(&[small.clone(), faster]), expected + 4 * 6 * 169, "in one population");
+        let other = AgentConfig { gamma: 0.5, ..small.clone() };
+        assert_eq!(of(&[small.clone(), other]), expected, "one after the other");
+        let traced = AgentConfig { traces: vec![0.9], ..small.clone() };
+        assert!(of(&[traced]) > expected + 4 * 20 * 1000);
+        let sensors = training_bytes(&[small], 3, 10, 1000);
+        assert_eq!(sensors, expected + 2 * (4 * 6 * 169 + 8 * 1000));
+    }
+}

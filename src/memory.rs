@@ -1,0 +1,90 @@
+//! How much memory there is. Used to refuse work that would not fit, never for results.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Bytes that this process may still take: what the system has available, or less where a control group
+/// (a container, a batch job) allows less. None where the system does not say.
+pub(crate) fn available() -> Option<u64> {
+    let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
+    let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
+    system.into_iter().chain(allowed).min()
+}
+
+/// `MemAvailable`, which counts what the system would free if asked.
+fn of_meminfo(text: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}
+
+/// What is left of the limit of each group that the process is in and of the groups around it, in both versions
+/// of the interface. `groups` is the text of `/proc/self/cgroup`.
+fn limits(root: &Path, groups: &str) -> Vec<u64> {
+    let mut left = Vec::new();
+    for line in groups.lines() {
+        let mut fields = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
+        let (base, limit, usage) = match controllers {
+            "" => (root.to_owned(), "memory.max", "memory.current"),
+            memory if memory.split(',').any(|one| one == "memory") => {
+                (root.join("memory"), "memory.limit_in_bytes", "memory.usage_in_bytes")
+            }
+            _ => continue,
+        };
+        let group: PathBuf = base.join(path.trim_start_matches('/'));
+        // Inside a container the path may be the host's; the container's own group is then the root.
+        for directory in group.ancestors().take_while(|directory| directory.starts_with(&base)) {
+            let number = |name| fs::read_to_string(directory.join(name)).ok()?.trim().parse().ok();
+            let (Some(limit), Some(used)): (Option<u64>, Option<u64>) =
+                (number(limit), number(usage))
+            else {
+                continue;
+            };
+            // Cached files count as used, but give way.
+            let cached = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
+            let cached = cached
+                .lines()
+                .find_map(|line| line.strip_prefix("inactive_file "))
+                .and_then(|bytes| bytes.trim().parse().ok())
+                .unwrap_or(0);
+            left.push(limit.saturating_sub(used.saturating_sub(cached)));
+        }
+    }
+    left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_systems_own_figure_is_read() {
+        let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
+        assert_eq!(of_meminfo(text), Some(1 << 20));
+        assert_eq!(of_meminfo("MemTotal: 16 kB\n"), None);
+    }
+
+    #[test]
+    fn a_group_and_those_around_it_may_allow_less() {
+        let root = tempfile::tempdir().expect("a directory");
+        let write = |name: &str, text: &str| {
+            let path = root.path().join(name);
+            fs::create_dir_all(path.parent().expect("below the root")).expect("writable");
+            fs::write(path, text).expect("writable");
+        };
+        write("job/memory.max", "1000\n");
+        write("job/memory.current", "600\n");
+        write("job/memory.stat", "anon 300\ninactive_file 250\n");
+        write("job/step/memory.max", "max\n");
+        write("job/step/memory.current", "10\n");
+        assert_eq!(limits(root.path(), "0::/job/step\n"), [650]);
+        write("memory/old/memory.limit_in_bytes", "500");
+        write("memory/old/memory.usage_in_bytes", "600");
+        assert_eq!(limits(root.path(), "3:cpu:/x\n4:cpu,memory:/old\n"), [0]);
+        assert!(limits(root.path(), "0::/elsewhere\n").is_empty());
+    }
+}
