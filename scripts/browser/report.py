@@ -140,6 +140,7 @@ def main() -> None:
                 page.screenshot(path=pictures / f"{name}.png", full_page=True)
 
         figures = page.locator("figure:has(.plot)")
+        page.evaluate("document.querySelectorAll('details.more').forEach((more) => { more.open = true; })")
         check(figures.count() > 0, "there is no chart")
         picture("wide-light")
         for i in range(figures.count()):

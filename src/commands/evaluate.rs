@@ -63,7 +63,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     };
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_json(&paths.evaluate().join("summary.json"), &summary)?;
-    report::write(&study, &paths, &manifest, &summary)?;
+    report::write(&study, &paths, &manifest, &summary, &results)?;
     if args.json {
         printer.json(&summary)?;
     } else {

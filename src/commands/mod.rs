@@ -9,6 +9,7 @@ mod figures;
 mod generate;
 mod inspect;
 mod jumps;
+mod learning;
 mod model_files;
 mod quickstart;
 mod report;

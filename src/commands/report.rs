@@ -11,13 +11,13 @@ use calib_report::{
 };
 use calib_represent::RepresentationKind;
 use calib_stats::Summary as ScoreSummary;
-use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
+use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict, UnitResult};
 
 use super::{
     artefact,
     comparison::{self, Comparison},
     evaluate::Summary,
-    figures, jumps as jump_text,
+    figures, jumps as jump_text, learning,
     model_files::{self, ModelManifest},
     represent::{self, RepresentationManifest},
     rollout::RolloutManifest,
@@ -31,12 +31,17 @@ pub(super) fn write(
     paths: &StudyPaths,
     sweep: &SweepManifest,
     summary: &Summary,
+    results: &[UnitResult],
 ) -> anyhow::Result<()> {
-    let report = assemble(study, paths, sweep, summary)?;
+    let report = assemble(study, paths, sweep, summary, results)?;
     let directory = paths.evaluate().join("figures");
     for sensitivity in &report.sensitivities {
         let name = format!("sensitivity-{}", sensitivity.sensor);
         figures::write(&directory, &name, &sensitivity.figure()?)?;
+    }
+    for curves in &report.learning {
+        let name = format!("learning-{}-{}", curves.sensor, curves.environment);
+        figures::write(&directory, &name, &curves.figure()?)?;
     }
     for rollout in &report.rollouts {
         figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
@@ -50,6 +55,7 @@ fn assemble(
     paths: &StudyPaths,
     sweep: &SweepManifest,
     summary: &Summary,
+    results: &[UnitResult],
 ) -> anyhow::Result<Report> {
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
@@ -72,6 +78,7 @@ fn assemble(
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
+        learning: learning::curves(&study.sweep.sensors, candidates, results)?,
         rollouts: match &rollouts {
             Some(rollouts) => rollout_figures(paths, rollouts)?,
             None => Vec::new(),
@@ -94,13 +101,13 @@ fn tables(study: &Study, paths: &StudyPaths, comparison: Option<&Comparison>) ->
 }
 
 /// The swept field, or all of them where there are several.
-fn field(candidates: &[Candidate]) -> String {
+pub(super) fn field(candidates: &[Candidate]) -> String {
     let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
     fields.collect::<Vec<_>>().join(", ")
 }
 
 /// The value of a candidate: a number where one numeric field is swept, else its label.
-fn setting(candidate: &Candidate) -> Setting {
+pub(super) fn setting(candidate: &Candidate) -> Setting {
     match candidate.values.as_slice() {
         [(_, value)] => value
             .as_f64()

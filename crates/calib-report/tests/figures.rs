@@ -4,9 +4,9 @@
 #[expect(dead_code, reason = "the page's tests use the rest of it")]
 mod fixture;
 
-use calib_report::{Figure, ReportError, RolloutFigure, Setting, Side};
+use calib_report::{Dash, Figure, ReportError, RolloutFigure, ScaleKind, Setting, Side};
 use calib_stats::Direction;
-use fixture::{rollout, sensitivity};
+use fixture::{learning, rollout, sensitivity};
 
 /// Width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {
@@ -132,6 +132,47 @@ fn every_rollout_gets_its_own_panel_over_the_truth() {
     );
     assert_eq!(svg.matches("time since start (s)").count(), 1);
     assert_eq!(svg.matches("<clipPath").count(), 2);
+}
+
+#[test]
+fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
+    let mut curves = learning("PIT300", "member 0");
+    let figure = curves.figure().unwrap();
+    let chart = figure.chart();
+    let ends: Vec<f64> =
+        chart.series.iter().map(|series| series.points.last().unwrap().x).collect();
+    assert_eq!(ends, [1000.0, 1000.0, 1000.0, 600.0]);
+    let points = &chart.series[3].points;
+    assert!(points[28].y.is_finite() && points[29].y.is_infinite(), "{points:?}");
+    assert!(chart.series[0].points.iter().all(|point| point.interval.is_some()));
+    assert_eq!((chart.x.scale.min, chart.x.scale.max), (0.0, 1000.0));
+
+    // One that explodes on the way is cut off, so that the others can be told apart.
+    for (_, summary) in curves.curves[2].points.iter_mut().skip(10) {
+        summary.mean = 1e30;
+    }
+    let exploding = curves.figure().unwrap();
+    let scale = &exploding.chart().left.scale;
+    assert_eq!(scale.kind, ScaleKind::Log);
+    assert!(scale.max < 1e3, "{scale:?}");
+
+    // More values than colours differ by their dashes.
+    let curve = curves.curves[0].clone();
+    curves.curves = vec![curve; 9];
+    let many = curves.figure().unwrap();
+    assert_eq!(
+        (many.chart().series[5].dash, many.chart().series[6].dash),
+        (Dash::Solid, Dash::Dashed)
+    );
+
+    for curve in &mut curves.curves {
+        curve.points.clear();
+    }
+    let error = curves.figure().unwrap_err().to_string();
+    assert!(
+        error.contains("PIT300: learning curves, member 0") && error.contains("points"),
+        "{error}"
+    );
 }
 
 #[test]

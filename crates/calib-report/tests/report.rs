@@ -48,6 +48,9 @@ fn every_element_is_closed() {
     for figure in report().sensitivities {
         assert_balanced(&figure.figure().unwrap().svg());
     }
+    for figure in report().learning {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
     for figure in report().rollouts {
         assert_balanced(&figure.figure().unwrap().svg());
     }
@@ -148,6 +151,7 @@ fn an_empty_report_is_still_a_page() {
     let mut report = report();
     report.verdicts.clear();
     report.sensitivities.clear();
+    report.learning.clear();
     report.rollouts.clear();
     report.jumps.clear();
     report.tables.clear();

@@ -25,6 +25,12 @@ fn main() -> Result<(), Box<dyn error::Error>> {
         fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
         fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
     }
+    for curves in sample::learning() {
+        let name = format!("learning-{}-{}", curves.sensor, curves.environment.replace(' ', "-"));
+        let figure = curves.figure()?;
+        fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
+        fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
+    }
     let page = folder.join("report.html");
     fs::write(&page, sample::report().html()?)?;
     let mut logs_only = sample::report();

@@ -2,8 +2,8 @@
 
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
-    ErrorSource, JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score,
-    Sensitivity, Setting, Table, TopK, Trajectory, Verdict,
+    ErrorSource, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Report, Reproduction,
+    RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Trajectory, Verdict,
 };
 use calib_stats::{
     Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
@@ -202,6 +202,40 @@ pub(crate) fn rollouts() -> Vec<RolloutFigure> {
         .collect()
 }
 
+/// Learning curves of nine rates Online and in two members; the largest diverges.
+pub(crate) fn learning() -> Vec<LearningCurves> {
+    ["Online (held-out)", "member 0", "member 1"]
+        .map(|environment| LearningCurves {
+            sensor: "PIT300".to_owned(),
+            field: "learning_rate".to_owned(),
+            environment: environment.to_owned(),
+            steps: 30_000,
+            curves: RATES
+                .map(|rate: f64| {
+                    let error = |step: usize, run: usize| {
+                        let time = step as f64 * rate.sqrt() / 30.0;
+                        let noise =
+                            (step as f64 * 0.013 + run as f64 * 2.1).sin() * (0.02 + rate.sqrt());
+                        if rate > 5e-3 && step > 9_000 + 1_000 * run {
+                            return f64::INFINITY;
+                        }
+                        (0.15 + 0.6 / (1.0 + time) + rate.sqrt()) * (1.0 + noise)
+                    };
+                    let point = |window: usize| {
+                        let step = 600 * window;
+                        let runs: Vec<f64> = (0..5).map(|run| error(step, run)).collect();
+                        summarise(&runs).ok().map(|summary| (step, summary))
+                    };
+                    LearningCurve {
+                        value: Setting::from(rate),
+                        points: (1..=50).filter_map(point).collect(),
+                    }
+                })
+                .to_vec(),
+        })
+        .to_vec()
+}
+
 /// The whole report.
 pub(crate) fn report() -> Report {
     Report {
@@ -214,6 +248,7 @@ pub(crate) fn report() -> Report {
                 .to_owned(),
         ],
         sensitivities: sensitivities(),
+        learning: learning(),
         rollouts: rollouts(),
         jumps: jumps(),
         tables: vec![dtw()],

@@ -1,9 +1,11 @@
 //! The paper's figures, from typed rows.
 
 mod figure;
+mod learning;
 mod rollout;
 mod sensitivity;
 
 pub use figure::Figure;
+pub use learning::{LearningCurve, LearningCurves};
 pub use rollout::{MAX_POINTS, RolloutFigure, Trajectory};
 pub use sensitivity::{ErrorCurve, ErrorSource, RankCurve, Score, Sensitivity};

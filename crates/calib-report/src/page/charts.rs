@@ -27,6 +27,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Markup, ReportError> {
             &caption,
             "Copy table",
             &sensitivity_table(sensitivity),
+            shown(figure.chart()),
         ));
     }
     let two_axes = report.sensitivities.iter().any(Sensitivity::has_two_axes);
@@ -55,6 +56,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Markup, ReportError> {
             &caption,
             "Copy all points",
             &rollout_table(rollout),
+            shown(figure.chart()),
         ));
     }
     Ok(html! {
@@ -66,10 +68,17 @@ pub(super) fn rollouts(report: &Report) -> Result<Markup, ReportError> {
     })
 }
 
-fn chart(chart: &Chart, id: &str, caption: &str, copy: &str, table: &Table) -> Markup {
+pub(super) fn chart(
+    chart: &Chart,
+    id: &str,
+    caption: &str,
+    copy: &str,
+    table: &Table,
+    shown: usize,
+) -> Markup {
     let scene = draw(chart, LegendPlace::Outside);
     html! {
-        figure.chart id=(id) data-shown=(shown(chart)) {
+        figure.chart id=(id) data-shown=(shown) {
             figcaption { h3 { (chart.title) } p { (caption) } }
             div.legend role="group" aria-label={ "Curves of " (chart.title) } {
                 @for (index, key) in keys(chart).iter().enumerate() { (legend_entry(index, key)) }

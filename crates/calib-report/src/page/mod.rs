@@ -1,6 +1,7 @@
 //! The report as one self-contained HTML document.
 
 mod charts;
+mod learning;
 mod tables;
 mod verdicts;
 
@@ -70,6 +71,10 @@ fn sections(report: &Report) -> Result<Vec<Section>, ReportError> {
     if !report.sensitivities.is_empty() {
         let body = charts::sensitivities(report)?;
         sections.push(Section { id: "sensitivity", title: "Sensitivity curves", body });
+    }
+    if !report.learning.is_empty() {
+        let body = learning::curves(report)?;
+        sections.push(Section { id: "learning", title: "Learning curves", body });
     }
     if !report.rollouts.is_empty() {
         let body = charts::rollouts(report)?;

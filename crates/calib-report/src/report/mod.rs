@@ -11,7 +11,7 @@ pub(crate) use summary::{recommendations, summary};
 pub use table::{Best, Cell, Table};
 pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
 
-use crate::{ReportError, RolloutFigure, Score, Sensitivity, page};
+use crate::{LearningCurves, ReportError, RolloutFigure, Score, Sensitivity, page};
 
 /// Everything the report shows. Empty lists and `None` leave their section out.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,8 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Sensitivity curves.
     pub sensitivities: Vec<Sensitivity>,
+    /// Learning curves; those of one sensor follow one another, Online first.
+    pub learning: Vec<LearningCurves>,
     /// Rollouts over the true trajectory.
     pub rollouts: Vec<RolloutFigure>,
     /// How often rollouts left the log.
@@ -46,7 +48,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// A figure cannot be drawn; see [`Sensitivity::figure`] and [`RolloutFigure::figure`].
+    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`] and [`RolloutFigure::figure`].
     pub fn html(&self) -> Result<String, ReportError> {
         page::html(self)
     }

@@ -1,0 +1,99 @@
+//! Learning curves: how the error of each value falls, or does not, along the run.
+
+use calib_stats::Summary;
+
+use crate::chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side, extent};
+use crate::{Figure, ReportError, Setting};
+
+/// One figure of learning curves, for one sensor in one environment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LearningCurves {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// The swept hyperparameter, as in the study file.
+    pub field: String,
+    /// Where the agents learned: "Online (held-out)", "member 2".
+    pub environment: String,
+    /// Steps of a run.
+    pub steps: usize,
+    /// One curve a value, in the order of the grid.
+    pub curves: Vec<LearningCurve>,
+}
+
+/// Error against step of one value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LearningCurve {
+    /// The value.
+    pub value: Setting,
+    /// Points in the order of their steps: a step, and the error over the window that ends there, summarised over
+    /// runs. The mean is infinite from where the first run diverged.
+    pub points: Vec<(usize, Summary)>,
+}
+
+impl LearningCurve {
+    /// The step by whose end a run had diverged.
+    pub(crate) fn diverged(&self) -> Option<usize> {
+        self.points.iter().find(|(_, summary)| summary.mean.is_infinite()).map(|&(step, _)| step)
+    }
+}
+
+impl LearningCurves {
+    /// Draws the figure: step against mean error, with 95 % intervals. A value of which a run diverged ends there,
+    /// in a cross at the upper edge.
+    ///
+    /// # Errors
+    ///
+    /// No curve has a point.
+    pub fn figure(&self) -> Result<Figure, ReportError> {
+        let title = format!("{}: learning curves, {}", self.sensor, self.environment);
+        if self.curves.iter().all(|curve| curve.points.is_empty()) {
+            return Err(ReportError::Empty { figure: title, missing: "points" });
+        }
+        let series: Vec<Series> =
+            self.curves.iter().enumerate().map(|(place, curve)| series(place, curve)).collect();
+        let means: Vec<f64> =
+            series.iter().flat_map(|series| series.points.iter().map(|point| point.y)).collect();
+        let scale = around(&means);
+        let spacing = if scale.is_log() { ", log scale" } else { "" };
+        Ok(Figure::new(Chart {
+            description: format!(
+                "Error of the predictions of {} against step, for each {}, {}.",
+                self.sensor, self.field, self.environment
+            ),
+            title,
+            x: Axis { label: "step".to_owned(), scale: Scale::linear(0.0, self.steps as f64) },
+            left: Axis { label: format!("RMSE (normalised{spacing})"), scale },
+            right: None,
+            series,
+            rules: Vec::new(),
+        }))
+    }
+}
+
+/// A curve that explodes before it diverges must not press all others flat: the axis ends at a thousand times the
+/// smallest error.
+fn around(means: &[f64]) -> Scale {
+    let top = extent(means).map_or(f64::INFINITY, |(low, _)| 1e3 * low.max(f64::MIN_POSITIVE));
+    Scale::around(&means.iter().map(|&mean| mean.min(top)).collect::<Vec<_>>())
+}
+
+/// Six colours, then the same with dashes, then with dots.
+fn series(place: usize, curve: &LearningCurve) -> Series {
+    let drawn = curve.points.iter().take_while(|(_, summary)| summary.mean.is_finite()).count();
+    // The first infinite point is the cross.
+    let points = &curve.points[..curve.points.len().min(drawn + 1)];
+    let point = |&(step, ref summary): &(usize, Summary)| Point {
+        x: step as f64,
+        y: summary.mean,
+        interval: summary.interval.map(|interval| (interval.low, interval.high)),
+    };
+    Series {
+        label: curve.value.to_string(),
+        side: Side::Left,
+        colour: Colour::Curve(place),
+        dash: [Dash::Solid, Dash::Dashed, Dash::Dotted][place / 6 % 3],
+        width: 1.6,
+        marker: None,
+        points: points.iter().map(point).collect(),
+    }
+}

@@ -1,0 +1,101 @@
+//! The section of learning curves.
+
+use maud::{Markup, html};
+
+use super::charts::chart;
+use crate::{Cell, LearningCurves, Report, ReportError, Table};
+
+/// More curves than there are colours and patterns for are switched off at first.
+const MANY_CURVES: usize = 18;
+
+/// Rows of a data table; copying gives every point.
+const ROWS: usize = 50;
+
+/// The first figure of each sensor is open, the others wait behind a line.
+pub(super) fn curves(report: &Report) -> Result<Markup, ReportError> {
+    let mut sensors: Vec<(&str, Vec<Markup>)> = Vec::new();
+    for (index, curves) in report.learning.iter().enumerate() {
+        let figure = curves.figure()?;
+        let shown = curves.curves.len().min(MANY_CURVES);
+        let id = format!("learning-{index}");
+        let drawn = chart(
+            figure.chart(),
+            &id,
+            &curves.caption(),
+            "Copy all points",
+            &curves.table(),
+            shown,
+        );
+        match sensors.last_mut().filter(|(sensor, _)| *sensor == curves.sensor) {
+            Some((_, figures)) => figures.push(drawn),
+            None => sensors.push((&curves.sensor, vec![drawn])),
+        }
+    }
+    Ok(html! {
+        p.lead {
+            "How the error falls along the run, for each value. A value that is still falling at the end would gain from \
+             a longer run; one that falls early and rises again has lost track."
+        }
+        @for (sensor, figures) in &sensors {
+            @if let Some((first, others)) = figures.split_first() {
+                (first)
+                @if !others.is_empty() {
+                    details.more {
+                        summary { (sensor) " in the other environments (" (others.len()) ")" }
+                        @for figure in others { (figure) }
+                    }
+                }
+            }
+        }
+    })
+}
+
+impl LearningCurves {
+    fn caption(&self) -> String {
+        let summaries = || self.curves.iter().flat_map(|curve| &curve.points);
+        let runs = summaries().map(|(_, summary)| summary.runs).max().unwrap_or(0);
+        let windows = self.curves.iter().map(|curve| curve.points.len()).max().unwrap_or(0);
+        let mut caption = format!(
+            "RMSE of the predictions, in normalised units, over each of {windows} equally long windows of the run; \
+             mean over {runs} {}, with 95 % t-intervals.",
+            if runs == 1 { "run" } else { "runs" }
+        );
+        let diverged: Vec<String> = self
+            .curves
+            .iter()
+            .filter(|curve| curve.diverged().is_some())
+            .map(|curve| curve.value.to_string())
+            .collect();
+        if !diverged.is_empty() {
+            caption.push_str(&format!(
+                " A run of {} diverged; the curve ends there.",
+                diverged.join(", ")
+            ));
+        }
+        caption
+    }
+
+    fn table(&self) -> Table {
+        let mut steps: Vec<usize> =
+            self.curves.iter().flat_map(|curve| &curve.points).map(|&(step, _)| step).collect();
+        steps.sort_unstable();
+        steps.dedup();
+        let every = steps.len().div_ceil(ROWS).max(1);
+        let row = |&step: &usize| {
+            let value = |curve: &crate::LearningCurve| {
+                let point = curve.points.iter().find(|&&(at, _)| at == step);
+                point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
+            };
+            std::iter::once(Cell::Count(step as u64)).chain(self.curves.iter().map(value)).collect()
+        };
+        let columns = std::iter::once("Step".to_owned()).chain(
+            self.curves.iter().map(|curve| format!("{} = {}: RMSE", self.field, curve.value)),
+        );
+        Table {
+            title: format!("Learning curves of {}, {}", self.sensor, self.environment),
+            columns: columns.collect(),
+            rows: steps.iter().step_by(every).map(row).collect(),
+            ..Table::default()
+        }
+    }
+}
