@@ -55,7 +55,7 @@ pub(super) fn curves(
 
 fn name(environment: EnvironmentId) -> String {
     match environment {
-        EnvironmentId::Online => "Online (held-out)".to_owned(),
+        EnvironmentId::Online => "Online".to_owned(),
         EnvironmentId::Member(member) => format!("member {member}"),
         EnvironmentId::LogReplay => "log replay".to_owned(),
     }

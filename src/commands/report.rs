@@ -40,7 +40,8 @@ pub(super) fn write(
         figures::write(&directory, &name, &sensitivity.figure()?)?;
     }
     for curves in &report.learning {
-        let name = format!("learning-{}-{}", curves.sensor, curves.environment);
+        let environment = curves.environment.to_lowercase().replace(' ', "-");
+        let name = format!("learning-{}-{environment}", curves.sensor);
         figures::write(&directory, &name, &curves.figure()?)?;
     }
     for rollout in &report.rollouts {
