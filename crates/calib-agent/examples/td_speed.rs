@@ -1,0 +1,108 @@
+//! TD(0) updates a second of a population on one thread, as one line of JSON, beside the bare matrix products of
+//! such an update; `scripts/peers/td0.py` compares them with other packages.
+//!
+//! ```text
+//! td_speed mlp|linear AGENTS UPDATES
+//! ```
+//!
+//! Shapes are those of the paper: 142 sensors, two hidden layers of 256 units, batches of 256. An update is one
+//! of one agent.
+
+#![expect(clippy::print_stdout, reason = "a program prints")]
+#![expect(clippy::disallowed_methods, reason = "a program that measures reads the clock")]
+
+use std::{env, error::Error, hint::black_box, time::Instant};
+
+use calib_agent::{AgentConfig, CurveRule, Scoring, ValueFunction, train};
+use calib_core::{RowIndex, RowStream, Seed, Silent, States};
+use calib_nn::{Matrix, multiply};
+
+const SENSORS: usize = 142;
+const UNITS: usize = 256;
+const BATCH: usize = 256;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let [kind, agents, updates] = arguments.as_slice() else {
+        // `cargo test` and `cargo bench` run examples without arguments.
+        println!("td_speed mlp|linear AGENTS UPDATES");
+        return Ok(());
+    };
+    let value_function = match kind.as_str() {
+        "mlp" => ValueFunction::Mlp,
+        "linear" => ValueFunction::Linear,
+        other => return Err(format!("mlp or linear, got {other}").into()),
+    };
+    let (agents, updates): (usize, usize) = (agents.parse()?, updates.parse()?);
+    let population: Vec<AgentConfig> = (0..agents)
+        .map(|index| AgentConfig {
+            value_function,
+            hidden_units: UNITS,
+            learning_rate: 1e-6 * 10_f64.powf(0.5 * index as f64),
+            gamma: 0.9,
+            batch_size: BATCH,
+            ..AgentConfig::default()
+        })
+        .collect();
+    let run = |updates: usize| {
+        let stream = stream(BATCH + updates)?;
+        let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+        let clock = Instant::now();
+        let outcomes = train(&stream, 0, &population, scoring, curve, Seed::new(1), &Silent)?;
+        black_box(outcomes);
+        Ok::<f64, Box<dyn Error>>(clock.elapsed().as_secs_f64())
+    };
+    run(updates.min(50))?;
+    let rate = (agents * updates) as f64 / run(updates)?;
+    let (flops, seconds) = products((agents * updates).clamp(100, 1_000));
+    println!(
+        "{{\"updates_per_second\": {rate}, \"gemm_gflops\": {}, \"gemm_updates_per_second\": {}}}",
+        flops / seconds / 1e9,
+        1.0 / seconds
+    );
+    Ok(())
+}
+
+/// Random states: what they are has no influence on the time.
+fn stream(steps: usize) -> Result<RowStream, Box<dyn Error>> {
+    let mut rng = Seed::new(1).rng();
+    let values = (0..steps * SENSORS).map(|_| rng.unit() as f32).collect();
+    let states = States::new(values, steps, SENSORS)?;
+    Ok(RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect()))
+}
+
+/// Operations and seconds of the five large products of one update: both layers forward for s, s' and the present
+/// state, both layers' weights, and the error of the first.
+fn products(repeats: usize) -> (f64, f64) {
+    let rows = 2 * BATCH + 1;
+    let ones = vec![1.0_f32; rows * UNITS];
+    let mut out = vec![0.0_f32; rows * UNITS];
+    let shapes = [
+        (rows, SENSORS, UNITS),
+        (rows, UNITS, UNITS),
+        (SENSORS, BATCH, UNITS),
+        (UNITS, BATCH, UNITS),
+        (BATCH, UNITS, UNITS),
+    ];
+    let flops: usize = shapes.iter().map(|(m, k, n)| 2 * m * k * n).sum();
+    let mut all = || {
+        for (index, &(m, k, n)) in shapes.iter().enumerate() {
+            let left = match index {
+                2 | 3 => Matrix::new(&ones[..m * k], k, m).transposed(),
+                _ => Matrix::new(&ones[..m * k], m, k),
+            };
+            let right = match index {
+                4 => Matrix::new(&ones[..k * n], n, k).transposed(),
+                _ => Matrix::new(&ones[..k * n], k, n),
+            };
+            multiply(&mut out[..m * n], left, right);
+        }
+        black_box(out[0]);
+    };
+    all();
+    let clock = Instant::now();
+    for _ in 0..repeats {
+        all();
+    }
+    (flops as f64, clock.elapsed().as_secs_f64() / repeats as f64)
+}

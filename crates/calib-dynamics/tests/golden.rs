@@ -1,0 +1,118 @@
+//! Predictions and gradients as PyTorch computes them: `scripts/golden/gru.py`.
+
+use std::collections::BTreeMap;
+
+use calib_dynamics::{Dynamics, FeedForward, GruLayer, LANES, Recurrent};
+use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+use serde::Deserialize;
+
+/// PyTorch's own single precision is within 2e-8 for predictions and gradients, 1.1e-7 after Adam.
+const TOLERANCE: f64 = 5e-7;
+
+#[derive(Deserialize)]
+struct Golden {
+    columns: usize,
+    layers: usize,
+    steps: usize,
+    /// `[sequences][length + 1][columns]`.
+    states: Vec<Vec<Vec<f32>>>,
+    tensors: BTreeMap<String, Vec<f32>>,
+    gru: GruCase,
+    nn_sizes: Vec<usize>,
+    nn_parameters: Vec<f32>,
+    nn: NnCase,
+}
+
+#[derive(Deserialize)]
+struct GruCase {
+    /// `[sequences][length][columns]`.
+    predictions: Vec<Vec<Vec<f64>>>,
+}
+
+#[derive(Deserialize)]
+struct NnCase {
+    /// `[sequences * length][columns]`.
+    predictions: Vec<Vec<f64>>,
+    loss: f64,
+    gradients: Vec<f64>,
+    parameters_after: Vec<f64>,
+}
+
+fn golden() -> Golden {
+    serde_json::from_str(include_str!("golden/dynamics.json")).expect("reads")
+}
+
+fn assert_close(what: &str, got: &[f32], expected: &[f64]) {
+    assert_eq!(got.len(), expected.len(), "{what}");
+    for (index, (got, expected)) in got.iter().zip(expected).enumerate() {
+        let difference = (f64::from(*got) - expected).abs();
+        assert!(difference < TOLERANCE, "{what} {index}: {got}, expected {expected}");
+    }
+}
+
+#[test]
+fn a_gru_predicts_what_pytorch_predicts() {
+    let golden = golden();
+    let tensor = |name: String| golden.tensors[&name].clone();
+    let layer = |number: usize| GruLayer {
+        weight_ih: tensor(format!("gru.weight_ih_l{number}")),
+        weight_hh: tensor(format!("gru.weight_hh_l{number}")),
+        bias_ih: tensor(format!("gru.bias_ih_l{number}")),
+        bias_hh: tensor(format!("gru.bias_hh_l{number}")),
+    };
+    let layers = (0..golden.layers).map(layer).collect();
+    let head = ["head.weight", "head.bias"].map(|name| golden.tensors[name].clone());
+    let [weight, bias] = head;
+    let model = Recurrent::new(layers, weight, bias, 0).expect("sizes agree");
+    let mut walk = model.walk().expect("it runs");
+    let columns = golden.columns;
+    let mut states = vec![0.0; LANES * columns];
+    let mut next = vec![0.0; LANES * columns];
+    for step in 0..golden.gru.predictions[0].len() {
+        for (lane, sequence) in golden.states.iter().enumerate() {
+            states[lane * columns..][..columns].copy_from_slice(&sequence[step]);
+        }
+        walk.step(&states, &mut next).expect("a step");
+        for (lane, expected) in golden.gru.predictions.iter().enumerate() {
+            assert_close("prediction", &next[lane * columns..][..columns], &expected[step]);
+        }
+    }
+}
+
+#[test]
+fn a_feed_forward_network_learns_as_in_pytorch() {
+    let golden = golden();
+    let network = Mlp::from_parameters(&golden.nn_sizes, golden.nn_parameters).expect("fits");
+    let now = |sequence: &Vec<Vec<f32>>| sequence[..sequence.len() - 1].concat();
+    let inputs: Vec<f32> = golden.states.iter().flat_map(now).collect();
+    let targets: Vec<f32> =
+        golden.states.iter().flat_map(|sequence| sequence[1..].concat()).collect();
+    let rows = inputs.len() / golden.columns;
+
+    let model = FeedForward::new(network.clone()).expect("states to states");
+    let mut walk = model.walk().expect("it runs");
+    let mut next = vec![0.0; LANES * golden.columns];
+    walk.step(&inputs[..LANES * golden.columns], &mut next).expect("a step");
+    assert_close("prediction", &next, &golden.nn.predictions[..LANES].concat());
+
+    let mut network = network;
+    let mut workspace = Workspace::new(&network, rows);
+    let mut adam = Adam::new(
+        AdamRule { learning_rate: 1e-2, ..AdamRule::default() },
+        network.parameter_count(),
+    );
+    for step in 0..golden.steps {
+        let outputs = network.forward(&inputs, &mut workspace);
+        let errors: Vec<f32> = outputs.iter().zip(&targets).map(|(a, b)| a - b).collect();
+        let count = errors.len() as f64;
+        let loss = errors.iter().map(|&error| f64::from(error).powi(2)).sum::<f64>() / count;
+        let slopes: Vec<f32> = errors.iter().map(|error| 2.0 * error / count as f32).collect();
+        let gradients = network.backward(&inputs, &slopes, &mut workspace);
+        if step == 0 {
+            assert!((loss - golden.nn.loss).abs() < TOLERANCE, "{loss}");
+            assert_close("gradient", gradients, &golden.nn.gradients);
+        }
+        adam.step(network.parameters_mut(), gradients);
+    }
+    assert_close("parameter", network.parameters(), &golden.nn.parameters_after);
+}

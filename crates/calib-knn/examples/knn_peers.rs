@@ -1,0 +1,163 @@
+//! What `scripts/peers/knn.py` runs beside Python packages, one line of JSON each:
+//!
+//! ```text
+//! knn_peers calib STATES.npy ROWS QUERIES.npy OUT.npy K
+//! knn_peers kiddo STATES.npy ROWS QUERIES.npy OUT.npy K BUDGET_SECS
+//! ```
+//!
+//! The first ROWS rows of STATES are one unbroken log. `calib` builds the tables of all five members, `kiddo` a
+//! k-d tree over the sources of member 0. A query is the number of a row that member 0 has as a next state; OUT
+//! receives its K nearest sources in that member other than the row itself, as row numbers. `kiddo` ends
+//! with the budget and says how many queries it answered, in their order.
+
+#![expect(clippy::print_stdout, reason = "a program prints")]
+#![expect(clippy::disallowed_methods, reason = "a program that measures reads the clock")]
+
+use std::{env, error::Error, fs, num::NonZero, ops::Range, path::Path, sync::Arc, time::Instant};
+
+use calib_core::{Segments, Silent, States, TransitionIndex, Transitions};
+use calib_files::{MappedNpy, map_npy, write_npy};
+use calib_knn::{KnnModel, ModelConfig};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match arguments[..] {
+        ["calib", states, rows, queries, out, k] => {
+            calib(open(states, rows)?, &read_rows(queries)?, out.as_ref(), k.parse()?)
+        }
+        ["kiddo", states, rows, queries, out, k, budget] => {
+            let (log, queries) = (open(states, rows)?, read_rows(queries)?);
+            kiddo(&log, &queries, out.as_ref(), k.parse()?, budget.parse()?)
+        }
+        // `cargo test` and `cargo bench` run examples without arguments.
+        _ => {
+            println!("knn_peers calib|kiddo STATES.npy ROWS QUERIES.npy OUT.npy K [BUDGET_SECS]");
+            Ok(())
+        }
+    }
+}
+
+/// The first rows of a mapped file.
+struct Log {
+    file: MappedNpy<f32>,
+    rows: usize,
+}
+
+impl AsRef<[f32]> for Log {
+    fn as_ref(&self) -> &[f32] {
+        &self.file.as_slice()[..self.rows * self.file.columns()]
+    }
+}
+
+impl Log {
+    fn row(&self, row: usize) -> &[f32] {
+        &self.as_ref()[row * self.file.columns()..][..self.file.columns()]
+    }
+
+    /// Rows that are sources of member 0: later than the first of five blocks, and the row after it.
+    fn sources(&self) -> Range<usize> {
+        let transitions = self.rows - 1;
+        transitions / 5 + 1..transitions
+    }
+}
+
+fn open(path: &str, rows: &str) -> Outcome<Log> {
+    let (file, rows) = (map_npy::<f32>(path.as_ref())?, rows.parse()?);
+    if file.rows() < rows {
+        return Err(format!("{path} has {} rows, expected {rows}", file.rows()).into());
+    }
+    Ok(Log { file, rows })
+}
+
+fn read_rows(path: &str) -> Outcome<Vec<usize>> {
+    let rows = map_npy::<u32>(path.as_ref())?;
+    Ok(rows.as_slice().iter().map(|&row| row as usize).collect())
+}
+
+fn peak_kib() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or(0)
+}
+
+fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
+    let (rows, columns) = (log.rows, log.file.columns());
+    let clock = Instant::now();
+    let states = States::from_shared(Arc::new(log), rows, columns)?;
+    let transitions = Transitions::new(Segments::from_lengths([rows])?);
+    let config = ModelConfig { neighbors: k, exclude_self: true, ..ModelConfig::default() };
+    let model = KnnModel::build(states, transitions, &config, &Silent)?;
+    let seconds = clock.elapsed().as_secs_f64();
+    let found: Vec<u32> = queries
+        .iter()
+        .flat_map(|&row| model.member(0).neighbors(TransitionIndex(row as u32 - 1)).0)
+        .map(|&neighbor| model.transitions().source(TransitionIndex(neighbor)).get() as u32)
+        .collect();
+    println!(
+        "{{\"build\": 0, \"query\": {seconds}, \"answered\": {}, \"peak_kib\": {}}}",
+        rows - rows / 5,
+        peak_kib()
+    );
+    Ok(write_npy(out, &found, queries.len(), k)?)
+}
+
+fn kiddo(log: &Log, queries: &[usize], out: &Path, k: usize, budget: f64) -> Outcome<()> {
+    match log.file.columns() {
+        2 => tree::<2>(log, queries, out, k, budget),
+        3 => tree::<3>(log, queries, out, k, budget),
+        4 => tree::<4>(log, queries, out, k, budget),
+        8 => tree::<8>(log, queries, out, k, budget),
+        12 => tree::<12>(log, queries, out, k, budget),
+        16 => tree::<16>(log, queries, out, k, budget),
+        64 => tree::<64>(log, queries, out, k, budget),
+        142 => tree::<142>(log, queries, out, k, budget),
+        144 => tree::<144>(log, queries, out, k, budget),
+        columns => Err(format!("compiled without trees of {columns} columns").into()),
+    }
+}
+
+fn point<const D: usize>(row: &[f32]) -> [f32; D] {
+    std::array::from_fn(|column| row[column])
+}
+
+fn tree<const D: usize>(
+    log: &Log,
+    queries: &[usize],
+    out: &Path,
+    k: usize,
+    budget: f64,
+) -> Outcome<()> {
+    let sources = log.sources();
+    let clock = Instant::now();
+    let points: Vec<[f32; D]> = sources.clone().map(|row| point(log.row(row))).collect();
+    let tree: ImmutableKdTree<f32, D> =
+        ImmutableKdTree::new_from_slice(&points).map_err(|error| format!("{error:?}"))?;
+    let build = clock.elapsed().as_secs_f64();
+    let one_more = NonZero::new(k + 1).ok_or("k is zero")?;
+    let answer = |&query: &usize| -> Vec<u32> {
+        let state = point::<D>(log.row(query));
+        let found = tree.query(&state).nearest_n::<SquaredEuclidean<f32>>(one_more).execute();
+        let rows = found.into_iter().map(|found| (sources.start + found.item as usize) as u32);
+        rows.filter(|&row| row as usize != query).take(k).collect()
+    };
+    let clock = Instant::now();
+    let mut found: Vec<Vec<u32>> = vec![];
+    for batch in queries.chunks(256) {
+        found.par_extend(batch.par_iter().map(answer));
+        if clock.elapsed().as_secs_f64() > budget {
+            break;
+        }
+    }
+    let query = clock.elapsed().as_secs_f64();
+    println!(
+        "{{\"build\": {build}, \"query\": {query}, \"answered\": {}, \"peak_kib\": {}}}",
+        found.len(),
+        peak_kib()
+    );
+    Ok(write_npy(out, &found.concat(), found.len(), k)?)
+}
