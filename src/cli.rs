@@ -79,6 +79,9 @@ pub(crate) struct StudyArgs {
     /// Override a key of the study; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Only this one of the study's [models] (default: one after the other)
+    #[arg(long, value_name = "NAME")]
+    pub(crate) model: Option<String>,
     /// Where results go (default: beside the study file)
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,

@@ -34,7 +34,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
-        let (study, paths) = Study::load(&args.data, &args.set)?;
+        let (study, paths) = Study::load(&args.data, &args.set, None)?;
         return Ok((study.data_to_read(&paths)?, study.preprocess));
     } else {
         Study::of_data(&args.data, &args.set)?

@@ -23,9 +23,10 @@ mod sweep_plan;
 mod sweep_tables;
 
 use anyhow::Context as _;
+use calib_represent::RepresentationKind;
 
 use crate::{
-    cli::{Cli, Command, StudyArgs},
+    cli::{BuildModelArgs, Cli, Command, StudyArgs},
     exit::ExitStatus,
     output::{Printer, watch_for_interrupts},
     study::{Study, StudyPaths},
@@ -45,10 +46,22 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
-        Command::Represent(args) => represent::run(&args, printer),
-        Command::BuildModel(args) => build_model::run(&args, printer),
-        Command::Rollout(args) => rollout::run(&args, printer),
-        Command::Sweep(args) => sweep::run(&args, printer),
+        Command::Represent(args) => each_model(&args, printer, |args, number| {
+            // Of several models some search among the states themselves.
+            let (study, _) = load_study(args)?;
+            if number == Which::OneOfSeveral
+                && study.representation.kind == RepresentationKind::None
+            {
+                printer.say("no representation: nothing to train");
+                return Ok(ExitStatus::Done);
+            }
+            represent::run(args, printer)
+        }),
+        Command::BuildModel(args) => each_model(&args.study, printer, |study, _| {
+            build_model::run(&BuildModelArgs { study: study.clone(), ..args }, printer)
+        }),
+        Command::Rollout(args) => each_model(&args, printer, |args, _| rollout::run(args, printer)),
+        Command::Sweep(args) => each_model(&args, printer, |args, _| sweep::run(args, printer)),
         Command::Evaluate(args) => evaluate::run(&args, printer),
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),
@@ -56,12 +69,55 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
     }
 }
 
+/// Whether a command works on a whole study or on one of the models that it compares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Which {
+    TheOnly,
+    OneOfSeveral,
+}
+
+/// Run a command on each of the study's models, or on the study if it has no several.
+fn each_model(
+    args: &StudyArgs,
+    printer: &Printer,
+    run: impl Fn(&StudyArgs, Which) -> anyhow::Result<ExitStatus>,
+) -> anyhow::Result<ExitStatus> {
+    let names = several(args)?;
+    if names.is_empty() {
+        return run(args, Which::TheOnly);
+    }
+    anyhow::ensure!(
+        !args.json,
+        "--json prints one result, and the study has several models; add --model NAME ({})",
+        names.join(", ")
+    );
+    let mut ended = ExitStatus::Done;
+    for name in names {
+        printer.heading(&format!("model {name}"));
+        let args = StudyArgs { model: Some(name), ..args.clone() };
+        match run(&args, Which::OneOfSeveral)? {
+            ExitStatus::Done => {}
+            other => ended = other,
+        }
+    }
+    Ok(ended)
+}
+
+/// The models that a command is to go through; none if the study has no several, or one is named.
+fn several(args: &StudyArgs) -> anyhow::Result<Vec<String>> {
+    match args.model {
+        Some(_) => Ok(Vec::new()),
+        None => Study::model_names(&args.study, &args.set),
+    }
+}
+
 /// The study that `args` name, with its overrides.
 fn load_study(args: &StudyArgs) -> anyhow::Result<(Study, StudyPaths)> {
-    let (study, paths) = Study::load(&args.study, &args.set)?;
+    let model = args.model.as_deref();
+    let (study, paths) = Study::load(&args.study, &args.set, model)?;
     let paths = match &args.output {
         Some(output) => StudyPaths::new(args.study.clone(), output.clone()),
         None => paths,
     };
-    Ok((study, paths))
+    Ok((study, model.map_or(paths.clone(), |name| paths.of_model(name))))
 }

@@ -27,6 +27,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
     let args_for = |json: bool| StudyArgs {
         study: study.clone(),
         set: Vec::new(),
+        model: None,
         output: None,
         force: false,
         dry_run: false,

@@ -9,35 +9,40 @@ use toml::{Table, Value};
 
 use calib_data::DataConfig;
 
-use super::{Study, StudyPaths, message::friendly};
+use super::{Study, StudyPaths, message::friendly, models};
 
 impl Study {
-    /// Read the study file `path`, apply `overrides` (`section.key=value`), check every section,
+    /// Read the study file `path`, apply `overrides` (`section.key=value`) and what it says of `model`, check every section,
     /// and resolve relative paths against the file's directory.
     ///
     /// # Errors
     /// A file that cannot be read, a key that does not exist, a value that is not valid:
     /// each named with file, line and key.
-    pub fn load(path: &Path, overrides: &[String]) -> anyhow::Result<(Self, StudyPaths)> {
-        let text = fs::read_to_string(path).with_context(|| {
-            format!(
-                "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
-                path.display()
-            )
-        })?;
-        // The text is read for its own sake first, because only then a mistake has a line number.
-        let mut table = parse(path, &text)?;
-        for text in overrides {
-            apply(&mut table, text)?;
-        }
+    pub fn load(
+        path: &Path,
+        overrides: &[String],
+        model: Option<&str>,
+    ) -> anyhow::Result<(Self, StudyPaths)> {
+        let mut table = read(path, overrides)?;
+        models::check(&models::names(&table)).with_context(|| path.display().to_string())?;
+        models::choose(&mut table, model).with_context(|| path.display().to_string())?;
+        let with = || with_overrides(path, overrides, model);
         let study = Self::deserialize(Value::Table(table))
-            .map_err(|error| anyhow!("{}: {}", with_overrides(path, overrides), located(&error)))?;
+            .map_err(|error| anyhow!("{}: {}", with(), located(&error)))?;
         // Empty for a bare file name, so that paths below it stay as short as they were written.
         let directory = path.parent().map(PathBuf::from).unwrap_or_default();
-        study.check().with_context(|| with_overrides(path, overrides))?;
+        study.check().with_context(with)?;
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
         Ok((study, StudyPaths::new(path.to_owned(), directory.join(output))))
+    }
+
+    /// Names of the models that the study compares, in alphabetical order; none if it has no `[models]`.
+    ///
+    /// # Errors
+    /// As [`Study::load`].
+    pub(crate) fn model_names(path: &Path, overrides: &[String]) -> anyhow::Result<Vec<String>> {
+        Ok(models::names(&read(path, overrides)?))
     }
 
     /// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
@@ -115,6 +120,22 @@ const MANY_RUNS: usize = 100_000;
 /// More steps than anybody asks for: three years at 1 Hz.
 const MANY_STEPS: usize = 100_000_000;
 
+/// The study file as a table, with overrides, all models in it.
+fn read(path: &Path, overrides: &[String]) -> anyhow::Result<Table> {
+    let text = fs::read_to_string(path).with_context(|| {
+        format!(
+            "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
+            path.display()
+        )
+    })?;
+    // The text is read for its own sake first, because only then a mistake has a line number.
+    let mut table = parse(path, &text)?;
+    for text in overrides {
+        apply(&mut table, text)?;
+    }
+    Ok(table)
+}
+
 fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
     let place = |span: Option<std::ops::Range<usize>>| {
         let before = &text[..span.map_or(0, |span| span.start.min(text.len()))];
@@ -167,12 +188,14 @@ fn plain_text(text: &str, value: &str) -> anyhow::Result<Value> {
     Ok(Value::String(value.to_owned()))
 }
 
-fn with_overrides(path: &Path, overrides: &[String]) -> String {
-    if overrides.is_empty() {
-        return path.display().to_string();
+fn with_overrides(path: &Path, overrides: &[String], model: Option<&str>) -> String {
+    let model = model.map(|name| format!("--model {name}"));
+    let set = overrides.iter().map(|text| format!("--set {text}")).chain(model);
+    let set: Vec<String> = set.collect();
+    match set.as_slice() {
+        [] => path.display().to_string(),
+        set => format!("{} with {}", path.display(), set.join(" ")),
     }
-    let set: Vec<String> = overrides.iter().map(|text| format!("--set {text}")).collect();
-    format!("{} with {}", path.display(), set.join(" "))
 }
 
 /// The message of an error in a table, with the key that it is about.
@@ -210,7 +233,7 @@ mod tests {
         let path = directory.path().join("study.toml");
         fs::write(&path, text)?;
         let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
-        Study::load(&path, &overrides)
+        Study::load(&path, &overrides, None)
     }
 
     #[test]

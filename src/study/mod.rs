@@ -2,9 +2,10 @@
 
 mod load;
 mod message;
+mod models;
 mod paths;
 
-use std::path::PathBuf;
+use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::AgentConfig;
 use calib_data::{DataConfig, PreprocessConfig};
@@ -27,6 +28,9 @@ pub struct Study {
     pub output: Option<PathBuf>,
     /// Where the log is, and which part of it is training and which is held out.
     pub data: DataConfig,
+    /// How models that are to be compared differ from the rest of the study, by name; empty in the study of one of them.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub models: BTreeMap<String, toml::Table>,
     /// From log to states.
     pub preprocess: PreprocessConfig,
     /// What neighbours are searched in.

@@ -5,12 +5,20 @@ use std::path::{Path, PathBuf};
 pub struct StudyPaths {
     study: PathBuf,
     root: PathBuf,
+    model: Option<String>,
 }
 
 impl StudyPaths {
     /// The layout below `root` of the results of the file `study`.
     pub fn new(study: PathBuf, root: PathBuf) -> Self {
-        Self { study, root }
+        Self { study, root, model: None }
+    }
+
+    /// The layout of one of several models of the study.
+    #[must_use]
+    pub(crate) fn of_model(&self, name: &str) -> Self {
+        let root = self.root.join("models").join(name);
+        Self { study: self.study.clone(), root, model: Some(name.to_owned()) }
     }
 
     /// The study file.
@@ -20,7 +28,8 @@ impl StudyPaths {
 
     /// What to type to run `command` on the study.
     pub fn command(&self, command: &str) -> String {
-        format!("calib {command} {}", self.study.display())
+        let model = self.model.as_ref().map_or_else(String::new, |name| format!(" --model {name}"));
+        format!("calib {command} {}{model}", self.study.display())
     }
 
     /// The directory of all results.

@@ -2,7 +2,7 @@
 
 use std::{process::Stdio, thread, time::Duration};
 
-use crate::harness::Place;
+use crate::{harness::Place, represent::LAPLACIAN};
 
 /// Start `calib`, kill it after some milliseconds, again and again with more time, then let it finish.
 fn kill_and_rerun(place: &Place, args: &[&str]) {
@@ -47,6 +47,15 @@ fn a_killed_study_goes_on() {
             assert!(killed[path] == *content, "{command}: {} differs", path.display());
         }
     }
+}
+
+#[test]
+fn a_killed_training_goes_on() {
+    let place = Place::with_study();
+    place.edit_study("[model]", &LAPLACIAN.replace("steps = 300", "steps = 4000"));
+    place.calib(&["represent", "study.toml", "--output", "whole"]).succeeds();
+    kill_and_rerun(&place, &["represent", "study.toml", "--output", "killed"]);
+    assert!(place.content("whole") == place.content("killed"));
 }
 
 #[cfg(unix)]

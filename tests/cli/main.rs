@@ -6,4 +6,5 @@ mod errors;
 mod harness;
 mod interruption;
 mod real_data;
+mod represent;
 mod sweeps;

@@ -182,6 +182,6 @@ fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> anyhow::Result<St
         StatesError::NotFinite { row, column } => {
             anyhow::anyhow!("ψ of state {row} is not finite in dimension {column}")
         }
-        other => other.into(),
+        shape @ StatesError::Shape { .. } => shape.into(),
     })
 }

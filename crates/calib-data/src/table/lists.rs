@@ -73,6 +73,8 @@ fn open(path: &Path) -> Result<pl::ParquetReader<File>, TableError> {
 
 #[cfg(test)]
 mod tests {
+    use pl::NamedFrom as _;
+
     use super::*;
 
     fn write(path: &Path, lists: &[&[f32]]) {

@@ -1,0 +1,218 @@
+//! Representations: trained, imported, chosen, and searched in.
+
+use calib_core::Timestamp;
+use calib_data::table::{Table, read_parquet};
+use calib_files::{map_npy, read_tensors, write_json, write_npy};
+use serde_json::Value;
+
+use crate::harness::Place;
+
+/// A grid of two small representations, before `[model]`.
+pub(crate) const LAPLACIAN: &str = r#"[representation]
+kind = "laplacian"
+dimension = 8
+hidden_units = 32
+batch_size = 32
+learning_rate = [1e-3, 3e-3]
+steps = 300
+
+[model]"#;
+
+fn laplacian() -> Place {
+    let place = Place::with_study();
+    place.edit_study("[model]", LAPLACIAN);
+    place
+}
+
+fn manifest(place: &Place) -> Value {
+    let path = place.path().join("study-results/representation/manifest.json");
+    serde_json::from_slice(&std::fs::read(path).expect("readable")).expect("JSON")
+}
+
+#[test]
+fn a_grid_is_trained_and_the_best_is_searched_in() {
+    let place = laplacian();
+    let missing = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(missing.contains("run `calib represent study.toml` first"), "{missing}");
+    let trained = place.calib(&["represent", "study.toml"]).succeeds();
+    assert!(trained.contains("awareness") && trained.contains("chosen"), "{trained}");
+    let manifest = manifest(&place);
+    let candidates = manifest["candidates"].as_array().expect("a list");
+    let awareness = |of: &Value| of["scores"]["dynamics_awareness"].as_f64().expect("a number");
+    let chosen = manifest["chosen"].as_u64().expect("one qualifies") as usize;
+    let best = candidates.iter().map(awareness).fold(0.0, f64::max);
+    assert_eq!(candidates.len(), 2);
+    assert_eq!(awareness(&candidates[chosen]), best);
+    assert!(best > 0.5, "{best}");
+
+    let results = place.path().join("study-results");
+    let table = read_parquet(&results.join("representation/candidates.parquet")).expect("a table");
+    assert_eq!(table.column::<f64>("learning_rate").expect("numbers"), [1e-3, 3e-3]);
+    assert!(table.column::<bool>("chosen").expect("flags")[chosen]);
+    let curves = read_parquet(&results.join("representation/curves.parquet")).expect("a table");
+    assert_eq!(curves.rows(), 40);
+    let encoder = read_tensors(&results.join("representation/encoder.safetensors"));
+    assert_eq!(encoder.expect("weights").get("4.weight").expect("a layer").shape, [8, 32]);
+
+    assert!(place.calib(&["represent", "study.toml"]).succeeds().contains("up to date"));
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let verified = place.calib(&["build-model", "study.toml", "--verify", "20"]);
+    verified.succeeds();
+    assert!(verified.stderr().contains("verified: 60 rows agree"), "{}", verified.stderr());
+    let (states, psi) = ("model/states.npy", "model/representation.npy");
+    let states = map_npy::<f32>(&results.join(states)).expect("states");
+    let psi = map_npy::<f32>(&results.join(psi)).expect("ψ");
+    assert_eq!((psi.rows(), psi.columns()), (states.rows(), 8));
+    let verdict = place.calib(&["evaluate", "study.toml"]);
+    assert!(verdict.stdout().contains("Laplacian kNN"), "{}", verdict.stdout());
+    let report = std::fs::read_to_string(results.join("report.html")).expect("a report");
+    assert!(report.contains("Representations") && report.contains("dynamics awareness"));
+
+    // Start states of the deployment go through the encoder.
+    let nearest = ["rollout", "study.toml", "--set", "rollout.start=nearest"];
+    assert!(place.calib(&nearest).succeeds().contains("replaced by their nearest"));
+
+    // Another representation is another model; a grid that grows keeps what is trained.
+    place.edit_study("[1e-3, 3e-3]", "[1e-3, 3e-3, 1e-2]");
+    let stale = place.calib(&["rollout", "study.toml"]).fails(2);
+    assert!(stale.contains("another [representation]"), "{stale}");
+    let before = place.content("study-results/representation/candidates");
+    place.calib(&["represent", "study.toml"]).succeeds();
+    let after = place.content("study-results/representation/candidates");
+    assert_eq!((before.len(), after.len()), (4, 6));
+    assert!(before.iter().all(|(path, content)| after[path] == *content));
+}
+
+#[test]
+fn representations_are_the_same_bytes_for_any_number_of_threads() {
+    let place = laplacian();
+    for (threads, output) in [("1", "one"), ("3", "three")] {
+        for command in ["represent", "build-model", "rollout"] {
+            let args = [command, "study.toml", "--output", output, "--threads", threads];
+            place.calib(&args).succeeds();
+        }
+    }
+    assert!(place.content("one") == place.content("three"));
+}
+
+#[test]
+fn what_tells_too_little_apart_or_diverges_is_not_chosen() {
+    let place = laplacian();
+    place.edit_study("[1e-3, 3e-3]", "[1e5]");
+    let args = ["represent", "study.toml"];
+    let none = place.calib(&args);
+    let message = none.fails(1);
+    assert!(none.stdout().contains("diverged"), "{}", none.stdout());
+    assert!(message.contains("no representation tells more than 95 %"), "{message}");
+    let refused = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(refused.contains("no representation tells"), "{refused}");
+    place.edit_study("kind = \"laplacian\"", "kind = \"none\"");
+    let nothing = place.calib(&args).fails(2);
+    assert!(nothing.contains("there is nothing to train"), "{nothing}");
+}
+
+/// A study with a model among the states themselves, and what `[representation]` is then set to.
+fn importing(section: &str) -> Place {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.edit_study(
+        "[model]",
+        &format!("[representation]\nkind = \"import\"\n{section}\n\n[model]"),
+    );
+    place
+}
+
+/// The states' first four columns: a representation that anybody could make.
+fn psi(place: &Place) -> (Vec<f32>, usize) {
+    let path = place.path().join("study-results/model/states.npy");
+    let states = map_npy::<f32>(&path).expect("states");
+    let rows = states.as_slice().chunks_exact(states.columns());
+    (rows.flat_map(|row| row[..4].to_vec()).collect(), states.rows())
+}
+
+#[test]
+fn an_imported_representation_is_searched_in() {
+    let place = importing("path = \"psi.npy\"");
+    let (psi, rows) = psi(&place);
+    write_npy(&place.path().join("psi.npy"), &psi, rows, 4).expect("written");
+    let read = place.calib(&["represent", "study.toml"]).succeeds();
+    assert!(read.contains("chosen"), "{read}");
+    let built = place.calib(&["build-model", "study.toml", "--verify", "20"]);
+    assert!(built.succeeds().contains("wrote"));
+    assert!(built.stderr().contains("agree with brute force"));
+    let nearest = ["rollout", "study.toml", "--set", "rollout.start=nearest"];
+    let refused = place.calib(&nearest).fails(2);
+    assert!(refused.contains("imported without an encoder"), "{refused}");
+    place.calib(&["rollout", "study.toml"]).succeeds();
+
+    // Another content of the same file is another representation.
+    write_npy(&place.path().join("psi.npy"), &vec![0.5_f32; 4 * rows], rows, 4).expect("written");
+    let stale = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(stale.contains("run `calib represent study.toml` again"), "{stale}");
+    let constant = place.calib(&["represent", "study.toml"]);
+    constant.fails(1);
+    assert!(constant.stdout().contains("uniqueness not above 0.95"), "{}", constant.stdout());
+}
+
+#[test]
+fn imports_that_do_not_fit_are_refused() {
+    let place = importing("path = \"psi.npy\"");
+    let (psi, rows) = psi(&place);
+    let path = place.path().join("psi.npy");
+    let refused = || place.calib(&["represent", "study.toml"]).fails(2);
+    assert!(refused().contains("psi.npy"));
+    write_npy(&path, &psi[4..], rows - 1, 4).expect("written");
+    let short = refused();
+    assert!(short.contains(&format!("it has {} rows", rows - 1)), "{short}");
+    let mut broken = psi.clone();
+    broken[4 * 7 + 2] = f32::NAN;
+    write_npy(&path, &broken, rows, 4).expect("written");
+    let broken = refused();
+    assert!(broken.contains("state 7 is not finite in dimension 2"), "{broken}");
+    write_npy(&path, &psi, rows, 4).expect("written");
+    let sidecar = |data: &Value| {
+        let beside = place.path().join("psi.npy.json");
+        write_json(&beside, &serde_json::json!({ "data": data })).expect("written");
+    };
+    sidecar(&Value::from("00".repeat(32)));
+    let foreign = refused();
+    assert!(foreign.contains("was made for other data"), "{foreign}");
+    let manifest = place.path().join("study-results/model/manifest.json");
+    let manifest: Value =
+        serde_json::from_slice(&std::fs::read(manifest).expect("readable")).expect("JSON");
+    sidecar(&manifest["data"]);
+    place.calib(&["represent", "study.toml"]).succeeds();
+    place.edit_study("psi.npy", "psi.txt");
+    place.write("psi.txt", "1 2 3");
+    assert!(refused().contains("expected a .npy, .safetensors or .parquet file"));
+}
+
+#[test]
+fn parquet_is_joined_by_time_and_by_row() {
+    let place = importing("path = \"psi.parquet\"\ntimestamp = \"at\"");
+    let (psi, rows) = psi(&place);
+    let table = read_parquet(&place.path().join("study-results/model/rows.parquet"));
+    let times = table.expect("rows").column::<Timestamp>("timestamp").expect("times").to_vec();
+    // In another order, with a time that is not asked for.
+    let order: Vec<usize> = (0..rows).rev().collect();
+    let mut at: Vec<Timestamp> = order.iter().map(|&row| times[row]).collect();
+    at.push(Timestamp::from_micros(0));
+    let path = place.path().join("psi.parquet");
+    let column = |column: usize| {
+        let values = order.iter().map(|&row| psi[4 * row + column]);
+        values.chain([0.0]).collect::<Vec<f32>>()
+    };
+    let mut table = Table::new().with("at", at);
+    for number in 0..4 {
+        table = table.with(format!("psi{number}"), column(number));
+    }
+    table.write_parquet(&path).expect("written");
+    place.calib(&["represent", "study.toml"]).succeeds();
+    let imported = place.path().join("study-results/representation/representation.npy");
+    assert_eq!(map_npy::<f32>(&imported).expect("ψ").as_slice(), psi);
+    place.edit_study("timestamp = \"at\"", "columns = [\"psi0\", \"psi1\"]");
+    let rows = place.calib(&["represent", "study.toml"]).fails(2);
+    assert!(rows.contains("join by time with representation.timestamp"), "{rows}");
+}
