@@ -79,7 +79,7 @@ mod tests {
 
     fn write(path: &Path, lists: &[&[f32]]) {
         let series = |values: &&[f32]| pl::Series::new("".into(), *values);
-        let lists: pl::ListChunked = lists.iter().map(|list| series(list)).collect();
+        let lists: pl::ListChunked = lists.iter().map(series).collect();
         let lists = lists.with_name("psi".into());
         let numbers = pl::Column::new("n".into(), vec![1.0; lists.len()]);
         let columns = vec![pl::IntoColumn::into_column(lists), numbers];
