@@ -3,6 +3,7 @@
 //! Every file of calib is written to a temporary name beside its place, synced and renamed
 //! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
 //! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
+//! Working arrays that may exceed the memory live in nameless mapped files ([`Scratch`]).
 //! Series that come from elsewhere are read as `f64` from NumPy files of any number type
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
 //! ([`read_tensors`], [`write_tensors`]).
@@ -15,6 +16,7 @@ mod fingerprint;
 mod json;
 mod name;
 mod npy;
+mod scratch;
 mod tensors;
 
 pub use array::{Array, read_array};
@@ -25,4 +27,5 @@ pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
+pub use scratch::{Scratch, ScratchPlace};
 pub use tensors::{Tensor, Tensors, read_tensors, write_tensors};

@@ -1,8 +1,12 @@
 use std::ops::Range;
 
+use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{MemberLists, Sources, lists::Candidate};
+use crate::{KnnError, MemberLists, Sources, index::going_on, lists::Candidate};
+
+/// Sources between two looks at the monitor.
+const CHUNK: usize = 1 << 14;
 
 /// Different source states, each with the transitions that start from it.
 ///
@@ -17,8 +21,11 @@ pub(crate) struct Groups {
 }
 
 impl Groups {
-    /// Group the sources by equal coordinates; `-0` equals `0`.
-    pub(crate) fn new(sources: &Sources<'_>) -> Self {
+    /// Group the sources by equal coordinates; `-0` equals `0`. Progress counts sources.
+    ///
+    /// # Errors
+    /// If the monitor interrupts.
+    pub(crate) fn new(sources: &Sources<'_>, monitor: &dyn Monitor) -> Result<Self, KnnError> {
         let states = sources.states().as_slice();
         let columns = sources.columns();
         let rows = sources.transitions().sources();
@@ -32,8 +39,18 @@ impl Groups {
                     .rotate_left(29)
             })
         };
-        let mut hashed: Vec<(u64, u32)> =
-            (0..rows.len() as u32).into_par_iter().map(|t| (hash(t), t)).collect();
+        let mut hashed = vec![(0, 0); rows.len()];
+        hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
+            if monitor.interrupted() {
+                return;
+            }
+            let first = (number * CHUNK) as u32;
+            for (transition, hashed) in (first..).zip(&mut *chunk) {
+                *hashed = (hash(transition), transition);
+            }
+            monitor.advance(chunk.len() as u64);
+        });
+        going_on(monitor)?;
         hashed.par_sort_unstable();
         // The group of a transition is named by its first member. Equal hashes almost always mean equal states.
         let mut named: Vec<(u32, u32)> = Vec::with_capacity(rows.len());
@@ -56,7 +73,8 @@ impl Groups {
             }
         }
         starts.push(named.len() as u32);
-        Self { transitions: named.into_iter().map(|(_, transition)| transition).collect(), starts }
+        let transitions = named.iter().map(|&(_, transition)| transition).collect();
+        Ok(Self { transitions, starts })
     }
 
     /// Each of `count` transitions by itself, where nothing is gained from knowing equal states.
@@ -141,7 +159,7 @@ impl Iterator for Admissible<'_> {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Segments, States, Transitions};
+    use calib_core::{Segments, Silent, States, Transitions};
 
     use super::*;
     use crate::Blocks;
@@ -151,7 +169,8 @@ mod tests {
         let states = States::new(vec![1.0, 0.0, 1.0, 2.0, -0.0, 0.0, 9.0], 7, 1).expect("valid");
         let transitions = Transitions::new(Segments::from_lengths([7]).expect("valid"));
         let blocks = Blocks::new(&transitions, 2).expect("valid");
-        let groups = Groups::new(&Sources::new(&states, &transitions, &blocks).expect("valid"));
+        let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+        let groups = Groups::new(&sources, &Silent).expect("not interrupted");
         let all: Vec<&[u32]> = (0..groups.len()).map(|g| groups.transitions(g)).collect();
         assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
     }
@@ -162,7 +181,7 @@ mod tests {
         let transitions = Transitions::new(Segments::from_lengths([1000]).expect("valid"));
         let blocks = Blocks::new(&transitions, 5).expect("valid");
         let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
-        let groups = Groups::new(&sources);
+        let groups = Groups::new(&sources, &Silent).expect("not interrupted");
         assert_eq!(groups.len(), 1);
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());

@@ -5,6 +5,7 @@
 //! - [`NeighborIndex`], [`KdTree`], [`Join`], [`Scan`]: exact search; every structure finds the same lists.
 //! - [`build_tables`], [`NeighborTable`]: for each member and transition `i` the `k` nearest source states to
 //!   the next state `s'_i`.
+//! - [`Workplace`], [`Parts`], [`MemoryNeed`]: large builds on disk, interrupted ones continued, memory predicted.
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
 //! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states.
 //! - [`verify`]: tables against brute force.
@@ -25,6 +26,7 @@
 //! ```
 
 mod blocks;
+mod choice;
 mod config;
 mod distance;
 mod error;
@@ -32,20 +34,25 @@ mod exclusion;
 mod groups;
 mod index;
 mod lists;
+mod memory;
 mod model;
+mod parts;
 mod store;
 mod table;
 mod verify;
 mod weights;
 
 pub use blocks::Blocks;
+pub use choice::{IndexChoice, Reason};
 pub use config::{IndexKind, ModelConfig, WeightsKind};
 pub use error::KnnError;
 pub use exclusion::{Exclusion, SelfMatch};
-pub use index::{Join, KdTree, NeighborIndex, Queries, Scan, Sink, Sources};
+pub use index::{Found, Join, KdTree, NeighborIndex, Planned, Queries, Scan, Sources};
 pub use lists::MemberLists;
+pub use memory::MemoryNeed;
 pub use model::{KnnModel, Member, Neighbor};
+pub use parts::{PART_QUERIES, Parts};
 pub use store::{open_table, write_table};
-pub use table::{NeighborTable, build_tables};
+pub use table::{NeighborTable, Workplace, build_tables, build_tables_in};
 pub use verify::{Verification, verify};
 pub use weights::Weights;

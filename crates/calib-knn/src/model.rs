@@ -1,12 +1,15 @@
 use std::path::Path;
 
 use calib_core::{Monitor, Rng, RowIndex, Silent, States, TransitionIndex, Transitions};
+use calib_files::ScratchPlace;
 
 use crate::{
-    Blocks, Exclusion, IndexKind, KnnError, NeighborTable, Weights, build_tables,
-    distance::stored,
-    index::{Queries, Sources},
-    open_table, write_table,
+    Blocks, Exclusion, IndexChoice, IndexKind, KnnError, NeighborTable, Weights, Workplace,
+    build_tables_in,
+    index::{Found, Queries, Sources},
+    open_table,
+    parts::PART_QUERIES,
+    write_table,
 };
 
 /// A neighbour of a state, and how far its source is.
@@ -34,26 +37,41 @@ impl KnnModel {
     /// `states` are what distances are measured in: the normalised states, or their representation.
     ///
     /// # Errors
-    /// As [`Blocks::new`] and [`build_tables`].
+    /// As [`build_in`](Self::build_in).
     pub fn build(
         states: States,
         transitions: Transitions,
         config: &crate::ModelConfig,
         monitor: &dyn Monitor,
     ) -> Result<Self, KnnError> {
+        Self::build_in(states, transitions, config, &Workplace::default(), monitor)
+            .map(|(model, _)| model)
+    }
+
+    /// As [`build`](Self::build), in `workplace`; says also with which search structure.
+    ///
+    /// # Errors
+    /// As [`Blocks::new`] and [`build_tables_in`].
+    pub fn build_in(
+        states: States,
+        transitions: Transitions,
+        config: &crate::ModelConfig,
+        workplace: &Workplace,
+        monitor: &dyn Monitor,
+    ) -> Result<(Self, IndexChoice), KnnError> {
         config.check()?;
         let blocks = Blocks::new(&transitions, config.members)?;
         let exclusion = config.exclusion();
-        let tables = build_tables(
-            &states,
-            &transitions,
-            &blocks,
+        let sources = Sources::new(&states, &transitions, &blocks)?;
+        let (tables, choice) = build_tables_in(
+            &sources,
             config.neighbors,
             exclusion,
             config.index,
+            workplace,
             monitor,
         )?;
-        Ok(Self { states, transitions, blocks, tables, exclusion })
+        Ok((Self { states, transitions, blocks, tables, exclusion }, choice))
     }
 
     /// Write `members/0/neighbors.npy`, `members/0/distances.npy` and so on in `directory`.
@@ -268,18 +286,24 @@ impl<'a> Member<'a> {
         if k == 0 {
             return Err(KnnError::NoNeighbors);
         }
-        let mut found = vec![Vec::new(); queries.len()];
-        sources.index(IndexKind::Auto, queries, k)?.search(
-            queries,
-            k,
-            &mut |query, lists| {
-                found[query] = lists
-                    .of(self.number)
-                    .map(|(transition, squared)| Neighbor { transition, distance: stored(squared) })
+        let planned = sources.index(IndexKind::Auto, queries, k, &ScratchPlace::Memory, &Silent)?;
+        let mut neighbors = vec![Vec::new(); queries.len()];
+        for order in planned.order.chunks(PART_QUERIES) {
+            let mut found = Found::new(order.len(), queries.members(), k);
+            planned.index.search(queries, order, &mut found, &Silent)?;
+            for (place, &query) in order.iter().enumerate() {
+                let (sources, distances) = found.list(place, self.number);
+                neighbors[query as usize] = sources
+                    .iter()
+                    .zip(distances)
+                    .filter(|(transition, _)| **transition != u32::MAX)
+                    .map(|(&transition, &distance)| Neighbor {
+                        transition: TransitionIndex(transition),
+                        distance,
+                    })
                     .collect();
-            },
-            &Silent,
-        )?;
-        Ok(found)
+            }
+        }
+        Ok(neighbors)
     }
 }

@@ -1,11 +1,16 @@
-use std::{fmt, sync::Arc};
+use std::{
+    fmt,
+    sync::{Arc, mpsc},
+    thread,
+};
 
 use calib_core::{Monitor, States, TransitionIndex, Transitions};
+use calib_files::{Scratch, ScratchPlace};
 
 use crate::{
-    Blocks, Exclusion, IndexKind, KnnError,
-    distance::stored,
-    index::{NeighborIndex, Queries, Sources},
+    Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
+    index::{Found, Planned, Queries, Sources, going_on},
+    parts::PART_QUERIES,
 };
 
 type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
@@ -63,13 +68,22 @@ impl fmt::Debug for NeighborTable {
     }
 }
 
-/// Build the tables of all members in one search.
+/// Where a build works.
+#[derive(Clone, Debug, Default)]
+pub struct Workplace {
+    /// Where its large arrays are: images and tables.
+    pub scratch: ScratchPlace,
+    /// Where it keeps what it has found, so that it can be continued. `None` keeps nothing.
+    pub parts: Option<Parts>,
+}
+
+/// Build the tables of all members in one search, in memory.
 ///
-/// Progress counts transitions. The tables do not depend on `kind` or on the number of threads.
+/// Progress counts passes over the sources, then transitions. The tables do not depend on `kind` or on the number of
+/// threads.
 ///
 /// # Errors
-/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the
-/// k-d tree is asked for more columns than it supports, or the monitor interrupts.
+/// As [`build_tables_in`].
 pub fn build_tables(
     states: &States,
     transitions: &Transitions,
@@ -80,45 +94,116 @@ pub fn build_tables(
     monitor: &dyn Monitor,
 ) -> Result<Vec<NeighborTable>, KnnError> {
     let sources = Sources::new(states, transitions, blocks)?;
-    check_candidates(&sources, k, exclusion)?;
-    // Sorting the sources takes a while too, and counts for nothing in the progress.
-    monitor.begin("neighbour tables", transitions.len() as u64);
-    let queries = Queries::next_states(&sources, exclusion);
-    let index = sources.index(kind, &queries, k)?;
-    search_tables(&*index, &queries, blocks, k, monitor)
+    let tables = build_tables_in(&sources, k, exclusion, kind, &Workplace::default(), monitor)?;
+    Ok(tables.0)
 }
 
-/// Fill the tables from one search.
-fn search_tables(
-    index: &dyn NeighborIndex,
-    queries: &Queries<'_>,
-    blocks: &Blocks,
+/// Build the tables of all members in one search, and say with which structure.
+///
+/// # Errors
+/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the
+/// k-d tree is asked for more columns than it supports, a file cannot be written, or the monitor interrupts.
+pub fn build_tables_in(
+    sources: &Sources<'_>,
     k: usize,
+    exclusion: Exclusion,
+    kind: IndexKind,
+    workplace: &Workplace,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<NeighborTable>, IndexChoice), KnnError> {
+    check_candidates(sources, k, exclusion)?;
+    let queries = Queries::next_states(sources, exclusion);
+    let planned = sources.index(kind, &queries, k, &workplace.scratch, monitor)?;
+    let tables = fill(&planned, &queries, k, workplace, monitor)?;
+    Ok((tables, planned.choice))
+}
+
+/// One table while it is filled: neighbours and distances.
+type Filling = (Scratch<u32>, Scratch<f32>);
+
+/// Search part by part. A second thread puts what was found in its place and keeps it, while the next part is searched.
+fn fill(
+    planned: &Planned<'_>,
+    queries: &Queries<'_>,
+    k: usize,
+    workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<Vec<NeighborTable>, KnnError> {
-    let cells = blocks.transitions() * k;
-    let mut tables: Vec<(Vec<u32>, Vec<f32>)> = (0..blocks.members())
-        .map(|_| (vec![u32::MAX; cells], vec![f32::INFINITY; cells]))
-        .collect();
-    let mut fill = |query: usize, lists: &crate::MemberLists| {
-        for &member in lists.members() {
-            let (neighbors, distances) = &mut tables[member];
-            let row = query * k..(query + 1) * k;
-            for ((neighbor, distance), (transition, squared)) in
-                neighbors[row.clone()].iter_mut().zip(&mut distances[row]).zip(lists.of(member))
-            {
-                *neighbor = transition.0;
-                *distance = stored(squared);
+    let (members, order) = (queries.members(), &planned.order[..]);
+    let part = workplace.parts.as_ref().map_or(PART_QUERIES, Parts::queries);
+    // What fits in one part is found again sooner than it is written.
+    let kept = workplace.parts.as_ref().filter(|_| order.len() > part);
+    let kept = kept.map(|parts| parts.open(order, members, k)).transpose()?;
+    monitor.begin("neighbour tables", order.len() as u64);
+    let mut tables = (0..members)
+        .map(|_| new_table(queries.len() * k, &workplace.scratch))
+        .collect::<Result<Vec<Filling>, KnnError>>()?;
+    let (send, receive) = mpsc::sync_channel::<(usize, Found, Origin)>(1);
+    let (searched, stored) = thread::scope(|scope| {
+        let (tables, kept) = (&mut tables, &kept);
+        let storing = scope.spawn(move || -> Result<(), KnnError> {
+            for (number, found, origin) in receive {
+                let order = &order[number * part..][..found.len()];
+                tables.iter_mut().enumerate().for_each(|(member, table)| {
+                    put(table, member, order, &found);
+                });
+                if let (Some(kept), Origin::Search) = (kept, origin) {
+                    kept.write(number, &found)?;
+                }
             }
-        }
-    };
-    index.search(queries, k, &mut fill, monitor)?;
+            Ok(())
+        });
+        let searched = (|| -> Result<(), KnnError> {
+            for (number, order) in order.chunks(part).enumerate() {
+                let read = kept.as_ref().and_then(|kept| kept.read(number, order.len()));
+                let (found, origin) = if let Some(found) = read {
+                    going_on(monitor)?;
+                    monitor.advance(order.len() as u64);
+                    (found, Origin::File)
+                } else {
+                    let mut found = Found::new(order.len(), members, k);
+                    planned.index.search(queries, order, &mut found, monitor)?;
+                    (found, Origin::Search)
+                };
+                if send.send((number, found, origin)).is_err() {
+                    // The other thread has failed, and tells why.
+                    break;
+                }
+            }
+            Ok(())
+        })();
+        drop(send);
+        (searched, storing.join().expect("the storing thread does not panic"))
+    });
+    stored?;
+    searched?;
     Ok(tables
         .into_iter()
         .map(|(neighbors, distances)| {
             NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
         })
         .collect())
+}
+
+/// Where the lists of a part come from.
+enum Origin {
+    Search,
+    File,
+}
+
+fn new_table(cells: usize, place: &ScratchPlace) -> Result<Filling, KnnError> {
+    Ok((Scratch::zeroed(cells, place)?, Scratch::zeroed(cells, place)?))
+}
+
+/// Put the lists of the queries `order` in their rows.
+fn put(table: &mut Filling, member: usize, order: &[u32], found: &Found) {
+    let (neighbors, distances) = (&mut table.0[..], &mut table.1[..]);
+    let k = found.k();
+    for (place, &query) in order.iter().enumerate() {
+        let list = found.list(place, member);
+        neighbors[query as usize * k..][..k].copy_from_slice(list.0);
+        distances[query as usize * k..][..k].copy_from_slice(list.1);
+    }
 }
 
 /// Every query must have `k` admissible candidates in each of its members.

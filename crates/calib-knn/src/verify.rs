@@ -59,21 +59,16 @@ fn brute_force(model: &KnnModel, member: usize, transition: TransitionIndex) -> 
     let query = transitions.next(transition);
     let forbidden = model.exclusion().forbidden(transitions, query);
     let state = model.states().row(query.get());
-    let mut all: Vec<(f64, u32)> = model
-        .blocks()
-        .transitions_of(member)
-        .filter(|j| !forbidden.contains(&j.0))
-        .map(|j| {
-            let source = model.states().row(transitions.source(j).get());
-            (squared(state, source), j.0)
-        })
-        .collect();
-    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    let k = model.k().min(all.len());
-    if k < all.len() {
-        all.select_nth_unstable_by(k, order);
-        all.truncate(k);
+    let k = model.k();
+    let mut nearest: Vec<(f64, u32)> = Vec::with_capacity(k + 1);
+    for j in model.blocks().transitions_of(member).filter(|j| !forbidden.contains(&j.0)) {
+        let distance = squared(state, model.states().row(transitions.source(j).get()));
+        // In the order of rows: of equal distances the first stays before the others.
+        let place = nearest.partition_point(|&(other, _)| other <= distance);
+        if place < k {
+            nearest.truncate(k - 1);
+            nearest.insert(place, (distance, j.0));
+        }
     }
-    all.sort_unstable_by(order);
-    all
+    nearest
 }

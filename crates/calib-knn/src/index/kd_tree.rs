@@ -4,13 +4,11 @@ use calib_core::Monitor;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::{NeighborIndex, Queries, Sink, Sources};
+use super::{Found, NeighborIndex, Queries, Sources, going_on};
 use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
 
-/// Queries of one task.
-const QUERIES: usize = 64;
-/// Queries between two looks at the monitor.
-const GROUP: usize = 64 * QUERIES;
+/// Queries of one task, between two looks at the monitor.
+const QUERIES: usize = 256;
 
 /// A k-d tree (the kiddo crate) over the different source states, for few columns.
 ///
@@ -28,13 +26,18 @@ impl<'a> KdTree<'a> {
     /// The most columns that the tree supports.
     pub const MAX_COLUMNS: usize = 8;
 
-    /// Build the tree.
+    /// Build the tree. Progress counts each source twice.
     ///
     /// # Errors
-    /// If the states have more than [`MAX_COLUMNS`](Self::MAX_COLUMNS) columns.
-    pub fn new(sources: Sources<'a>) -> Result<Self, KnnError> {
-        let groups = Groups::new(&sources);
-        let tree: Box<dyn Tree> = match sources.columns() {
+    /// If the states have more than [`MAX_COLUMNS`](Self::MAX_COLUMNS) columns, or the monitor interrupts.
+    pub fn new(sources: Sources<'a>, monitor: &dyn Monitor) -> Result<Self, KnnError> {
+        let columns = sources.columns();
+        if columns > Self::MAX_COLUMNS {
+            return Err(KnnError::Dimensions { columns, max: Self::MAX_COLUMNS });
+        }
+        monitor.begin("neighbour index", 2 * sources.len() as u64);
+        let groups = Groups::new(&sources, monitor)?;
+        let tree: Box<dyn Tree> = match columns {
             0 | 1 => Fixed::<1>::boxed(&sources, &groups),
             2 => Fixed::<2>::boxed(&sources, &groups),
             3 => Fixed::<3>::boxed(&sources, &groups),
@@ -42,9 +45,9 @@ impl<'a> KdTree<'a> {
             5 => Fixed::<5>::boxed(&sources, &groups),
             6 => Fixed::<6>::boxed(&sources, &groups),
             7 => Fixed::<7>::boxed(&sources, &groups),
-            8 => Fixed::<8>::boxed(&sources, &groups),
-            columns => return Err(KnnError::Dimensions { columns, max: Self::MAX_COLUMNS }),
+            _ => Fixed::<8>::boxed(&sources, &groups),
         };
+        monitor.advance(sources.len() as u64);
         Ok(Self { sources, groups, tree })
     }
 
@@ -77,27 +80,24 @@ impl NeighborIndex for KdTree<'_> {
     fn search(
         &self,
         queries: &Queries<'_>,
-        k: usize,
-        sink: &mut Sink<'_>,
+        order: &[u32],
+        found: &mut Found,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let total = queries.len();
-        for group in (0..total).step_by(GROUP) {
-            if monitor.interrupted() {
-                return Err(KnnError::Interrupted);
-            }
-            let end = total.min(group + GROUP);
-            let found: Vec<MemberLists> = (group..end)
-                .into_par_iter()
-                .with_min_len(QUERIES)
-                .map(|query| self.fill(queries, query, k))
-                .collect();
-            for (query, lists) in (group..).zip(&found) {
-                sink(query, lists);
-            }
-            monitor.advance((end - group) as u64);
-        }
-        Ok(())
+        let k = found.k();
+        let tasks = order.chunks(QUERIES);
+        found.pieces(tasks.clone().map(<[u32]>::len)).zip(tasks.collect::<Vec<_>>()).for_each(
+            |(mut piece, task)| {
+                if monitor.interrupted() {
+                    return;
+                }
+                for (place, &query) in task.iter().enumerate() {
+                    piece.store(place, &self.fill(queries, query as usize, k));
+                }
+                monitor.advance(task.len() as u64);
+            },
+        );
+        going_on(monitor)
     }
 }
 

@@ -131,6 +131,11 @@ impl<'a> Queries<'a> {
         }
     }
 
+    /// Members of the ensemble.
+    pub(crate) fn members(&self) -> usize {
+        self.blocks.members()
+    }
+
     /// Whether there are no queries.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

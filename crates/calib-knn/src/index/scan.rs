@@ -8,7 +8,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::{
-    NeighborIndex, Queries, Sink, Sources,
+    Found, NeighborIndex, Queries, Sources, going_on,
     pending::{Pending, Pool},
     product::inner_products,
 };
@@ -20,8 +20,6 @@ const QUERIES: usize = 256;
 const TILE: usize = 512;
 /// Sources that are looked at together.
 const STRIP: usize = 64;
-/// Blocks of queries between two looks at the monitor.
-const GROUP: usize = 8;
 /// Beyond this squared distance from the centre f32 products could overflow.
 const FARTHEST: f64 = 1e30;
 
@@ -69,8 +67,8 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
 struct Block<'a> {
     scan: &'a Scan<'a>,
     queries: &'a Queries<'a>,
-    first: usize,
-    count: usize,
+    /// Which queries.
+    order: &'a [u32],
     k: usize,
 }
 
@@ -83,12 +81,13 @@ impl WithSimd for Block<'_> {
         let (pool, total) = (scan.pool(), scan.sources.len());
         let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
         let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
-        let mut left = vec![0.0; self.count * columns];
+        let count = self.order.len();
+        let mut left = vec![0.0; count * columns];
         let mut queries_far = false;
-        let mut pending: Vec<(Pending<'_>, f64)> = (self.first..self.first + self.count)
-            .map(|query| {
-                let one = Pending::new(simd, pool, self.queries, query, self.k);
-                let out = &mut left[(query - self.first) * columns..][..columns];
+        let mut pending: Vec<(Pending<'_>, f64)> = (self.order.iter().enumerate())
+            .map(|(place, &query)| {
+                let one = Pending::new(simd, pool, self.queries, query as usize, self.k);
+                let out = &mut left[place * columns..][..columns];
                 let norm = centred(simd, one.state(), &scan.centre, out);
                 // A query that is too far meets every source, and its norm counts for nothing.
                 queries_far |= norm > FARTHEST;
@@ -96,7 +95,7 @@ impl WithSimd for Block<'_> {
             })
             .collect();
         let mut right = vec![0.0; TILE * columns];
-        let mut products = vec![0.0_f32; self.count * TILE];
+        let mut products = vec![0.0_f32; count * TILE];
         for start in tile_starts(total, scan.sources.blocks().members()) {
             let width = TILE.min(total - start);
             let mut offsets = [f32::INFINITY; TILE];
@@ -108,7 +107,7 @@ impl WithSimd for Block<'_> {
                 far |= norm > FARTHEST;
                 *offset = (norm * (1.0 - error)) as f32;
             }
-            let products = &mut products[..self.count * width];
+            let products = &mut products[..count * width];
             if far {
                 // Nothing is ruled out here; the definition decides.
                 offsets = [f32::NEG_INFINITY; TILE];
@@ -186,31 +185,25 @@ impl NeighborIndex for Scan<'_> {
     fn search(
         &self,
         queries: &Queries<'_>,
-        k: usize,
-        sink: &mut Sink<'_>,
+        order: &[u32],
+        found: &mut Found,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let (total, arch) = (queries.len(), Arch::new());
-        let starts: Vec<usize> = (0..total).step_by(QUERIES).collect();
-        for group in starts.chunks(GROUP) {
-            if monitor.interrupted() {
-                return Err(KnnError::Interrupted);
-            }
-            let found: Vec<Vec<MemberLists>> = group
-                .par_iter()
-                .map(|&first| {
-                    let count = QUERIES.min(total - first);
-                    arch.dispatch(Block { scan: self, queries, first, count, k })
-                })
-                .collect();
-            let mut query = group[0];
-            for lists in found.iter().flatten() {
-                sink(query, lists);
-                query += 1;
-            }
-            monitor.advance((query - group[0]) as u64);
-        }
-        Ok(())
+        let (k, arch) = (found.k(), Arch::new());
+        let tasks = order.chunks(QUERIES);
+        found.pieces(tasks.clone().map(<[u32]>::len)).zip(tasks.collect::<Vec<_>>()).for_each(
+            |(mut piece, order)| {
+                if monitor.interrupted() {
+                    return;
+                }
+                let lists = arch.dispatch(Block { scan: self, queries, order, k });
+                for (place, lists) in lists.iter().enumerate() {
+                    piece.store(place, lists);
+                }
+                monitor.advance(order.len() as u64);
+            },
+        );
+        going_on(monitor)
     }
 }
 

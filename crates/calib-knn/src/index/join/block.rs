@@ -32,8 +32,8 @@ const STATE_COST: u64 = 32;
 pub(super) struct Block<'a> {
     pub(super) join: &'a Join<'a>,
     pub(super) queries: &'a Queries<'a>,
-    /// The queries with their leaf, at most [`QUERIES`].
-    pub(super) placed: &'a [(u32, u32)],
+    /// Which queries, at most [`QUERIES`].
+    pub(super) order: &'a [u32],
     /// The leaf that they lie in.
     pub(super) leaf: usize,
     pub(super) k: usize,
@@ -50,7 +50,7 @@ struct Progress<'a> {
     bounds: (Vec<f32>, Vec<f32>),
     /// Images beyond this squared distance need not be looked at; negative past the last query.
     thresholds: [f32; QUERIES],
-    /// Work on boxes and images so far; see [`Found`].
+    /// Work on boxes and images so far; see [`Searched`].
     work: u64,
 }
 
@@ -62,17 +62,17 @@ struct One<'a> {
 }
 
 /// The lists of a block, in the order of its queries, and what they cost.
-pub(super) struct Found {
+pub(super) struct Searched {
     pub(super) lists: Vec<MemberLists>,
     /// Work in multiply-adds, where each kind of work counts by the time that it takes beside a matrix product.
     pub(super) work: u64,
 }
 
 impl WithSimd for Block<'_> {
-    type Output = Found;
+    type Output = Searched;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Found {
+    fn with_simd<S: Simd>(self, simd: S) -> Searched {
         let tree = &self.join.tree;
         let mut progress = self.begin(simd);
         let mut reach = self.visit(simd, self.leaf, &mut progress);
@@ -101,7 +101,7 @@ impl WithSimd for Block<'_> {
         let looked: u64 = progress.one.iter().map(|one| one.pending.looked()).sum();
         let work = progress.work + looked * STATE_COST * columns;
         let finish = |one: One<'_>| one.pending.finish(pool, self.queries);
-        Found { lists: progress.one.into_iter().map(finish).collect(), work }
+        Searched { lists: progress.one.into_iter().map(finish).collect(), work }
     }
 }
 
@@ -111,14 +111,14 @@ impl<'a> Block<'a> {
     fn begin<S: Simd>(&self, simd: S) -> Progress<'a> {
         let width = self.join.embedding.width();
         let mut progress = Progress {
-            one: Vec::with_capacity(self.placed.len()),
-            images: vec![0.0; self.placed.len() * width],
+            one: Vec::with_capacity(self.order.len()),
+            images: vec![0.0; self.order.len() * width],
             lanes: vec![0.0; QUERIES * width],
             bounds: (vec![f32::INFINITY; width], vec![f32::NEG_INFINITY; width]),
             thresholds: [-1.0; QUERIES],
             work: 0,
         };
-        for (lane, &(_, query)) in self.placed.iter().enumerate() {
+        for (lane, &query) in self.order.iter().enumerate() {
             let image = &mut progress.images[lane * width..][..width];
             let norm = self.join.image(self.queries, query as usize, image);
             let slack = self.join.embedding.slack(self.join.norm, norm);

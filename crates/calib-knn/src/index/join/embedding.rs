@@ -16,6 +16,11 @@ const SAMPLE: usize = 16_384;
 /// Work of the estimate is bounded: rows × columns².
 const SAMPLE_WORK: usize = 2_000_000_000;
 
+/// Coordinates of the image of a state, with padding.
+pub(crate) fn width(columns: usize) -> usize {
+    columns.min(MOST).next_multiple_of(STEP)
+}
+
 /// Coordinates along the axes of largest variance and, where axes are left out, the distance from their span:
 /// `e(x) = (A(x − μ), √(‖x − μ‖² − ‖A(x − μ)‖²))`.
 ///
@@ -53,13 +58,8 @@ impl Embedding {
         for (to, from) in padded.chunks_exact_mut(MOST).zip(axes.chunks_exact(count)) {
             to[..count].copy_from_slice(from);
         }
-        let mut this = Self {
-            mean,
-            axes: padded,
-            places: (0..used).collect(),
-            width: used.next_multiple_of(STEP),
-            spans,
-        };
+        let mut this =
+            Self { mean, axes: padded, places: (0..used).collect(), width: width(columns), spans };
         this.sort_by_variance(&sample);
         this
     }
@@ -157,7 +157,7 @@ impl WithSimd for Map<'_> {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Segments, States, Transitions};
+    use calib_core::{Segments, Silent, States, Transitions};
 
     use super::*;
     use crate::{Blocks, distance::squared};
@@ -182,7 +182,8 @@ mod tests {
             let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
             let blocks = Blocks::new(&transitions, 2).expect("valid");
             let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
-            let embedding = Embedding::new(&sources, &Groups::new(&sources));
+            let embedding =
+                Embedding::new(&sources, &Groups::new(&sources, &Silent).expect("not interrupted"));
             let mut images = vec![vec![0.0; embedding.width()]; rows];
             let norms: Vec<f64> =
                 (0..rows).map(|row| embedding.map(states.row(row), &mut images[row])).collect();

@@ -1,4 +1,7 @@
+use std::ops::Range;
+
 use calib_core::Monitor;
+use calib_files::{Scratch, ScratchPlace};
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -8,14 +11,15 @@ mod kernel;
 mod linear;
 mod tree;
 
-use super::{NeighborIndex, Queries, Sink, Sources, pending::Pool};
+use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
 use crate::{KnnError, distance::Margin, groups::Groups};
-use block::{Block, Found, QUERIES};
+use block::{Block, QUERIES};
 use embedding::Embedding;
+pub(crate) use embedding::width as image_width;
 use tree::{LEAF, Tree};
 
-/// Blocks between two looks at the monitor.
-const GROUP: usize = 64;
+/// Sources between two looks at the monitor while the images are made.
+const CHUNK: usize = 1 << 12;
 /// Blocks by which the work is judged.
 const SAMPLE: usize = 12;
 /// Beyond this distance from the mean f32 images could overflow.
@@ -42,21 +46,43 @@ pub struct Join<'a> {
 }
 
 impl<'a> Join<'a> {
-    /// Map and sort the sources; `None` if their values are too large for images in f32.
-    pub fn new(sources: Sources<'a>) -> Option<Self> {
-        let groups = Groups::new(&sources);
+    /// Map and sort the sources; `None` if their values are too large for images in f32. Images live in `place`.
+    /// Progress counts four passes over the sources.
+    ///
+    /// # Errors
+    /// If there is no place for the images, or the monitor interrupts.
+    pub fn new(
+        sources: Sources<'a>,
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Self>, KnnError> {
+        monitor.begin("neighbour index", 4 * sources.len() as u64);
+        let groups = Groups::new(&sources, monitor)?;
         let embedding = Embedding::new(&sources, &groups);
         let width = embedding.width();
-        let mut images = vec![0.0; groups.len() * width];
+        let mut images = Scratch::zeroed(groups.len() * width, place)?;
         let norm = images
-            .par_chunks_exact_mut(width)
+            .par_chunks_mut(CHUNK * width)
             .enumerate()
-            .map(|(group, image)| embedding.map(sources.state(groups.first(group)), image))
+            .map(|(number, chunk)| {
+                if monitor.interrupted() {
+                    return 0.0;
+                }
+                let images = chunk.chunks_exact_mut(width);
+                let count = images.len() as u64;
+                let norm = (number * CHUNK..).zip(images).fold(0.0, |norm: f64, (group, image)| {
+                    norm.max(embedding.map(sources.state(groups.first(group)), image))
+                });
+                monitor.advance(count);
+                norm
+            })
             .reduce(|| 0.0, f64::max);
+        going_on(monitor)?;
         if norm > FARTHEST {
-            return None;
+            return Ok(None);
         }
-        let tree = Tree::new(&images, width);
+        let tree = Tree::new(&images, width, place, monitor)?;
+        drop(images);
         let mut place_of = vec![0; sources.len()];
         for (place, &group) in tree.order().iter().enumerate() {
             for &transition in groups.transitions(group as usize) {
@@ -65,7 +91,16 @@ impl<'a> Join<'a> {
         }
         let image_margin = Margin::new(width);
         let state_margin = Margin::new(sources.columns());
-        Some(Self { sources, groups, embedding, tree, place_of, image_margin, state_margin, norm })
+        Ok(Some(Self {
+            sources,
+            groups,
+            embedding,
+            tree,
+            place_of,
+            image_margin,
+            state_margin,
+            norm,
+        }))
     }
 
     fn pool(&self) -> Pool<'_> {
@@ -82,37 +117,39 @@ impl<'a> Join<'a> {
         self.tree.nearest_leaf(&image)
     }
 
-    /// The queries with their leaves, leaf by leaf.
-    fn place(&self, queries: &Queries<'_>) -> Vec<(u32, u32)> {
-        let mut placed: Vec<(u32, u32)> = (0..queries.len())
-            .into_par_iter()
-            .map(|query| (self.leaf(queries, query) as u32, query as u32))
-            .collect();
-        placed.par_sort_unstable();
-        placed
+    /// Runs of `order` that lie in one leaf, at most [`QUERIES`] long, with the leaf.
+    fn blocks(&self, queries: &Queries<'_>, order: &[u32]) -> Vec<(usize, Range<usize>)> {
+        let leaves: Vec<usize> =
+            order.par_iter().map(|&query| self.leaf(queries, query as usize)).collect();
+        let mut blocks = Vec::new();
+        let mut start = 0;
+        for run in leaves.chunk_by(|a, b| a == b) {
+            for part in run.chunks(QUERIES) {
+                blocks.push((run[0], start..start + part.len()));
+                start += part.len();
+            }
+        }
+        blocks
     }
 
-    fn block<'b>(
-        &'b self,
-        placed: &'b [(u32, u32)],
-        queries: &'b Queries<'b>,
-        k: usize,
-    ) -> Block<'b> {
-        Block { join: self, queries, placed, leaf: placed[0].0 as usize, k }
-    }
-
-    /// Whether the join is less work than a scan, judged by a few of the queries.
-    pub(super) fn pays(&self, queries: &Queries<'_>, k: usize) -> bool {
-        let placed = self.place(queries);
-        let blocks: Vec<&[(u32, u32)]> = blocks(&placed).collect();
-        let sample: Vec<&[(u32, u32)]> =
-            blocks.iter().copied().step_by(blocks.len().div_ceil(SAMPLE).max(1)).collect();
-        let sampled: usize = sample.iter().map(|block| block.len()).sum();
+    /// The work of the join as a share of that of a scan, judged by a few of the queries.
+    pub(super) fn share_of_scan(&self, queries: &Queries<'_>, order: &[u32], k: usize) -> f64 {
+        let stride = (order.len() / SAMPLE).max(1);
+        let sample: Vec<&[u32]> =
+            order.chunks(stride).map(|part| &part[..part.len().min(QUERIES)]).collect();
         let arch = Arch::new();
-        let work: u64 =
-            sample.par_iter().map(|block| arch.dispatch(self.block(block, queries, k)).work).sum();
-        let scan = sampled as u64 * (self.sources.len() * self.sources.columns()) as u64;
-        work <= scan
+        let (work, sampled) = sample
+            .par_iter()
+            .map(|part| {
+                let leaf = self.leaf(queries, part[0] as usize);
+                let same =
+                    part.partition_point(|&query| self.leaf(queries, query as usize) == leaf);
+                let block = Block { join: self, queries, order: &part[..same], leaf, k };
+                (arch.dispatch(block).work, same as u64)
+            })
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let scan = sampled * (self.sources.len() * self.sources.columns()) as u64;
+        work as f64 / scan.max(1) as f64
     }
 
     /// Write the image of a query; returns a bound on its distance from the mean.
@@ -130,36 +167,37 @@ impl<'a> Join<'a> {
 }
 
 impl NeighborIndex for Join<'_> {
+    /// Leaf by leaf.
+    fn order(&self, queries: &Queries<'_>) -> Vec<u32> {
+        let mut placed: Vec<(u32, u32)> = (0..queries.len())
+            .into_par_iter()
+            .map(|query| (self.leaf(queries, query) as u32, query as u32))
+            .collect();
+        placed.par_sort_unstable();
+        placed.into_iter().map(|(_, query)| query).collect()
+    }
+
     fn search(
         &self,
         queries: &Queries<'_>,
-        k: usize,
-        sink: &mut Sink<'_>,
+        order: &[u32],
+        found: &mut Found,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let placed = self.place(queries);
-        let blocks: Vec<&[(u32, u32)]> = blocks(&placed).collect();
-        let arch = Arch::new();
-        for group in blocks.chunks(GROUP) {
+        let (k, arch) = (found.k(), Arch::new());
+        let blocks = self.blocks(queries, order);
+        let pieces = found.pieces(blocks.iter().map(|(_, range)| range.len()));
+        pieces.zip(&blocks).for_each(|(mut piece, (leaf, range))| {
             if monitor.interrupted() {
-                return Err(KnnError::Interrupted);
+                return;
             }
-            let found: Vec<Found> = group
-                .par_iter()
-                .map(|block| arch.dispatch(self.block(block, queries, k)))
-                .collect();
-            for (block, found) in group.iter().zip(&found) {
-                for (&(_, query), lists) in block.iter().zip(&found.lists) {
-                    sink(query as usize, lists);
-                }
-                monitor.advance(block.len() as u64);
+            let order = &order[range.clone()];
+            let block = Block { join: self, queries, order, leaf: *leaf, k };
+            for (place, lists) in arch.dispatch(block).lists.iter().enumerate() {
+                piece.store(place, lists);
             }
-        }
-        Ok(())
+            monitor.advance(order.len() as u64);
+        });
+        going_on(monitor)
     }
-}
-
-/// Runs of queries of one leaf, at most [`QUERIES`] long.
-fn blocks(placed: &[(u32, u32)]) -> impl Iterator<Item = &[(u32, u32)]> {
-    placed.chunk_by(|a, b| a.0 == b.0).flat_map(|run| run.chunks(QUERIES))
 }

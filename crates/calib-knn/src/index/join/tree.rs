@@ -2,6 +2,12 @@
 
 use std::ops::Range;
 
+use calib_core::Monitor;
+use calib_files::{Scratch, ScratchPlace};
+use rayon::prelude::*;
+
+use crate::{KnnError, index::going_on};
+
 /// Images side by side in a leaf.
 pub(super) const LEAF: usize = 128;
 /// Images from which a node chooses its widest coordinate.
@@ -25,7 +31,7 @@ pub(super) struct Tree {
     /// Start of each leaf in `order`, and the end of the last.
     starts: Vec<u32>,
     /// Coordinates `[leaf, coordinate, lane]`; lanes without an image are zero.
-    lanes: Vec<f32>,
+    lanes: Scratch<f32>,
     nodes: Vec<Node>,
     /// Lower, then upper bounds of each node.
     boxes: Vec<f32>,
@@ -34,31 +40,44 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Sort `images`, `[n, width]`, into leaves.
-    pub(super) fn new(images: &[f32], width: usize) -> Self {
+    /// Sort `images`, `[n, width]`, into leaves. Progress counts each image twice.
+    ///
+    /// # Errors
+    /// If there is no place for the sorted images, or the monitor interrupts.
+    pub(super) fn new(
+        images: &[f32],
+        width: usize,
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, KnnError> {
         let count = images.len() / width;
         let leaves = count.div_ceil(LEAF).max(1);
         let mut order: Vec<u32> = (0..count as u32).collect();
         let starts = (0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect();
-        arrange(images, width, &mut order, 0..leaves, count, leaves);
+        let spread = Spread { images, width, count, leaves, monitor };
+        spread.arrange(&mut order, 0..leaves);
+        going_on(monitor)?;
         let mut tree = Self {
             width,
-            lanes: vec![0.0; leaves * width * LEAF],
+            lanes: Scratch::zeroed(leaves * width * LEAF, place)?,
             order,
             starts,
             nodes: Vec::with_capacity(2 * leaves),
             boxes: Vec::new(),
             leaf_nodes: vec![0; leaves],
         };
-        tree.fill_lanes(images);
+        tree.fill_lanes(images, monitor);
+        going_on(monitor)?;
         tree.add_node(images, 0..leaves as u32);
-        tree
+        Ok(tree)
     }
 
-    fn fill_lanes(&mut self, images: &[f32]) {
-        use rayon::prelude::*;
+    fn fill_lanes(&mut self, images: &[f32], monitor: &dyn Monitor) {
         let (order, starts, width) = (&self.order, &self.starts, self.width);
         self.lanes.par_chunks_exact_mut(width * LEAF).enumerate().for_each(|(leaf, lanes)| {
+            if monitor.interrupted() {
+                return;
+            }
             let members = &order[starts[leaf] as usize..starts[leaf + 1] as usize];
             for (lane, &image) in members.iter().enumerate() {
                 let image = &images[image as usize * width..][..width];
@@ -66,6 +85,7 @@ impl Tree {
                     lanes[coordinate * LEAF + lane] = value;
                 }
             }
+            monitor.advance(members.len() as u64);
         });
     }
 
@@ -188,29 +208,39 @@ fn boundary(count: usize, leaves: usize, leaf: usize) -> usize {
     (leaf as u128 * count as u128 / leaves as u128) as usize
 }
 
-/// Put the images of `order`, which fill `leaves`, into the order of the leaves: halve along the coordinate
-/// of largest variance.
-fn arrange(
-    images: &[f32],
+/// How images are spread over leaves.
+struct Spread<'a> {
+    images: &'a [f32],
     width: usize,
-    order: &mut [u32],
-    leaves: Range<usize>,
     count: usize,
-    total: usize,
-) {
-    if leaves.len() <= 1 {
-        return;
+    leaves: usize,
+    monitor: &'a dyn Monitor,
+}
+
+impl Spread<'_> {
+    /// Put the images of `order`, which fill `leaves`, into the order of the leaves: halve along the coordinate
+    /// of largest variance.
+    fn arrange(&self, order: &mut [u32], leaves: Range<usize>) {
+        if leaves.len() <= 1 {
+            self.monitor.advance(order.len() as u64);
+            return;
+        }
+        if self.monitor.interrupted() {
+            return;
+        }
+        let (images, width) = (self.images, self.width);
+        let coordinate = widest(images, width, order);
+        let middle = leaves.start + leaves.len() / 2;
+        let boundary = |leaf| boundary(self.count, self.leaves, leaf);
+        let at = boundary(middle) - boundary(leaves.start);
+        let value = |image: &u32| images[*image as usize * width + coordinate];
+        order.select_nth_unstable_by(at, |a, b| value(a).total_cmp(&value(b)).then(a.cmp(b)));
+        let (left, right) = order.split_at_mut(at);
+        rayon::join(
+            || self.arrange(left, leaves.start..middle),
+            || self.arrange(right, middle..leaves.end),
+        );
     }
-    let coordinate = widest(images, width, order);
-    let middle = leaves.start + leaves.len() / 2;
-    let at = boundary(count, total, middle) - boundary(count, total, leaves.start);
-    let value = |image: &u32| images[*image as usize * width + coordinate];
-    order.select_nth_unstable_by(at, |a, b| value(a).total_cmp(&value(b)).then(a.cmp(b)));
-    let (left, right) = order.split_at_mut(at);
-    rayon::join(
-        || arrange(images, width, left, leaves.start..middle, count, total),
-        || arrange(images, width, right, middle..leaves.end, count, total),
-    );
 }
 
 /// The coordinate of largest variance over a sample of the images.
@@ -233,7 +263,7 @@ fn widest(images: &[f32], width: usize, order: &[u32]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::Seed;
+    use calib_core::{Seed, Silent};
 
     use super::*;
 
@@ -242,7 +272,7 @@ mod tests {
         let (count, width) = (1000, 16);
         let mut rng = Seed::new(5).rng();
         let images: Vec<f32> = (0..count * width).map(|_| rng.normal() as f32).collect();
-        let tree = Tree::new(&images, width);
+        let tree = Tree::new(&images, width, &ScratchPlace::Memory, &Silent).expect("built");
         assert_eq!(tree.leaves(), 8);
         let mut seen = vec![false; count];
         let mut open = vec![(0, Vec::new())];
@@ -274,7 +304,7 @@ mod tests {
 
     #[test]
     fn one_image_is_one_leaf() {
-        let tree = Tree::new(&[0.5; 16], 16);
+        let tree = Tree::new(&[0.5; 16], 16, &ScratchPlace::Memory, &Silent).expect("built");
         assert_eq!((tree.leaves(), tree.images(0)), (1, &[0][..]));
         assert!(matches!(tree.below(0), Below::Leaf(0)));
     }

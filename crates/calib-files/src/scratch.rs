@@ -1,0 +1,141 @@
+use std::{
+    fs::File,
+    io::{self, Write as _},
+    marker::PhantomData,
+    ops::{Deref, DerefMut},
+    path::{Path, PathBuf},
+};
+
+use bytemuck::{Pod, Zeroable};
+use memmap2::MmapMut;
+
+use crate::{FileError, create_directory};
+
+/// Where working arrays live.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum ScratchPlace {
+    /// In memory.
+    #[default]
+    Memory,
+    /// In nameless files in this directory, mapped: the system may write them out and read them back, so they
+    /// take memory only as long as there is some. They vanish with the process, however it ends.
+    Disk(PathBuf),
+}
+
+/// A working array of zeros, in memory or in a file.
+#[derive(Debug)]
+pub struct Scratch<T> {
+    storage: Storage<T>,
+}
+
+#[derive(Debug)]
+enum Storage<T> {
+    Heap(Vec<T>),
+    Mapped(MmapMut, PhantomData<T>),
+}
+
+impl<T: Pod + Zeroable> Scratch<T> {
+    /// `len` zeros.
+    ///
+    /// # Errors
+    /// If the file cannot be made, or the disk is too full for it.
+    pub fn zeroed(len: usize, place: &ScratchPlace) -> Result<Self, FileError> {
+        let storage = match place {
+            ScratchPlace::Memory => Storage::Heap(vec![T::zeroed(); len]),
+            // Nothing cannot be mapped.
+            ScratchPlace::Disk(_) if len == 0 => Storage::Heap(Vec::new()),
+            ScratchPlace::Disk(directory) => {
+                create_directory(directory)?;
+                let map = map_nameless(directory, len * size_of::<T>())
+                    .map_err(|source| FileError::io("make a working file in", directory, source))?;
+                Storage::Mapped(map, PhantomData)
+            }
+        };
+        Ok(Self { storage })
+    }
+}
+
+fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
+    let mut file = tempfile::tempfile_in(directory)?;
+    reserve(&mut file, bytes)?;
+    // SAFETY: the file has no name, and this process has the only handle: nobody else changes it.
+    #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
+    unsafe {
+        MmapMut::map_mut(&file)
+    }
+}
+
+/// Take the space now: a full disk must be an error here, not a fault where the array is used.
+fn reserve(file: &mut File, bytes: usize) -> io::Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::fs::{FallocateFlags, fallocate};
+        match fallocate(&*file, FallocateFlags::empty(), 0, bytes as u64) {
+            Ok(()) => return Ok(()),
+            Err(rustix::io::Errno::OPNOTSUPP | rustix::io::Errno::NOSYS) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    let zeros = vec![0; 1 << 20];
+    let mut left = bytes;
+    while left > 0 {
+        let part = left.min(zeros.len());
+        file.write_all(&zeros[..part])?;
+        left -= part;
+    }
+    Ok(())
+}
+
+impl<T: Pod> Deref for Scratch<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match &self.storage {
+            Storage::Heap(values) => values,
+            Storage::Mapped(map, _) => bytemuck::cast_slice(map),
+        }
+    }
+}
+
+impl<T: Pod> DerefMut for Scratch<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        match &mut self.storage {
+            Storage::Heap(values) => values,
+            Storage::Mapped(map, _) => bytemuck::cast_slice_mut(map),
+        }
+    }
+}
+
+impl<T: Pod> AsRef<[T]> for Scratch<T> {
+    fn as_ref(&self) -> &[T] {
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zeros_that_can_be_written_in_memory_and_on_disk() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let disk = ScratchPlace::Disk(directory.path().join("new"));
+        for place in [ScratchPlace::Memory, disk] {
+            let mut array = Scratch::<u32>::zeroed(100_000, &place).expect("room");
+            assert!(array.iter().all(|&value| value == 0));
+            array[99_999] = 7;
+            assert_eq!((array.len(), array.as_ref()[99_999]), (100_000, 7));
+            assert!(Scratch::<f32>::zeroed(0, &place).expect("nothing").is_empty());
+        }
+        let left = std::fs::read_dir(directory.path().join("new")).expect("readable").count();
+        assert_eq!(left, 0, "working files have no name");
+    }
+
+    #[test]
+    fn a_disk_that_is_too_small_is_an_error_at_once() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let place = ScratchPlace::Disk(directory.path().to_owned());
+        let error = Scratch::<f32>::zeroed(1 << 58, &place).expect_err("more than any disk");
+        assert!(error.to_string().contains("working file"), "{error}");
+    }
+}

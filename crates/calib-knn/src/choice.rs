@@ -1,0 +1,82 @@
+use std::fmt;
+
+use crate::{IndexKind, KdTree};
+
+/// Which search structure was used, and why.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IndexChoice {
+    /// The structure; never [`IndexKind::Auto`].
+    pub kind: IndexKind,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// Why a search structure was used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reason {
+    /// It was asked for.
+    Asked,
+    /// So few queries that nothing is worth building.
+    FewQueries,
+    /// So few columns that a k-d tree is fastest.
+    FewColumns {
+        /// Columns of the states.
+        columns: usize,
+    },
+    /// The work of a join as a share of that of a scan, judged by a sample of the queries.
+    Work {
+        /// The share.
+        share: f64,
+    },
+    /// The values are too large for the images that a join needs.
+    Large,
+}
+
+impl fmt::Display for IndexChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.kind.name();
+        match self.reason {
+            Reason::Asked => write!(f, "{name} (asked for)"),
+            Reason::FewQueries => write!(f, "{name} (few queries)"),
+            Reason::FewColumns { columns } => write!(f, "{name} ({columns} columns)"),
+            Reason::Work { share } => {
+                write!(f, "{name} (a join takes {share:.2e} of the work of a scan, by a sample)")
+            }
+            Reason::Large => write!(f, "{name} (values are too large for a join)"),
+        }
+    }
+}
+
+impl IndexKind {
+    /// The name in studies and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::KdTree => "kd_tree",
+            Self::Join => "join",
+            Self::Scan => "scan",
+        }
+    }
+
+    /// Whether the structure can search states of `columns` columns.
+    pub fn supports(self, columns: usize) -> bool {
+        self != Self::KdTree || columns <= KdTree::MAX_COLUMNS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_are_told() {
+        let told = |kind, reason| IndexChoice { kind, reason }.to_string();
+        assert_eq!(told(IndexKind::Scan, Reason::Asked), "scan (asked for)");
+        let share = Reason::Work { share: 0.0123 };
+        assert_eq!(
+            told(IndexKind::Join, share),
+            "join (a join takes 1.23e-2 of the work of a scan, by a sample)"
+        );
+        assert!(IndexKind::Join.supports(500) && !IndexKind::KdTree.supports(9));
+    }
+}

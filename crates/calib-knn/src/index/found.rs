@@ -1,0 +1,115 @@
+use rayon::prelude::*;
+
+use crate::{MemberLists, distance::stored};
+
+/// What was found for some queries: `[query, member, k]` neighbours and their distances.
+///
+/// Lists that were not wanted, and the ends of short ones, hold `u32::MAX` and `+∞`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    members: usize,
+    k: usize,
+    neighbors: Vec<u32>,
+    distances: Vec<f32>,
+}
+
+impl Found {
+    /// Nothing yet, for `queries` queries.
+    pub fn new(queries: usize, members: usize, k: usize) -> Self {
+        let cells = queries * members * k;
+        let (neighbors, distances) = (vec![u32::MAX; cells], vec![f32::INFINITY; cells]);
+        Self { members, k, neighbors, distances }
+    }
+
+    /// What these cells say, if there are as many as `queries` queries have.
+    pub(crate) fn from_cells(
+        queries: usize,
+        members: usize,
+        k: usize,
+        neighbors: Vec<u32>,
+        distances: Vec<f32>,
+    ) -> Option<Self> {
+        let cells = queries * members * k;
+        (neighbors.len() == cells && distances.len() == cells).then_some(Self {
+            members,
+            k,
+            neighbors,
+            distances,
+        })
+    }
+
+    /// Number of queries.
+    pub fn len(&self) -> usize {
+        self.neighbors.len() / self.stride()
+    }
+
+    /// Whether there are no queries.
+    pub fn is_empty(&self) -> bool {
+        self.neighbors.is_empty()
+    }
+
+    /// Length of a full list.
+    pub fn k(&self) -> usize {
+        self.k
+    }
+
+    /// All neighbours, then all distances.
+    pub(crate) fn cells(&self) -> (&[u32], &[f32]) {
+        (&self.neighbors, &self.distances)
+    }
+
+    /// The list of one member for the query in place `query`.
+    pub fn list(&self, query: usize, member: usize) -> (&[u32], &[f32]) {
+        let start = query * self.stride() + member * self.k;
+        (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
+    }
+
+    /// Cells of one query; at least one, so that slices can be cut.
+    fn stride(&self) -> usize {
+        (self.members * self.k).max(1)
+    }
+
+    /// Consecutive pieces of `lengths` queries, which can be filled in parallel.
+    pub(crate) fn pieces(
+        &mut self,
+        lengths: impl Iterator<Item = usize>,
+    ) -> impl IndexedParallelIterator<Item = Piece<'_>> {
+        let (stride, k) = (self.stride(), self.k);
+        let (mut neighbors, mut distances) = (&mut self.neighbors[..], &mut self.distances[..]);
+        let mut pieces = Vec::new();
+        for length in lengths {
+            let (here, rest) = neighbors.split_at_mut(length * stride);
+            neighbors = rest;
+            let (there, rest) = distances.split_at_mut(length * stride);
+            distances = rest;
+            pieces.push(Piece { stride, k, neighbors: here, distances: there });
+        }
+        pieces.into_par_iter()
+    }
+}
+
+/// A part of a [`Found`] that one task fills.
+#[derive(Debug)]
+pub(crate) struct Piece<'a> {
+    stride: usize,
+    k: usize,
+    neighbors: &'a mut [u32],
+    distances: &'a mut [f32],
+}
+
+impl Piece<'_> {
+    /// Store the lists of the query in place `query` of the piece.
+    pub(crate) fn store(&mut self, query: usize, lists: &MemberLists) {
+        for &member in lists.members() {
+            let start = query * self.stride + member * self.k;
+            let neighbors = &mut self.neighbors[start..start + self.k];
+            let distances = &mut self.distances[start..start + self.k];
+            for ((neighbor, distance), (transition, squared)) in
+                neighbors.iter_mut().zip(distances).zip(lists.of(member))
+            {
+                *neighbor = transition.0;
+                *distance = stored(squared);
+            }
+        }
+    }
+}

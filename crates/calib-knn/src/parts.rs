@@ -1,0 +1,175 @@
+use std::{
+    fs,
+    io::{Read as _, Write as _},
+    path::{Path, PathBuf},
+};
+
+use calib_files::{FileError, Fingerprint, Fingerprinter, create_directory, write_atomically};
+
+use crate::index::Found;
+
+/// Digits of a fingerprint.
+const DIGITS: usize = 64;
+
+/// Where a build keeps what it has found so far, so that one that is killed can go on.
+///
+/// The queries are searched in an order that follows from the states and the search structure. Each file holds the lists
+/// of [`PART_QUERIES`] consecutive ones: the key of the parts, the fingerprint of what follows,
+/// neighbours `u32 [query, member, k]` and distances `f32 [query, member, k]`, little-endian.
+/// A file counts only if its key is that of the present build.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    directory: PathBuf,
+    inputs: String,
+    queries: usize,
+}
+
+/// Queries of a part.
+pub const PART_QUERIES: usize = 1 << 16;
+
+impl Parts {
+    /// Parts in `directory`, which is theirs alone, of the model that follows from `inputs`: a fingerprint of states,
+    /// segments and settings.
+    pub fn new(directory: PathBuf, inputs: &str) -> Self {
+        Self { directory, inputs: inputs.to_owned(), queries: PART_QUERIES }
+    }
+
+    /// Parts of another size than [`PART_QUERIES`], for tests.
+    #[must_use]
+    pub fn of_queries(self, queries: usize) -> Self {
+        Self { queries: queries.max(1), ..self }
+    }
+
+    /// Queries of a part.
+    pub(crate) fn queries(&self) -> usize {
+        self.queries
+    }
+
+    /// Forget all parts.
+    ///
+    /// # Errors
+    /// If the directory exists and cannot be removed.
+    pub fn remove(&self) -> Result<(), FileError> {
+        match fs::remove_dir_all(&self.directory) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(FileError::io("remove", &self.directory, error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The parts of a search in this order; those of other searches are removed.
+    pub(crate) fn open(&self, order: &[u32], members: usize, k: usize) -> Result<Open, FileError> {
+        let numbers = [members as u64, k as u64, self.queries as u64];
+        let key = Fingerprinter::default()
+            .add(b"parts 1")
+            .add(self.inputs.as_bytes())
+            .add(bytemuck::cast_slice(&numbers))
+            .add(bytemuck::cast_slice(order))
+            .finish();
+        let open = Open { directory: self.directory.clone(), key, members, k };
+        create_directory(&self.directory)?;
+        let listed = fs::read_dir(&self.directory)
+            .map_err(|source| FileError::io("read", &self.directory, source))?;
+        for entry in listed.flatten() {
+            if !open.owns(&entry.path()) {
+                fs::remove_file(entry.path())
+                    .map_err(|source| FileError::io("remove", &entry.path(), source))?;
+            }
+        }
+        Ok(open)
+    }
+}
+
+/// The parts of one search.
+#[derive(Debug)]
+pub(crate) struct Open {
+    directory: PathBuf,
+    key: Fingerprint,
+    members: usize,
+    k: usize,
+}
+
+impl Open {
+    fn path(&self, number: usize) -> PathBuf {
+        self.directory.join(format!("{number:08}.part"))
+    }
+
+    fn owns(&self, path: &Path) -> bool {
+        let mut key = [0; DIGITS];
+        let read = fs::File::open(path).and_then(|mut file| file.read_exact(&mut key));
+        read.is_ok() && key == self.key.as_str().as_bytes()
+    }
+
+    /// Part `number` of `queries` queries, if it was written by this search and is whole.
+    pub(crate) fn read(&self, number: usize, queries: usize) -> Option<Found> {
+        let bytes = fs::read(self.path(number)).ok()?;
+        let (key, rest) = bytes.split_at_checked(DIGITS)?;
+        let (sum, payload) = rest.split_at_checked(DIGITS)?;
+        let whole = key == self.key.as_str().as_bytes()
+            && sum == Fingerprint::of(payload).as_str().as_bytes();
+        let cells = queries * self.members * self.k;
+        if !whole || payload.len() != 8 * cells {
+            return None;
+        }
+        let (neighbors, distances) = payload.split_at(4 * cells);
+        Found::from_cells(queries, self.members, self.k, numbers(neighbors), numbers(distances))
+    }
+
+    /// Write part `number`.
+    pub(crate) fn write(&self, number: usize, found: &Found) -> Result<(), FileError> {
+        let (neighbors, distances) = found.cells();
+        let neighbors: &[u8] = bytemuck::cast_slice(neighbors);
+        let payload = [neighbors, bytemuck::cast_slice(distances)].concat();
+        let sum = Fingerprint::of(&payload);
+        write_atomically(&self.path(number), |file| {
+            file.write_all(self.key.as_str().as_bytes())?;
+            file.write_all(sum.as_str().as_bytes())?;
+            file.write_all(&payload)
+        })
+    }
+}
+
+/// Numbers from bytes that need not be aligned.
+fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
+    let mut numbers = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    bytemuck::cast_slice_mut(&mut numbers).copy_from_slice(bytes);
+    numbers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_whole_parts_of_the_same_search_count() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = directory.path().join("partial");
+        let parts = Parts::new(at.clone(), "inputs");
+        let found = Found::from_cells(2, 1, 2, vec![1, 2, 3, 4], vec![0.5, 1.0, 1.5, 2.0]);
+        let found = found.expect("four cells");
+        let open = parts.open(&[1, 0, 2], 1, 2).expect("writable");
+        assert!(open.read(0, 2).is_none());
+        open.write(0, &found).expect("written");
+        assert_eq!(open.read(0, 2), Some(found.clone()));
+        assert_eq!(open.read(0, 1), None, "another length");
+
+        let mut bytes = fs::read(open.path(0)).expect("readable");
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        fs::write(open.path(0), &bytes).expect("writable");
+        assert_eq!(open.read(0, 2), None, "damaged");
+        open.write(0, &found).expect("written");
+
+        assert_eq!(parts.open(&[1, 0, 2], 1, 2).expect("same").read(0, 2), Some(found.clone()));
+        for (order, inputs) in [([0, 1, 2], "inputs"), ([1, 0, 2], "others")] {
+            open.write(0, &found).expect("written");
+            let other = Parts::new(at.clone(), inputs).open(&order, 1, 2).expect("writable");
+            assert!(other.read(0, 2).is_none());
+            assert_eq!(fs::read_dir(&at).expect("readable").count(), 0, "stale parts are removed");
+        }
+        parts.remove().expect("removed");
+        parts.remove().expect("nothing left to remove");
+        assert!(!at.exists());
+    }
+}

@@ -1,0 +1,140 @@
+//! Builds that are interrupted and continued, in memory and on disk, give the bytes of undisturbed ones.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use calib_core::{Monitor, Seed, Segments, Silent, States, Transitions};
+use calib_files::ScratchPlace;
+use calib_knn::{IndexKind, KnnError, KnnModel, ModelConfig, Parts, Workplace};
+
+const ROWS: usize = 3000;
+
+fn data(columns: usize) -> (States, Transitions) {
+    let mut rng = Seed::new(9).rng();
+    let mut state = vec![0.0_f64; columns];
+    let mut values = Vec::new();
+    for _ in 0..ROWS {
+        for value in &mut state {
+            *value = 0.98 * *value + 0.1 * rng.normal();
+            values.push(*value as f32);
+        }
+    }
+    let states = States::new(values, ROWS, columns).expect("valid");
+    (states, Transitions::new(Segments::from_lengths([1200, ROWS - 1200]).expect("valid")))
+}
+
+/// Interrupts once the search, not what comes before it, has come this far.
+struct StopsAt {
+    queries: u64,
+    searching: AtomicU64,
+    seen: AtomicU64,
+}
+
+impl StopsAt {
+    fn new(queries: u64) -> Self {
+        Self { queries, searching: 0.into(), seen: 0.into() }
+    }
+}
+
+impl Monitor for StopsAt {
+    fn begin(&self, task: &str, _total: u64) {
+        self.searching.store(u64::from(task == "neighbour tables"), Ordering::SeqCst);
+    }
+
+    fn advance(&self, units: u64) {
+        self.seen.fetch_add(units * self.searching.load(Ordering::SeqCst), Ordering::SeqCst);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.seen.load(Ordering::SeqCst) >= self.queries
+    }
+}
+
+fn build(
+    kind: IndexKind,
+    columns: usize,
+    workplace: &Workplace,
+    monitor: &dyn Monitor,
+) -> Result<KnnModel, KnnError> {
+    let config = ModelConfig { index: kind, members: 3, theiler: 2, ..ModelConfig::default() };
+    let (states, transitions) = data(columns);
+    KnnModel::build_in(states, transitions, &config, workplace, monitor).map(|(model, _)| model)
+}
+
+fn bytes(model: &KnnModel) -> Vec<(Vec<u32>, Vec<u32>)> {
+    let bits = |distances: &[f32]| distances.iter().map(|d| d.to_bits()).collect();
+    (0..model.members())
+        .map(|m| (model.table(m).neighbors().to_vec(), bits(model.table(m).distances())))
+        .collect()
+}
+
+#[test]
+fn a_build_that_is_interrupted_again_and_again_goes_on() {
+    for (kind, columns) in [
+        (IndexKind::Join, 12),
+        (IndexKind::Scan, 12),
+        (IndexKind::KdTree, 3),
+        (IndexKind::Auto, 40),
+    ] {
+        let whole = build(kind, columns, &Workplace::default(), &Silent).expect("built");
+        let directory = tempfile::tempdir().expect("a directory");
+        let parts = Parts::new(directory.path().join("partial"), "data").of_queries(300);
+        let on_disk = ScratchPlace::Disk(directory.path().to_owned());
+        let mut interrupted = 0;
+        let mut round = 0;
+        let built = loop {
+            round += 1;
+            // Now in memory, now on disk, and never far: each round adds a part or two.
+            let scratch = if round % 2 == 0 { ScratchPlace::Memory } else { on_disk.clone() };
+            let workplace = Workplace { scratch, parts: Some(parts.clone()) };
+            let stops = StopsAt::new(300 * interrupted + 350);
+            match build(kind, columns, &workplace, &stops) {
+                Ok(model) => break model,
+                Err(KnnError::Interrupted) => interrupted += 1,
+                Err(error) => panic!("{error}"),
+            }
+            assert!(round < 60, "the build never ends");
+        };
+        assert!(interrupted >= 3, "{kind:?} was interrupted {interrupted} times only");
+        assert_eq!(bytes(&built), bytes(&whole), "{kind:?}");
+    }
+}
+
+#[test]
+fn what_was_kept_is_not_searched_again() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let parts = Parts::new(directory.path().join("partial"), "data").of_queries(300);
+    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let first = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
+    let kept = std::fs::read_dir(directory.path().join("partial")).expect("readable").count();
+    assert_eq!(kept, 10);
+    let again = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
+    assert_eq!(bytes(&again), bytes(&first));
+    // Another structure searches in another order: its parts are its own.
+    let other = build(IndexKind::Scan, 12, &workplace, &Silent).expect("built");
+    assert_eq!(bytes(&other), bytes(&first));
+    // Damage is searched again.
+    for entry in std::fs::read_dir(directory.path().join("partial")).expect("readable") {
+        let path = entry.expect("an entry").path();
+        let mut content = std::fs::read(&path).expect("readable");
+        content[200] ^= 0x55;
+        std::fs::write(&path, content).expect("writable");
+    }
+    let repaired = build(IndexKind::Scan, 12, &workplace, &Silent).expect("built");
+    assert_eq!(bytes(&repaired), bytes(&first));
+}
+
+#[test]
+fn a_disk_without_room_is_an_error_and_no_panic() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let file = directory.path().join("a file");
+    std::fs::write(&file, "in the way").expect("writable");
+    let workplace = Workplace {
+        scratch: ScratchPlace::Memory,
+        parts: Some(Parts::new(file.join("partial"), "data").of_queries(300)),
+    };
+    let error = build(IndexKind::Join, 12, &workplace, &Silent).expect_err("no directory");
+    assert!(matches!(error, KnnError::File(_)), "{error}");
+    let workplace = Workplace { scratch: ScratchPlace::Disk(file.join("scratch")), parts: None };
+    let error = build(IndexKind::Join, 12, &workplace, &Silent).expect_err("no directory");
+    assert!(matches!(error, KnnError::File(_)), "{error}");
+}
