@@ -6,6 +6,8 @@ use calib_dtw::{LocalDistance, StepPattern, Window};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
+use crate::memory::MemorySize;
+
 /// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
 #[derive(Debug, Parser)]
 #[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
@@ -103,6 +105,47 @@ pub(crate) struct BuildModelArgs {
     /// Check this many random rows of the tables against brute force in double precision
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) verify: usize,
+    /// Search structure, whatever `model.index` says; the tables are the same
+    #[arg(long, value_name = "KIND", value_enum)]
+    pub(crate) index: Option<Index>,
+    /// Memory to stay within, such as 16GiB (default: what the machine, or its container, has free)
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) memory: Option<MemorySize>,
+    /// Whether states, images and tables are mapped from files while the model is built
+    #[arg(long, value_enum, default_value_t = Spill::Auto)]
+    pub(crate) spill: Spill,
+}
+
+impl BuildModelArgs {
+    /// What is typed with nothing but `--verify`.
+    pub(crate) fn new(study: StudyArgs, verify: usize) -> Self {
+        Self { study, verify, index: None, memory: None, spill: Spill::Auto }
+    }
+}
+
+/// Search structures, as in `model.index`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Index {
+    /// Whichever suits the data
+    Auto,
+    /// A k-d tree, up to 8 columns
+    #[value(name = "kd_tree", aliases = ["kdtree", "kd-tree"])]
+    KdTree,
+    /// Leaves and boxes, for data with structure
+    Join,
+    /// Every pair, for data without structure
+    Scan,
+}
+
+/// Where large arrays are while a model is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Spill {
+    /// In files only if they do not fit in memory
+    Auto,
+    /// Always in memory
+    Never,
+    /// Always in files
+    Always,
 }
 
 #[derive(Debug, Args)]

@@ -3,7 +3,37 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    str::FromStr,
 };
+
+/// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MemorySize(pub(crate) u64);
+
+impl FromStr for MemorySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || format!("expected a size such as 16GiB or 500M, got '{text}'");
+        let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
+        let number = text[..text.len() - unit.len()].trim();
+        let number: f64 = number.parse().map_err(|_| expected())?;
+        let factor = match unit.to_ascii_lowercase().as_str() {
+            "" | "b" => 1.0,
+            "k" | "kib" => 1024.0,
+            "m" | "mib" => 1024.0 * 1024.0,
+            "g" | "gib" => 1024.0 * 1024.0 * 1024.0,
+            "t" | "tib" => 1024.0 * 1024.0 * 1024.0 * 1024.0,
+            "kb" => 1e3,
+            "mb" => 1e6,
+            "gb" => 1e9,
+            "tb" => 1e12,
+            _ => return Err(expected()),
+        };
+        let bytes = number * factor;
+        if bytes >= 1.0 { Ok(Self(bytes as u64)) } else { Err(expected()) }
+    }
+}
 
 /// Bytes that this process may still take: what the system has available, or less where a control group
 /// (a container, a batch job) allows less. None where the system does not say.
@@ -60,6 +90,18 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        let read = |text: &str| text.parse::<MemorySize>().map(|size| size.0);
+        assert_eq!(read("16GiB"), Ok(16 << 30));
+        assert_eq!(read("1.5g"), Ok(3 << 29));
+        assert_eq!(read("500 MB"), Ok(500_000_000));
+        assert_eq!(read("4096"), Ok(4096));
+        for bad in ["", "much", "12 apples", "-3G", "0", "nanG"] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn the_systems_own_figure_is_read() {

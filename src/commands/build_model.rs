@@ -1,15 +1,16 @@
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
 use calib_core::{Seed, States, Transitions};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, fingerprint_file, write_json};
-use calib_knn::{KnnModel, verify};
+use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
+use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, verify};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
+    build_plan::BuildPlan,
     jumps, load_study,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     represent::{self, Representation},
@@ -18,10 +19,12 @@ use crate::{
     cli::BuildModelArgs,
     clock::Stopwatch,
     exit::ExitStatus,
-    output::{Printer, bytes, count, duration},
+    output::{Printer, count, duration},
     study::{Study, StudyPaths},
 };
 
+/// Where a build keeps what it has found until the tables are written, below the model's directory.
+const PARTIAL: &str = "partial";
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
@@ -32,15 +35,22 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let directory = paths.model();
     let data = study.data_to_read(&paths)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
-    check_sensors(&study, &dataset)?;
-    let representation = represent::open(&study, &paths, &dataset)?;
-    let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    announce(&study, &dataset, printer);
+    let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
+    let config =
+        ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..study.model };
+    let plan = BuildPlan::new(&surveyed, &config, args)?;
+    printer.say(&plan.sentence());
     if args.study.dry_run {
+        if args.study.json {
+            printer.json(&plan)?;
+        }
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
+    let dataset = surveyed.load(&printer.progress())?;
+    check_sensors(&study, &dataset)?;
+    let representation = represent::open(&study, &paths, &dataset)?;
+    let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     let existing = artefact::read::<ModelManifest>(&directory).filter(|found| {
         let files = found.files.keys().map(String::as_str);
         found.key == key && artefact::has_files(&directory, files)
@@ -51,7 +61,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
         }
         _ => {
             let representation = representation.as_ref();
-            (build(&study, &dataset, representation, key, &directory, clock, printer)?, true)
+            let how = How { key, config, plan, force: args.study.force };
+            (build(&study, dataset, representation, &how, &directory, clock, printer)?, true)
         }
     };
     let status = if args.verify > 0 {
@@ -68,25 +79,6 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     Ok(status)
 }
 
-/// Say what is going to be done, and what it needs.
-fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
-    let rows = dataset.train.rows();
-    let columns = dataset.train.states().columns();
-    let (members, k) = (study.model.members, study.model.neighbors);
-    let states = (rows * columns * 4) as u64;
-    let tables = (rows * k * 8 * members) as u64;
-    printer.say(&format!(
-        "{} rows x {} columns in {} segments; {members} members, k = {k}; \
-         expecting {} of memory and {} on disk",
-        count(rows),
-        columns,
-        count(dataset.train.segments().len()),
-        bytes(2 * states + 2 * tables),
-        bytes(states + tables),
-    ));
-    dataset.profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
-}
-
 fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
     for sensor in &study.sweep.sensors {
         model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
@@ -95,30 +87,59 @@ fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// How a model is built; nothing but the key tells of its tables.
+struct How {
+    /// Fingerprint of all that the tables follow from.
+    key: String,
+    /// The settings, with the search structure of the command line.
+    config: ModelConfig,
+    plan: BuildPlan,
+    force: bool,
+}
+
 fn build(
     study: &Study,
-    dataset: &Dataset,
+    mut dataset: Dataset,
     representation: Option<&Representation>,
-    key: String,
-    directory: &std::path::Path,
+    how: &How,
+    directory: &Path,
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
+    // Not needed any more, and a part of the memory.
+    dataset.held_out = None;
     let read = clock.elapsed();
+    model_files::write_states(directory, &dataset.train)?;
+    let mut workplace = Workplace::default();
+    if how.plan.spill {
+        dataset.train = model_files::map_states(directory, &dataset.train)?;
+        workplace.scratch = ScratchPlace::Disk(directory.to_owned());
+    }
+    let parts = Parts::new(directory.join(PARTIAL), &how.key);
+    if how.force {
+        parts.remove()?;
+    }
+    workplace.parts = Some(parts.clone());
+    let kept = clock.elapsed();
     let transitions = Transitions::new(dataset.train.segments().clone());
-    let states = metric(dataset, representation);
-    let knn = KnnModel::build(states, transitions, &study.model, &printer.progress())?;
+    let states = metric(&dataset, representation);
+    let progress = printer.progress();
+    let (knn, choice) =
+        KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
+    drop(progress);
+    printer.say(&format!("search structure: {choice}"));
     let searched = clock.elapsed();
-    model_files::write(directory, dataset, &knn)?;
+    model_files::write(directory, &dataset, &knn)?;
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
+    parts.remove()?;
     let members =
         (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
     let manifest = ModelManifest {
         format: <ModelManifest as artefact::Manifest>::FORMAT,
         tool: TOOL.to_owned(),
-        key,
+        key: how.key.clone(),
         study: study.clone(),
         data: dataset.fingerprint.clone(),
         period: dataset.period,
@@ -126,6 +147,7 @@ fn build(
         transitions: knn.transitions().len(),
         segments: dataset.train.segments().len(),
         normaliser: dataset.normaliser.clone(),
+        search: choice.to_string(),
         members,
         files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
     };
@@ -133,8 +155,9 @@ fn build(
         &directory.join("timings.json"),
         &Timings {
             reading_secs: read.as_secs_f64(),
-            searching_secs: searched.saturating_sub(read).as_secs_f64(),
-            writing_secs: clock.elapsed().saturating_sub(searched).as_secs_f64(),
+            searching_secs: searched.saturating_sub(kept).as_secs_f64(),
+            writing_secs: (clock.elapsed().saturating_sub(searched) + kept.saturating_sub(read))
+                .as_secs_f64(),
         },
     )?;
     claim.complete(&manifest)?;
@@ -147,7 +170,7 @@ fn refresh(
     study: &Study,
     dataset: &Dataset,
     representation: Option<&Representation>,
-    directory: &std::path::Path,
+    directory: &Path,
 ) -> anyhow::Result<ModelManifest> {
     if manifest.study == *study {
         return Ok(manifest);
@@ -193,7 +216,7 @@ fn summary(study: &Study, knn: &KnnModel, member: usize) -> anyhow::Result<Membe
 }
 
 fn fingerprints(
-    directory: &std::path::Path,
+    directory: &Path,
     members: usize,
     further: &[&str],
 ) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
@@ -239,7 +262,7 @@ fn check_against_brute_force(
 
 fn summarise(
     manifest: &ModelManifest,
-    directory: &std::path::Path,
+    directory: &Path,
     built: bool,
     clock: Stopwatch,
     printer: &Printer,

@@ -2,6 +2,7 @@
 
 mod artefact;
 mod build_model;
+mod build_plan;
 mod comparison;
 mod dtw;
 mod evaluate;

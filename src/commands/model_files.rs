@@ -23,6 +23,9 @@ use super::{
 };
 use crate::study::{Study, StudyPaths};
 
+/// The states of a model, in its directory.
+const STATES: &str = "states.npy";
+
 /// `manifest.json` of a model directory.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct ModelManifest {
@@ -39,6 +42,9 @@ pub(super) struct ModelManifest {
     pub(super) transitions: usize,
     pub(super) segments: usize,
     pub(super) normaliser: Normaliser,
+    /// The search structure that found the tables, and why it was taken.
+    #[serde(default)]
+    pub(super) search: String,
     pub(super) members: Vec<MemberSummary>,
     /// Fingerprint of every other file.
     pub(super) files: BTreeMap<String, Fingerprint>,
@@ -102,11 +108,24 @@ impl OpenModel {
     }
 }
 
-/// Write states, rows, profile and members; the manifest is the caller's to write last.
+/// Write the states.
+pub(super) fn write_states(directory: &Path, frames: &Frames) -> anyhow::Result<()> {
+    let states = frames.states();
+    write_npy(&directory.join(STATES), states.as_slice(), states.rows(), states.columns())?;
+    Ok(())
+}
+
+/// The same frames over the states that were written: mapped, so that they take memory only while there is some.
+pub(super) fn map_states(directory: &Path, frames: &Frames) -> anyhow::Result<Frames> {
+    let mapped = map_npy::<f32>(&directory.join(STATES))?;
+    let (rows, columns) = (mapped.rows(), mapped.columns());
+    let states = States::from_shared(Arc::new(mapped), rows, columns)?;
+    Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
+}
+
+/// Write rows, profile and members; states come before, and the manifest is the caller's to write last.
 pub(super) fn write(directory: &Path, dataset: &Dataset, knn: &KnnModel) -> anyhow::Result<()> {
     let frames = &dataset.train;
-    let states = frames.states();
-    write_npy(&directory.join("states.npy"), states.as_slice(), states.rows(), states.columns())?;
     rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
     write_json(&directory.join("profile.json"), &dataset.profile)?;
     Ok(knn.write_members(directory)?)
@@ -151,7 +170,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     }
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
-    let mapped = map_npy::<f32>(&directory.join("states.npy")).with_context(again)?;
+    let mapped = map_npy::<f32>(&directory.join(STATES)).with_context(again)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     let states = States::from_shared(Arc::new(mapped), rows, columns).with_context(again)?;
     let table = read_parquet_columns(&directory.join("rows.parquet"), &["timestamp", "segment"])

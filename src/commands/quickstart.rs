@@ -36,7 +36,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
     // Only the verdict is the result of this command; the steps before it just report.
     let steps = printer.talking();
     steps.heading("1. build-model");
-    build_model::run(&BuildModelArgs { study: args_for(false), verify: 100 }, &steps)?;
+    build_model::run(&BuildModelArgs::new(args_for(false), 100), &steps)?;
     steps.heading("2. rollout");
     rollout::run(&args_for(false), &steps)?;
     steps.heading("3. sweep");

@@ -58,28 +58,86 @@ pub fn load(
     preprocess: &PreprocessConfig,
     monitor: &dyn Monitor,
 ) -> Result<Dataset, DataError> {
+    survey(data, preprocess, monitor)?.load(monitor)
+}
+
+/// The first half of [`load`]: what the states will be, before there are any.
+///
+/// # Errors
+/// As [`load`].
+pub fn survey(
+    data: &DataConfig,
+    preprocess: &PreprocessConfig,
+    monitor: &dyn Monitor,
+) -> Result<Surveyed, DataError> {
     let survey = Survey::new(data, preprocess, monitor)?;
     survey.refuse_empty()?;
     let columns = survey.columns(preprocess);
-    let mut train = Matrix::new(&survey.train, columns.len());
-    let mut held_out = survey.held_out.as_ref().map(|part| Matrix::new(part, columns.len()));
-    let mut matrices: Vec<&mut Matrix<'_>> =
-        [&mut train].into_iter().chain(&mut held_out).collect();
-    survey.fill(preprocess, &mut matrices, monitor)?;
-    let timestamps = &survey.log.rows.timestamps;
-    let train = train.into_frames(timestamps, &columns)?;
-    let held_out = held_out.map(|matrix| matrix.into_frames(timestamps, &columns)).transpose()?;
-    let normaliser = Normaliser::new(columns);
-    let period = sampled_period(survey.log.period, preprocess);
-    Ok(Dataset {
-        fingerprint: fingerprint(&normaliser, period, &train),
-        held_out_fingerprint: held_out.as_ref().map(|part| fingerprint(&normaliser, period, part)),
-        profile: survey.profile,
-        normaliser,
-        train,
-        held_out,
-        period,
-    })
+    Ok(Surveyed { survey, columns, preprocess: preprocess.clone() })
+}
+
+/// A log that was read once: everything is known but the states.
+#[expect(missing_debug_implementations, reason = "it would be the log")]
+pub struct Surveyed {
+    survey: Survey,
+    columns: Vec<Column>,
+    preprocess: PreprocessConfig,
+}
+
+impl Surveyed {
+    /// Number of training states.
+    pub fn rows(&self) -> usize {
+        self.survey.train.samples.rows()
+    }
+
+    /// Number of held-out states.
+    pub fn held_out_rows(&self) -> usize {
+        self.survey.held_out.as_ref().map_or(0, |part| part.samples.rows())
+    }
+
+    /// Number of segments of the training range.
+    pub fn segments(&self) -> usize {
+        self.survey.train.samples.segments.len()
+    }
+
+    /// Number of columns of the states.
+    pub fn columns(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Number of rows of the log.
+    pub fn log_rows(&self) -> usize {
+        self.survey.log.rows.timestamps.len()
+    }
+
+    /// The second half of [`load`]: read the kept channels and make the states.
+    ///
+    /// # Errors
+    /// If a file cannot be read any more, a state is not finite, or the monitor interrupts.
+    pub fn load(self, monitor: &dyn Monitor) -> Result<Dataset, DataError> {
+        let Self { survey, columns, preprocess } = self;
+        let mut train = Matrix::new(&survey.train, columns.len());
+        let mut held_out = survey.held_out.as_ref().map(|part| Matrix::new(part, columns.len()));
+        let mut matrices: Vec<&mut Matrix<'_>> =
+            [&mut train].into_iter().chain(&mut held_out).collect();
+        survey.fill(&preprocess, &mut matrices, monitor)?;
+        let timestamps = &survey.log.rows.timestamps;
+        let train = train.into_frames(timestamps, &columns)?;
+        let held_out =
+            held_out.map(|matrix| matrix.into_frames(timestamps, &columns)).transpose()?;
+        let normaliser = Normaliser::new(columns);
+        let period = sampled_period(survey.log.period, &preprocess);
+        let of = |part: &Frames| fingerprint(&normaliser, period, part);
+        Ok(Dataset {
+            fingerprint: of(&train),
+            held_out_fingerprint: held_out.as_ref().map(of),
+            profile: survey.profile,
+            normaliser,
+            train,
+            held_out,
+            period,
+        })
+    }
 }
 
 /// What a log is like, and what [`load`] would make of it.

@@ -2,7 +2,7 @@
 //!
 //! - [`DataConfig`], [`PreprocessConfig`]: the sections `[data]` and `[preprocess]` of a study.
 //! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
-//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`].
+//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before.
 //! - [`table`]: typed tables and plant logs as Parquet files.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
@@ -34,7 +34,7 @@ pub use config::{
     DataConfig, Missing, Moment, Normalisation, Paths, PreprocessConfig, Reduce, TimeRange,
     TimestampUnit,
 };
-pub use dataset::{Dataset, inspect, load};
+pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,

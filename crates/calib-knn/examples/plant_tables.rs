@@ -44,7 +44,7 @@ fn main() -> Outcome<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
         ["simulate", rows, period, path] => simulate(rows.parse()?, period.parse()?, path.as_ref()),
-        ["build", path] => build(path.as_ref(), Workplace::default()),
+        ["build", path] => build(path.as_ref(), &Workplace::default()),
         ["build", path, place, ref parts @ ..] => {
             let path: &Path = path.as_ref();
             let scratch = match place {
@@ -52,7 +52,7 @@ fn main() -> Outcome<()> {
                 _ => ScratchPlace::Memory,
             };
             let parts = parts.first().map(|folder| Parts::new(folder.into(), "plant"));
-            build(path, Workplace { scratch, parts })
+            build(path, &Workplace { scratch, parts })
         }
         // `cargo test` and `cargo bench` run examples without arguments.
         _ => {
@@ -152,7 +152,7 @@ fn processor_secs() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-fn build(path: &Path, workplace: Workplace) -> Outcome<()> {
+fn build(path: &Path, workplace: &Workplace) -> Outcome<()> {
     let mapped = map_npy::<f32>(path)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     let watch = Watch {
@@ -169,7 +169,7 @@ fn build(path: &Path, workplace: Workplace) -> Outcome<()> {
             let config = ModelConfig::default();
             let need = MemoryNeed::predict(rows, columns, &config);
             let (model, choice) =
-                KnnModel::build_in(states, transitions, &config, &workplace, &Silent)?;
+                KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
             let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);
             let verification = verify(&model, 20, Seed::new(0));
             println!(

@@ -1,0 +1,120 @@
+//! What building a model will take, and whether there is as much.
+
+use anyhow::bail;
+use calib_data::Surveyed;
+use calib_knn::{IndexKind, MemoryNeed, ModelConfig};
+use serde::Serialize;
+
+use crate::{
+    cli::{BuildModelArgs, Index, Spill},
+    memory,
+    output::{bytes, count},
+};
+
+/// What reading a log takes beside the states: a batch of channels, and for each row of the log its time and flags.
+const READING: u64 = 320 << 20;
+const READING_A_ROW: u64 = 24;
+
+/// What is going to be done, and what it needs.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct BuildPlan {
+    rows: usize,
+    columns: usize,
+    segments: usize,
+    members: usize,
+    neighbors: usize,
+    /// The structure that was asked for.
+    index: IndexKind,
+    /// Whether large arrays are mapped from files.
+    pub(super) spill: bool,
+    /// The most memory that cannot be given back at any moment, predicted.
+    memory_bytes: u64,
+    /// What there is, or what `--memory` says.
+    available_bytes: Option<u64>,
+    /// What the model takes on disk, and what building it takes there meanwhile.
+    disk_bytes: u64,
+}
+
+impl BuildPlan {
+    /// The plan for a log.
+    ///
+    /// # Errors
+    /// If there is too little memory.
+    pub(super) fn new(
+        data: &Surveyed,
+        model: &ModelConfig,
+        args: &BuildModelArgs,
+    ) -> anyhow::Result<Self> {
+        let (rows, columns) = (data.rows(), data.columns());
+        let need = MemoryNeed::predict(rows, columns, model);
+        let held_out = 4 * (data.held_out_rows() * columns) as u64;
+        let reading = need.states + held_out + READING + READING_A_ROW * data.log_rows() as u64;
+        let in_memory = reading.max(need.peak());
+        let spilled = reading.max(need.least);
+        let available = args.memory.map(|size| size.0).or_else(memory::available);
+        let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
+        let spill = match args.spill {
+            Spill::Auto => !fits(in_memory),
+            Spill::Never => false,
+            Spill::Always => true,
+        };
+        let memory_bytes = if spill { spilled } else { in_memory };
+        if let (false, Some(available)) = (fits(memory_bytes), available) {
+            bail!(
+                "building this model takes {} of memory ({} to read {} states of {} columns), and {} is there; \
+                 raise `preprocess.subsample`, shorten `data.train`, leave channels out with `data.exclude`{}, \
+                 or say with --memory SIZE that there is more",
+                bytes(memory_bytes),
+                bytes(reading),
+                count(rows),
+                columns,
+                bytes(available),
+                if spill { "" } else { ", let it work on disk with --spill auto" },
+            );
+        }
+        let tables = (8 * rows * model.neighbors * model.members) as u64;
+        let working = if spill { need.working } else { 0 };
+        Ok(Self {
+            rows,
+            columns,
+            segments: data.segments(),
+            members: model.members,
+            neighbors: model.neighbors,
+            index: model.index,
+            spill,
+            memory_bytes,
+            available_bytes: available,
+            disk_bytes: need.states + 2 * tables + working,
+        })
+    }
+
+    /// The plan in a sentence.
+    pub(super) fn sentence(&self) -> String {
+        let available = self
+            .available_bytes
+            .map_or_else(String::new, |available| format!(" of {} there", bytes(available)));
+        let spill =
+            if self.spill { ", with states, images and tables mapped from files" } else { "" };
+        format!(
+            "{} rows x {} columns in {} segments; {} members, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
+            count(self.rows),
+            self.columns,
+            count(self.segments),
+            self.members,
+            self.neighbors,
+            bytes(self.memory_bytes),
+            bytes(self.disk_bytes),
+        )
+    }
+}
+
+impl From<Index> for IndexKind {
+    fn from(index: Index) -> Self {
+        match index {
+            Index::Auto => Self::Auto,
+            Index::KdTree => Self::KdTree,
+            Index::Join => Self::Join,
+            Index::Scan => Self::Scan,
+        }
+    }
+}

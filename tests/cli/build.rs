@@ -1,0 +1,160 @@
+//! Building models: killed and continued, within some memory, with every search structure.
+
+use std::{
+    fs,
+    path::Path,
+    process::{Child, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use crate::harness::Place;
+
+/// A log of a quarter of a million states, which are searched in four parts.
+fn long_study() -> Place {
+    let place = Place::new();
+    let args = ["simulate", "data", "--days", "4", "--channels", "12", "--period", "1"];
+    place.calib(&args).succeeds();
+    let study = "[data]\npath = \"data\"\ntrain_fraction = 0.75\n\n[model]\nmembers = 3\n";
+    place.write("study.toml", study);
+    place
+}
+
+fn start(place: &Place, output: &str) -> Child {
+    let args = ["build-model", "study.toml", "--output", output, "--threads", "1"];
+    let mut command = place.command(&args);
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("calib runs")
+}
+
+fn parts(directory: &Path) -> usize {
+    let entries = fs::read_dir(directory.join("model/partial")).into_iter().flatten().flatten();
+    entries.filter(|entry| entry.path().extension().is_some_and(|e| e == "part")).count()
+}
+
+/// Wait until so many parts are kept; false if the build ends before.
+fn wait_for_parts(child: &mut Child, directory: &Path, count: usize) -> bool {
+    while parts(directory) < count {
+        if child.try_wait().expect("a status").is_some() {
+            return false;
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    true
+}
+
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the moments to kill are spread over the time of a build"
+)]
+#[test]
+fn a_build_killed_twenty_times_gives_the_same_bytes() {
+    let place = long_study();
+    let clock = Instant::now();
+    assert!(start(&place, "whole").wait().expect("it ends").success());
+    let whole = clock.elapsed();
+    let directory = place.path().join("killed");
+    let (mut killed, mut seen) = (0, 0);
+    // At each part as soon as it is there, then at moments spread over the whole build.
+    for part in 1..=3 {
+        let mut child = start(&place, "killed");
+        if wait_for_parts(&mut child, &directory, part) {
+            child.kill().expect("it was running");
+            killed += 1;
+        }
+        child.wait().expect("a status");
+        seen = seen.max(parts(&directory));
+    }
+    assert!(seen >= 3, "only {seen} parts were ever kept");
+    for moment in 0..40 {
+        if killed == 20 {
+            break;
+        }
+        // Parts that are kept make the build shorter: now and then they go, as after a change of the settings.
+        if moment % 4 == 0 {
+            let _ = fs::remove_dir_all(directory.join("model/partial"));
+        }
+        let mut child = start(&place, "killed");
+        thread::sleep(whole.mul_f64(f64::from(moment * 7 % 19) / 19.0));
+        killed += usize::from(child.try_wait().expect("a status").is_none());
+        // One that has ended cannot be killed, and begins anew.
+        let _ = child.kill();
+        if child.wait().expect("a status").success() {
+            fs::remove_file(directory.join("model/manifest.json")).expect("it was complete");
+        }
+    }
+    assert!(killed >= 20, "killed {killed} times");
+    place.calib(&["build-model", "study.toml", "--output", "killed", "--verify", "5"]).succeeds();
+    let (whole, killed) = (place.content("whole"), place.content("killed"));
+    assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
+    for (path, content) in &whole {
+        assert!(killed[path] == *content, "{} differs", path.display());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
+    let place = long_study();
+    let directory = place.path().join("stopped");
+    let mut child = start(&place, "stopped");
+    assert!(wait_for_parts(&mut child, &directory, 1));
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(kill.expect("kill runs").success());
+    let output = child.wait_with_output().expect("it ends");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{told}");
+    assert!(told.contains("run the same command again to go on"), "{told}");
+    assert!(parts(&directory) >= 1);
+    assert!(!directory.join("model/manifest.json").exists());
+    place.calib(&["build-model", "study.toml", "--output", "stopped"]).succeeds();
+    assert!(!directory.join("model/partial").exists(), "parts go when the tables are there");
+    place.calib(&["build-model", "study.toml", "--output", "whole"]).succeeds();
+    assert!(place.content("stopped") == place.content("whole"));
+}
+
+#[test]
+fn too_little_memory_is_refused_with_advice() {
+    let place = Place::with_study();
+    let run = |args: &[&str]| place.calib(&[&["build-model", "study.toml"], args].concat());
+    let error = run(&["--memory", "100MiB"]).fails(2);
+    assert!(error.contains("takes") && error.contains("100.0 MiB is there"), "{error}");
+    assert!(error.contains("preprocess.subsample") && error.contains("--memory"), "{error}");
+    assert!(!place.path().join("study-results/model").exists(), "refused before anything is done");
+    let error = run(&["--memory", "lots"]).fails(2);
+    assert!(error.contains("16GiB"), "{error}");
+    let told = run(&["--memory", "4GiB", "--dry-run", "--json"]);
+    let plan: serde_json::Value = serde_json::from_str(&told.succeeds()).expect("JSON on stdout");
+    assert_eq!(plan["available_bytes"], 4_u64 << 30);
+    assert_eq!((&plan["spill"], &plan["members"]), (&false.into(), &3.into()));
+    assert!(plan["memory_bytes"].as_u64().expect("a number") > 300 << 20, "{plan}");
+    assert!(told.stderr().contains("of 4.0 GiB there"), "{}", told.stderr());
+    run(&[]).succeeds();
+}
+
+#[test]
+fn structures_and_places_do_not_change_the_model() {
+    let place = Place::with_study();
+    let build = |output: &str, args: &[&str]| {
+        place.calib(&[&["build-model", "study.toml", "--output", output], args].concat())
+    };
+    build("plain", &[]).succeeds();
+    let mut plain = place.content("plain");
+    plain.remove(Path::new("model/manifest.json"));
+    for (output, args, told) in [
+        ("join", ["--index", "join"], "join (asked for)"),
+        ("scan", ["--index", "scan"], "scan (asked for)"),
+        ("disk", ["--spill", "always"], "join (a join takes"),
+    ] {
+        let built = build(output, &args);
+        built.succeeds();
+        assert!(built.stderr().contains(told), "{}", built.stderr());
+        let mut content = place.content(output);
+        let manifest = content.remove(Path::new("model/manifest.json")).expect("complete");
+        assert!(String::from_utf8_lossy(&manifest).contains(told));
+        assert!(content == plain, "{output} differs");
+        // It is the model of the study, whatever found its tables.
+        place.calib(&["rollout", "study.toml", "--output", output]).succeeds();
+    }
+    let error = build("tree", &["--index", "kd_tree"]).fails(2);
+    assert!(error.contains("at most 8 columns"), "{error}");
+}
