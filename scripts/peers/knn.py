@@ -10,7 +10,7 @@ has one).
 Peers that would take longer than --budget seconds answer a sample of the queries; their query time is then extrapolated
 and marked with ~. A contender that is not done after --limit seconds is ended and says so. Approximate peers are tuned
 on the sample first (outside the measured time) to the cheapest setting of a doubling sequence with a recall of at least
-0.99, or the last of the sequence (pynndescent: the last whose graph takes less than --budget).
+0.99, or to the one from which on recall hardly grows (pynndescent: to the last whose graph takes less than --budget).
 
 recall@3 is by true distances: of --sample queries, the share of neighbours that are no farther than the true third
 neighbour, found by brute force in double precision. Memory is the peak of the whole process (VmHWM), with the states
@@ -29,6 +29,7 @@ import json
 import os
 import pathlib
 import platform
+import shutil
 import statistics
 import subprocess
 import sys
@@ -112,7 +113,8 @@ class Ivf(Flat):
         self.quantizer = faiss.IndexFlatL2(sources.shape[1])
         self.index = faiss.IndexIVFFlat(self.quantizer, sources.shape[1], lists)
         self.index.cp.min_points_per_centroid = 1
-        self.index.train(sources[:: max(1, len(sources) // (64 * lists))])
+        self.index.cp.niter = 10
+        self.index.train(sources[:: max(1, len(sources) // (40 * lists))])
         self.index.add(sources)
 
     def tune(self, setting):
@@ -142,7 +144,7 @@ class Hnswlib:
 
         self.threads = threads
         self.index = hnswlib.Index(space="l2", dim=sources.shape[1])
-        self.index.init_index(max_elements=len(sources), ef_construction=100, M=16)
+        self.index.init_index(max_elements=len(sources), ef_construction=200, M=32)
         self.index.add_items(sources, num_threads=threads)
 
     def tune(self, setting):
@@ -209,6 +211,24 @@ def answer(peer, states, base, queries, budget):
     return np.concatenate(found), seconds
 
 
+def tune(peer, states, base, sample, truth, budget):
+    """The cheapest setting with the recall that is asked for, or the one from which on recall hardly grows."""
+    best, kept = -1.0, None
+    for setting in peer.settings:
+        peer.tune(setting)
+        if setting is None:
+            return None
+        found = answer(peer, states, base, sample, budget)[0]
+        reached = recall(states, sample[: len(found)], found, truth)
+        if reached < best + 1e-3 and best > 0.9:
+            break
+        best, kept = reached, setting
+        if reached >= RECALL:
+            break
+    peer.tune(kept)
+    return kept
+
+
 def worker(name, file, rows, queries, out, budget, threads, truth):
     import numpy as np
 
@@ -235,10 +255,7 @@ def worker(name, file, rows, queries, out, budget, threads, truth):
         peer.build(sources, threads)
         build = time.perf_counter() - clock
         del sources
-        for setting in peer.settings:
-            peer.tune(setting)
-            if setting is None or recall(states, sample, answer(peer, states, lo, sample, budget)[0], truth) >= RECALL:
-                break
+        setting = tune(peer, states, lo, sample, truth, budget)
         found, query = answer(peer, states, lo, queries, budget)
         result = {"build": build, "query": query, "answered": len(found), "setting": setting}
     np.save(out, found[: len(sample)].astype(np.int64))
@@ -348,8 +365,11 @@ class Data:
             command = [self.calib, "build-model", common.ROOT / "configs/wells.toml", "--set", f"output={str(model)!r}"]
             for override in overrides:
                 command += ["--set", override]
-            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            done = subprocess.run(command, capture_output=True, text=True)
+            if done.returncode != 0:
+                raise SystemExit(f"{name}: {done.stderr.strip()}")
             step(self.python, "wells", next(model.rglob("states.npy")), out)
+            shutil.rmtree(model)
 
         return self.once(name, make)
 
@@ -357,7 +377,7 @@ class Data:
         """A file and how many of its rows."""
         kind = name.split("-")[0]
         if kind == "plant":
-            rows = rows or int(name.split("-")[1])
+            rows = min(rows or sys.maxsize, int(name.split("-")[1]))
             return self.plant(rows), rows
         if kind == "gaussian":
             rows = rows or 100_000

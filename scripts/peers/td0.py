@@ -12,7 +12,8 @@ torch eager     nine networks one after the other, torch.optim.Adam
 torch fused     the same with Adam(fused=True)
 torch compiled  the same with torch.compile over the loss
 torch stacked   the nine networks as one batched product, Adam written out for all nine at once
-numpy           linear only: nine weight vectors as one matrix
+numpy           linear only: nine weight vectors one after the other
+numpy stacked   the nine of them as one matrix
 """
 
 import argparse
@@ -32,7 +33,7 @@ RATES = [1e-6 * 10 ** (0.5 * index) for index in range(9)]
 SIZES = {"mlp": [SENSORS, UNITS, UNITS, 1], "linear": [SENSORS, 1]}
 PEERS = {
     "mlp": ["torch eager", "torch fused", "torch compiled", "torch stacked"],
-    "linear": ["torch eager", "torch fused", "torch stacked", "numpy"],
+    "linear": ["torch eager", "torch fused", "torch stacked", "numpy", "numpy stacked"],
 }
 
 
@@ -114,7 +115,7 @@ def torch_stacked(sizes):
     return update
 
 
-def numpy_linear():
+def numpy_linear(stacked):
     import numpy as np
 
     rng = np.random.default_rng(1)
@@ -122,19 +123,22 @@ def numpy_linear():
     states[:, :SENSORS] = rng.random((STEPS + 1, SENSORS), dtype=np.float32)
     rates = np.array(RATES, np.float32)[:, None]
     weights = rng.uniform(-1, 1, (len(RATES), SENSORS + 1)).astype(np.float32) / np.float32(SENSORS**0.5)
-    mean, square, number = np.zeros_like(weights), np.zeros_like(weights), 0
+    means, squares, number = np.zeros_like(weights), np.zeros_like(weights), 0
+    groups = [slice(None)] if stacked else [slice(index, index + 1) for index in range(len(RATES))]
 
     def update(step, batch):
-        nonlocal weights, mean, square, number
+        nonlocal number
         number += 1
-        weights @ states[step]
         now, after = states[batch], states[batch + 1]
-        errors = after[:, 0] + weights @ (np.float32(GAMMA) * after - now).T
-        gradient = errors @ now / np.float32(-BATCH)
-        mean += np.float32(0.1) * (gradient - mean)
-        square += np.float32(0.001) * (gradient * gradient - square)
-        scale = np.sqrt(square / np.float32(1 - 0.999**number)) + np.float32(1e-8)
-        weights -= rates / np.float32(1 - 0.9**number) * mean / scale
+        ahead = (np.float32(GAMMA) * after - now).T
+        for group in groups:
+            weight, mean, square = weights[group], means[group], squares[group]  # views
+            weight @ states[step]
+            gradient = (after[:, 0] + weight @ ahead) @ now / np.float32(-BATCH)
+            mean += np.float32(0.1) * (gradient - mean)
+            square += np.float32(0.001) * (gradient * gradient - square)
+            scale = np.sqrt(square / np.float32(1 - 0.999**number)) + np.float32(1e-8)
+            weight -= rates[group] / np.float32(1 - 0.9**number) * mean / scale
 
     return update
 
@@ -143,8 +147,8 @@ def worker(kind, peer, updates):
     """Warms up, says so, trains when told, prints its updates a second."""
     import numpy as np
 
-    if peer == "numpy":
-        update = numpy_linear()
+    if peer.startswith("numpy"):
+        update = numpy_linear(peer == "numpy stacked")
     elif peer == "torch stacked":
         update = torch_stacked(SIZES[kind])
     else:
