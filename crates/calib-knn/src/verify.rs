@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use crate::{
     KnnModel,
-    distance::{squared, stored},
+    distance::{squared_of_four, stored},
 };
 
 /// How a model's tables compare with a search by brute force.
@@ -61,13 +61,24 @@ fn brute_force(model: &KnnModel, member: usize, transition: TransitionIndex) -> 
     let state = model.states().row(query.get());
     let k = model.k();
     let mut nearest: Vec<(f64, u32)> = Vec::with_capacity(k + 1);
-    for j in model.blocks().transitions_of(member).filter(|j| !forbidden.contains(&j.0)) {
-        let distance = squared(state, model.states().row(transitions.source(j).get()));
-        // In the order of rows: of equal distances the first stays before the others.
-        let place = nearest.partition_point(|&(other, _)| other <= distance);
-        if place < k {
-            nearest.truncate(k - 1);
-            nearest.insert(place, (distance, j.0));
+    let source = |j: u32| model.states().row(transitions.source(TransitionIndex(j)).get());
+    let mut rest = model.blocks().transitions_of(member).filter(|j| !forbidden.contains(&j.0));
+    // Four at a time: sums in order wait for each other.
+    while let Some(TransitionIndex(first)) = rest.next() {
+        let mut four = [first; 4];
+        let mut count = 1;
+        for (place, j) in four[1..].iter_mut().zip(&mut rest) {
+            *place = j.0;
+            count += 1;
+        }
+        let distances = squared_of_four(state, four.map(source));
+        for (&j, &distance) in four[..count].iter().zip(&distances) {
+            // In the order of rows: of equal distances the first stays before the others.
+            let place = nearest.partition_point(|&(other, _)| other <= distance);
+            if place < k {
+                nearest.truncate(k - 1);
+                nearest.insert(place, (distance, j));
+            }
         }
     }
     nearest

@@ -1,4 +1,4 @@
-//! The search of one block of queries that lie near each other.
+//! The search of blocks of queries that lie near each other.
 
 #![expect(
     clippy::inline_always,
@@ -28,28 +28,30 @@ const BOX_COST: usize = 8;
 const LEAF_COST: usize = 2;
 const STATE_COST: u64 = 32;
 
-/// A block of queries of one leaf.
-pub(super) struct Block<'a> {
+/// Blocks of queries from neighbouring leaves, which mostly visit the same leaves: each leaf is brought near once for all.
+pub(super) struct Band<'a> {
     pub(super) join: &'a Join<'a>,
     pub(super) queries: &'a Queries<'a>,
-    /// Which queries, at most [`QUERIES`].
-    pub(super) order: &'a [u32],
-    /// The leaf that they lie in.
-    pub(super) leaf: usize,
+    /// The leaf and the queries of each block, at most [`QUERIES`] of them.
+    pub(super) blocks: &'a [(usize, &'a [u32])],
     pub(super) k: usize,
 }
 
 /// What is known about the queries of a block while leaves are visited.
-struct Progress<'a> {
+struct Block<'a> {
+    /// The leaf that they lie in.
+    leaf: usize,
     one: Vec<One<'a>>,
     /// Images `[query, coordinate]`.
     images: Vec<f32>,
     /// Images `[coordinate, query]`.
     lanes: Vec<f32>,
     /// A box around the images.
-    bounds: (Vec<f32>, Vec<f32>),
+    bounds: Bounds,
     /// Images beyond this squared distance need not be looked at; negative past the last query.
     thresholds: [f32; QUERIES],
+    /// The largest threshold.
+    reach: f32,
     /// Work on boxes and images so far; see [`Searched`].
     work: u64,
 }
@@ -61,21 +63,54 @@ struct One<'a> {
     slack: f64,
 }
 
-/// The lists of a block, in the order of its queries, and what they cost.
+/// The sides of a box.
+struct Bounds {
+    lower: Vec<f32>,
+    upper: Vec<f32>,
+}
+
+impl Bounds {
+    fn nothing(width: usize) -> Self {
+        Self { lower: vec![f32::INFINITY; width], upper: vec![f32::NEG_INFINITY; width] }
+    }
+
+    fn include(&mut self, lower: &[f32], upper: &[f32]) {
+        for (side, &value) in self.lower.iter_mut().zip(lower) {
+            *side = side.min(value);
+        }
+        for (side, &value) in self.upper.iter_mut().zip(upper) {
+            *side = side.max(value);
+        }
+    }
+
+    fn sides(&self) -> (&[f32], &[f32]) {
+        (&self.lower, &self.upper)
+    }
+}
+
+/// The lists of a band, in the order of its queries, and what they cost.
 pub(super) struct Searched {
     pub(super) lists: Vec<MemberLists>,
     /// Work in multiply-adds, where each kind of work counts by the time that it takes beside a matrix product.
     pub(super) work: u64,
 }
 
-impl WithSimd for Block<'_> {
+impl WithSimd for Band<'_> {
     type Output = Searched;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Searched {
         let tree = &self.join.tree;
-        let mut progress = self.begin(simd);
-        let mut reach = self.visit(simd, self.leaf, &mut progress);
+        let mut around = Bounds::nothing(self.join.embedding.width());
+        let mut blocks: Vec<Block<'_>> = Vec::with_capacity(self.blocks.len());
+        for &(leaf, order) in self.blocks {
+            let mut block = self.begin(simd, leaf, order);
+            self.visit(simd, leaf, &mut block);
+            around.include(&block.bounds.lower, &block.bounds.upper);
+            blocks.push(block);
+        }
+        let furthest = |blocks: &[Block<'_>]| blocks.iter().map(|b| b.reach).fold(-1.0, f32::max);
+        let mut reach = furthest(&blocks);
         let mut open = BinaryHeap::new();
         open.push((Reverse(0), Reverse(0)));
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
@@ -83,12 +118,18 @@ impl WithSimd for Block<'_> {
                 break;
             }
             match tree.below(node) {
-                Below::Leaf(leaf) if leaf == self.leaf => {}
-                Below::Leaf(leaf) => reach = self.visit(simd, leaf, &mut progress),
+                Below::Leaf(leaf) => {
+                    for block in blocks.iter_mut().filter(|block| block.leaf != leaf) {
+                        let bound = box_to_box(simd, block.bounds.sides(), tree.bounds(node));
+                        if bound <= block.reach {
+                            self.visit(simd, leaf, block);
+                        }
+                    }
+                    reach = furthest(&blocks);
+                }
                 Below::Nodes(children) => {
-                    let bounds = (&progress.bounds.0[..], &progress.bounds.1[..]);
                     for child in children {
-                        let bound = box_to_box(simd, bounds, tree.bounds(child));
+                        let bound = box_to_box(simd, around.sides(), tree.bounds(child));
                         if bound <= reach {
                             // Bits of floats that are not negative are ordered as the floats.
                             open.push((Reverse(bound.to_bits()), Reverse(child)));
@@ -98,41 +139,44 @@ impl WithSimd for Block<'_> {
             }
         }
         let (pool, columns) = (self.join.pool(), self.join.sources.columns() as u64);
-        let looked: u64 = progress.one.iter().map(|one| one.pending.looked()).sum();
-        let work = progress.work + looked * STATE_COST * columns;
-        let finish = |one: One<'_>| one.pending.finish(pool, self.queries);
-        Searched { lists: progress.one.into_iter().map(finish).collect(), work }
+        let ones = blocks.iter().flat_map(|block| &block.one);
+        let looked: u64 = ones.map(|one| one.pending.looked()).sum();
+        let work: u64 = blocks.iter().map(|block| block.work).sum();
+        let ones = blocks.into_iter().flat_map(|block| block.one);
+        let lists = ones.map(|one| one.pending.finish(pool, self.queries)).collect();
+        Searched { lists, work: work + looked * STATE_COST * columns }
     }
 }
 
-impl<'a> Block<'a> {
+impl<'a> Band<'a> {
     /// The queries with their images and first radii.
     #[inline(always)]
-    fn begin<S: Simd>(&self, simd: S) -> Progress<'a> {
+    fn begin<S: Simd>(&self, simd: S, leaf: usize, order: &[u32]) -> Block<'a> {
         let width = self.join.embedding.width();
-        let mut progress = Progress {
-            one: Vec::with_capacity(self.order.len()),
-            images: vec![0.0; self.order.len() * width],
+        let mut block = Block {
+            leaf,
+            one: Vec::with_capacity(order.len()),
+            images: vec![0.0; order.len() * width],
             lanes: vec![0.0; QUERIES * width],
-            bounds: (vec![f32::INFINITY; width], vec![f32::NEG_INFINITY; width]),
+            bounds: Bounds::nothing(width),
             thresholds: [-1.0; QUERIES],
+            reach: -1.0,
             work: 0,
         };
-        for (lane, &query) in self.order.iter().enumerate() {
-            let image = &mut progress.images[lane * width..][..width];
+        for (lane, &query) in order.iter().enumerate() {
+            let image = &mut block.images[lane * width..][..width];
             let norm = self.join.image(self.queries, query as usize, image);
             let slack = self.join.embedding.slack(self.join.norm, norm);
             let (pool, query) = (self.join.pool(), query as usize);
             let one = One { pending: Pending::new(simd, pool, self.queries, query, self.k), slack };
-            progress.thresholds[lane] = self.threshold(&one);
+            block.thresholds[lane] = self.threshold(&one);
             for (c, &value) in image.iter().enumerate() {
-                progress.lanes[c * QUERIES + lane] = value;
-                progress.bounds.0[c] = progress.bounds.0[c].min(value);
-                progress.bounds.1[c] = progress.bounds.1[c].max(value);
+                block.lanes[c * QUERIES + lane] = value;
             }
-            progress.one.push(one);
+            block.bounds.include(image, image);
+            block.one.push(one);
         }
-        progress
+        block
     }
 
     /// Images beyond this squared distance from the query's need not be looked at.
@@ -143,11 +187,11 @@ impl<'a> Block<'a> {
         })
     }
 
-    /// Meet every source of a leaf that could be near enough to some query. Returns the largest threshold.
+    /// Meet every source of a leaf that could be near enough to some query of the block.
     #[inline(always)]
-    fn visit<S: Simd>(&self, simd: S, leaf: usize, progress: &mut Progress<'_>) -> f32 {
+    fn visit<S: Simd>(&self, simd: S, leaf: usize, block: &mut Block<'_>) {
         let (tree, width) = (&self.join.tree, self.join.embedding.width());
-        let Progress { one, images, lanes, thresholds, work, .. } = progress;
+        let Block { one, images, lanes, thresholds, work, .. } = block;
         *work += (BOX_COST * QUERIES * width) as u64;
         let mut to_box = [0.0; QUERIES];
         let bounds = tree.bounds(tree.node_of(leaf));
@@ -167,7 +211,7 @@ impl<'a> Block<'a> {
                 }
             }
         }
-        thresholds.iter().copied().fold(-1.0, f32::max)
+        block.reach = thresholds.iter().copied().fold(-1.0, f32::max);
     }
 
     /// Meet the sources of a leaf whose images are near enough to one query.

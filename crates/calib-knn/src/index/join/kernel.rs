@@ -12,7 +12,7 @@ use super::tree::LEAF;
 /// Registers that a pass over lanes keeps.
 const SUMS: usize = 8;
 /// Coordinates between two looks at whether the rest is needed.
-const HALT: usize = 16;
+const HALT: usize = 8;
 
 /// Squared distance between two boxes.
 #[inline(always)]

@@ -1,5 +1,3 @@
-use std::ops::Range;
-
 use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
 use pulp::Arch;
@@ -13,14 +11,16 @@ mod tree;
 
 use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
 use crate::{KnnError, distance::Margin, groups::Groups};
-use block::{Block, QUERIES};
+use block::{Band, QUERIES};
 use embedding::Embedding;
 pub(crate) use embedding::width as image_width;
 use tree::{LEAF, Tree};
 
 /// Sources between two looks at the monitor while the images are made.
 const CHUNK: usize = 1 << 12;
-/// Blocks by which the work is judged.
+/// Leaves of a band: its queries share what is read of other leaves.
+const BAND: usize = 8;
+/// Bands by which the work is judged.
 const SAMPLE: usize = 12;
 /// Beyond this distance from the mean f32 images could overflow.
 const FARTHEST: f64 = 1e15;
@@ -117,35 +117,38 @@ impl<'a> Join<'a> {
         self.tree.nearest_leaf(&image)
     }
 
-    /// Runs of `order` that lie in one leaf, at most [`QUERIES`] long, with the leaf.
-    fn blocks(&self, queries: &Queries<'_>, order: &[u32]) -> Vec<(usize, Range<usize>)> {
+    /// Runs of `order` that lie in one leaf, at most [`QUERIES`] long, with the leaf; band by band.
+    fn bands<'o>(&self, queries: &Queries<'_>, order: &'o [u32]) -> Vec<Vec<(usize, &'o [u32])>> {
         let leaves: Vec<usize> =
             order.par_iter().map(|&query| self.leaf(queries, query as usize)).collect();
-        let mut blocks = Vec::new();
-        let mut start = 0;
-        for run in leaves.chunk_by(|a, b| a == b) {
-            for part in run.chunks(QUERIES) {
-                blocks.push((run[0], start..start + part.len()));
-                start += part.len();
+        let mut bands = Vec::new();
+        let mut rest = order;
+        for band in leaves.chunk_by(|a, b| a / BAND == b / BAND) {
+            let mut blocks = Vec::new();
+            for run in band.chunk_by(|a, b| a == b) {
+                let (own, after) = rest.split_at(run.len());
+                blocks.extend(own.chunks(QUERIES).map(|part| (run[0], part)));
+                rest = after;
             }
+            // Many queries of one leaf, as where they come from elsewhere, are many bands.
+            bands.extend(blocks.chunks(2 * BAND * LEAF / QUERIES).map(<[_]>::to_vec));
         }
-        blocks
+        bands
     }
 
     /// The work of the join as a share of that of a scan, judged by a few of the queries.
     pub(super) fn share_of_scan(&self, queries: &Queries<'_>, order: &[u32], k: usize) -> f64 {
-        let stride = (order.len() / SAMPLE).max(1);
-        let sample: Vec<&[u32]> =
-            order.chunks(stride).map(|part| &part[..part.len().min(QUERIES)]).collect();
+        let bands = self.bands(queries, order);
+        let stride = bands.len().div_ceil(SAMPLE).max(1);
+        let sample: Vec<_> =
+            bands.iter().step_by(stride).map(|band| &band[..band.len().min(2)]).collect();
         let arch = Arch::new();
         let (work, sampled) = sample
             .par_iter()
-            .map(|part| {
-                let leaf = self.leaf(queries, part[0] as usize);
-                let same =
-                    part.partition_point(|&query| self.leaf(queries, query as usize) == leaf);
-                let block = Block { join: self, queries, order: &part[..same], leaf, k };
-                (arch.dispatch(block).work, same as u64)
+            .map(|blocks| {
+                let band = Band { join: self, queries, blocks, k };
+                let count: usize = blocks.iter().map(|(_, order)| order.len()).sum();
+                (arch.dispatch(band).work, count as u64)
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let scan = sampled * (self.sources.len() * self.sources.columns()) as u64;
@@ -185,18 +188,18 @@ impl NeighborIndex for Join<'_> {
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
         let (k, arch) = (found.k(), Arch::new());
-        let blocks = self.blocks(queries, order);
-        let pieces = found.pieces(blocks.iter().map(|(_, range)| range.len()));
-        pieces.zip(&blocks).for_each(|(mut piece, (leaf, range))| {
+        let bands = self.bands(queries, order);
+        let length = |band: &Vec<(usize, &[u32])>| band.iter().map(|(_, run)| run.len()).sum();
+        let pieces = found.pieces(bands.iter().map(length));
+        pieces.zip(&bands).for_each(|(mut piece, blocks)| {
             if monitor.interrupted() {
                 return;
             }
-            let order = &order[range.clone()];
-            let block = Block { join: self, queries, order, leaf: *leaf, k };
-            for (place, lists) in arch.dispatch(block).lists.iter().enumerate() {
+            let searched = arch.dispatch(Band { join: self, queries, blocks, k });
+            for (place, lists) in searched.lists.iter().enumerate() {
                 piece.store(place, lists);
             }
-            monitor.advance(order.len() as u64);
+            monitor.advance(searched.lists.len() as u64);
         });
         going_on(monitor)
     }
