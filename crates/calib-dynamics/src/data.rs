@@ -57,6 +57,17 @@ impl<'a> Transitioning<'a> {
         self.learnt..self.transitions.len()
     }
 
+    /// The validation loss of predicting that nothing changes: what a model has to beat.
+    pub fn persistence_loss(&self) -> f64 {
+        let mut squares = 0.0;
+        for transition in self.validation() {
+            let source = self.transitions.source(TransitionIndex::new(transition)).get();
+            let pairs = self.states.row(source).iter().zip(self.states.row(source + 1));
+            squares += pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum::<f64>();
+        }
+        squares / (self.validation().len() * self.columns()) as f64
+    }
+
     /// Copy the source states of `transitions` to `inputs` and their next states to `targets`.
     pub fn gather(&self, transitions: &[u32], inputs: &mut Vec<f32>, targets: &mut Vec<f32>) {
         inputs.clear();
@@ -104,6 +115,7 @@ mod tests {
         let (mut inputs, mut targets) = (Vec::new(), Vec::new());
         data.gather(&[5, 6], &mut inputs, &mut targets);
         assert_eq!((inputs, targets), (vec![5.0, 7.0], vec![6.0, 8.0]));
+        assert_eq!(data.persistence_loss(), 1.0, "each step is one up");
         let few = Transitions::new(Segments::from_lengths([2]).expect("valid"));
         assert!(matches!(
             Transitioning::new(&states, &few, 0.5),

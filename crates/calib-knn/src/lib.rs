@@ -44,7 +44,7 @@ mod weights;
 
 pub use blocks::Blocks;
 pub use choice::{IndexChoice, Reason};
-pub use config::{IndexKind, ModelConfig, WeightsKind};
+pub use config::{IndexKind, ModelConfig, ModelKind, WeightsKind};
 pub use error::KnnError;
 pub use exclusion::{Exclusion, SelfMatch};
 pub use index::{Found, Join, KdTree, NeighborIndex, Planned, Queries, Scan, Sources};

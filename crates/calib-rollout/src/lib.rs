@@ -2,6 +2,7 @@
 //!
 //! - [`StartSource`], [`start_states`], [`Start`]: where rollouts start: random, listed rows, recent rows, a month of
 //!   the year, or the nearest recorded states to those of another period.
+//! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
 //! - [`JumpStatistics`]: how much a rollout jumps, and how much it merely replays.
 //! - [`RolloutConfig`]: the `[rollout]` section of a study.
@@ -31,6 +32,7 @@ mod error;
 mod month;
 mod rollout;
 mod start;
+mod start_row;
 mod statistics;
 
 pub use config::{Absent, RolloutConfig, StartKind};
@@ -38,4 +40,5 @@ pub use error::RolloutError;
 pub use month::month_of;
 pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states};
+pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;

@@ -69,8 +69,7 @@ pub fn start_states(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let draw =
-        |number: usize, below: usize| seed.child("start").number(number as u64).rng().below(below);
+    let draw = |number: usize, below: usize| draw(seed, number, below);
     let at = |transition| StartState { start: Start::At(transition), replaced: None };
     match source {
         StartSource::Random => {
@@ -108,6 +107,17 @@ pub fn start_states(
 /// A row of the deployment's month that is older than this belongs to an earlier year.
 const EARLIER_YEAR_MICROS: i64 = 300 * 86_400_000_000;
 
+/// Whether a time lies in the month, in a year before the deployment.
+pub(crate) fn is_in_earlier_year(time: Timestamp, month: u8, before: Option<Timestamp>) -> bool {
+    before.is_none_or(|before| before.micros_since(time) > EARLIER_YEAR_MICROS)
+        && month_of(time) == month
+}
+
+/// The draw of start `number`, uniform below a limit.
+pub(crate) fn draw(seed: Seed, number: usize, below: usize) -> usize {
+    seed.child("start").number(number as u64).rng().below(below)
+}
+
 /// The member's transitions that end in the month, in years before the deployment.
 fn month_pool(
     member: &Member<'_>,
@@ -125,9 +135,8 @@ fn month_pool(
     let pool: Vec<TransitionIndex> = (0..member.len())
         .map(|position| member.nth(position))
         .filter(|&transition| {
-            let time = timestamps[member.model().transitions().next(transition).get()];
-            before.is_none_or(|before| before.micros_since(time) > EARLIER_YEAR_MICROS)
-                && month_of(time) == month
+            let row = member.model().transitions().next(transition);
+            is_in_earlier_year(timestamps[row.get()], month, before)
         })
         .collect();
     if pool.is_empty() {

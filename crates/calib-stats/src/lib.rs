@@ -12,7 +12,7 @@
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
 //! - [`quantile`], [`median`]: order statistics.
 //! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories,
-//!   beside warping.
+//!   beside warping; [`collapse_step`]: where a trajectory stops moving.
 //!
 //! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last.
 //! NaN is a mistake, and always an error; see [`Direction::or_worst`].
@@ -54,6 +54,6 @@ pub use ranks::{average_ranks, competition_ranks};
 pub use selection::{Selection, select};
 pub use summary::{Interval, Summary, mean, sample_std, summarise};
 pub use trajectory::{
-    SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, increments, spectral_distance,
-    spectrum, usual_lags, usual_segment, wasserstein,
+    SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, collapse_step, increments,
+    spectral_distance, spectrum, usual_lags, usual_segment, wasserstein,
 };

@@ -1,11 +1,13 @@
-//! Distances between two trajectories of one sensor, other than warping.
+//! Distances between two trajectories of one sensor, other than warping, and collapse.
 
 mod autocorrelation;
+mod collapse;
 mod fourier;
 mod spectrum;
 mod wasserstein;
 
 pub use autocorrelation::{autocorrelation, autocorrelation_distance, usual_lags};
+pub use collapse::collapse_step;
 pub use spectrum::{SPECTRUM_FLOOR, spectral_distance, spectrum, usual_segment};
 pub use wasserstein::{increments, wasserstein};
 

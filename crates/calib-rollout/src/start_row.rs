@@ -1,0 +1,146 @@
+use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
+
+use crate::{
+    RolloutError, StartSource,
+    start::{draw, is_in_earlier_year},
+};
+
+/// A recorded row to start from, and whether it is what was asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartRow {
+    /// The row.
+    pub row: RowIndex,
+    /// The distance from the state asked for to this row, if the row replaces it.
+    pub replaced: Option<f32>,
+}
+
+/// `count` rows to start rollouts of a parametric model from, which may start anywhere in its data: as
+/// [`start_states`](crate::start_states) of a member that lacks nothing.
+///
+/// Start `r` depends on `seed` and `r` only. `states` are those of the data; nearest ones are found among them by
+/// comparing with each, ties going to the first.
+///
+/// # Errors
+/// If the source has no rows, names rows that do not exist, or finds nothing.
+pub fn start_rows(
+    states: &States,
+    transitions: &Transitions,
+    source: StartSource<'_>,
+    count: usize,
+    seed: Seed,
+) -> Result<Vec<StartRow>, RolloutError> {
+    let at = |row| StartRow { row, replaced: None };
+    let next = |position: usize| transitions.next(TransitionIndex::new(position));
+    let all = transitions.len();
+    match source {
+        StartSource::Random => Ok((0..count).map(|r| at(next(draw(seed, r, all)))).collect()),
+        StartSource::Recent => Ok((0..count).map(|r| at(next(all - 1 - r % all))).collect()),
+        StartSource::CalendarMonth { timestamps, month, before } => {
+            let pool = month_rows(states, transitions, timestamps, month, before)?;
+            Ok((0..count).map(|r| at(pool[draw(seed, r, pool.len())])).collect())
+        }
+        StartSource::Rows { rows, .. } => {
+            if rows.is_empty() {
+                return Err(RolloutError::NoRows);
+            }
+            if let Some(&row) = rows.iter().find(|row| row.get() >= states.rows()) {
+                return Err(RolloutError::UnknownRow { row, rows: states.rows() });
+            }
+            Ok((0..count).map(|r| at(rows[r % rows.len()])).collect())
+        }
+        StartSource::Nearest { states: deployment } => {
+            if deployment.rows() == 0 {
+                return Err(RolloutError::NoStates);
+            }
+            let sampled = (0..count).map(|r| deployment.row(draw(seed, r, deployment.rows())));
+            Ok(sampled.map(|state| nearest(states, state)).collect())
+        }
+    }
+}
+
+fn month_rows(
+    states: &States,
+    transitions: &Transitions,
+    timestamps: &[Timestamp],
+    month: u8,
+    before: Option<Timestamp>,
+) -> Result<Vec<RowIndex>, RolloutError> {
+    if !(1..=12).contains(&month) {
+        return Err(RolloutError::Month { got: month });
+    }
+    if timestamps.len() != states.rows() {
+        let (timestamps, rows) = (timestamps.len(), states.rows());
+        return Err(RolloutError::Timestamps { timestamps, rows });
+    }
+    let rows = (0..transitions.len()).map(|i| transitions.next(TransitionIndex::new(i)));
+    let pool: Vec<RowIndex> =
+        rows.filter(|row| is_in_earlier_year(timestamps[row.get()], month, before)).collect();
+    if pool.is_empty() {
+        return Err(RolloutError::EmptyMonth { member: 0, month });
+    }
+    Ok(pool)
+}
+
+fn nearest(states: &States, wanted: &[f32]) -> StartRow {
+    let square = |row: usize| -> f64 {
+        let pairs = states.row(row).iter().zip(wanted);
+        pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
+    };
+    let (row, square) = (0..states.rows())
+        .map(|row| (row, square(row)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .expect("data has rows");
+    StartRow { row: RowIndex::new(row), replaced: Some(square.sqrt() as f32) }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Segments;
+
+    use super::*;
+    use crate::Absent;
+
+    fn data() -> (States, Transitions) {
+        let states = States::new((0..20_u8).map(f32::from).collect(), 20, 1).expect("valid");
+        (states, Transitions::new(Segments::from_lengths([1, 9, 10]).expect("valid")))
+    }
+
+    #[test]
+    fn every_source_gives_recorded_rows() {
+        let (states, transitions) = data();
+        let rows = |source| -> Vec<u32> {
+            let starts = start_rows(&states, &transitions, source, 4, Seed::new(2)).expect("valid");
+            starts.iter().map(|start| start.row.0).collect()
+        };
+        let random = rows(StartSource::Random);
+        assert!(
+            random.iter().all(|&row| row > 1 && row != 10),
+            "rows that follow others: {random:?}"
+        );
+        assert_eq!(rows(StartSource::Recent), [19, 18, 17, 16]);
+        let listed = [RowIndex(0), RowIndex(7), RowIndex(10)];
+        let listed = StartSource::Rows { rows: &listed, absent: Absent::External };
+        assert_eq!(rows(listed), [0, 7, 10, 0]);
+        let hour = |hour: i64| Timestamp::from_micros(hour * 3_600_000_000);
+        // January 1970 until row 12, then February.
+        let timestamps: Vec<Timestamp> = (0..20).map(|row| hour(732 + row)).collect();
+        let month = StartSource::CalendarMonth { timestamps: &timestamps, month: 2, before: None };
+        assert!(rows(month).iter().all(|&row| row >= 12));
+        let deployment = States::new(vec![4.2], 1, 1).expect("valid");
+        let source = StartSource::Nearest { states: &deployment };
+        let near = start_rows(&states, &transitions, source, 1, Seed::new(2)).expect("valid");
+        assert_eq!(near[0].row, RowIndex(4));
+        assert!((near[0].replaced.expect("replaced") - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_not_there_is_an_error() {
+        let (states, transitions) = data();
+        let of = |source| start_rows(&states, &transitions, source, 1, Seed::new(2));
+        let unknown = [RowIndex(20)];
+        let unknown = StartSource::Rows { rows: &unknown, absent: Absent::External };
+        assert!(matches!(of(unknown), Err(RolloutError::UnknownRow { .. })));
+        let none = StartSource::Rows { rows: &[], absent: Absent::External };
+        assert!(matches!(of(none), Err(RolloutError::NoRows)));
+    }
+}
