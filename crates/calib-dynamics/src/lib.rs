@@ -45,7 +45,7 @@ pub use data::{Transitioning, sequences};
 pub use error::DynamicsError;
 pub use feed_forward::FeedForward;
 pub use model::{Dynamics, LANES, Walk};
-pub use predict::{Ended, PredictedStream, Prediction, predict};
+pub use predict::{Ended, PredictedStream, Prediction, predict, predict_in_lockstep};
 pub use record::{EpochLoss, Trainer, TrainingRecord, epoch_order, seed_of_parameters};
 pub use recurrent::{GruLayer, Recurrent};
 pub use train::FeedForwardTrainer;

@@ -126,12 +126,19 @@ pub fn predict(
     monitor.begin("rollouts", starts.len() as u64 * steps as u64);
     let lockstep: Result<Vec<Vec<Prediction>>, DynamicsError> = starts
         .par_chunks(LANES)
-        .map(|starts| predict_lanes(model, states, segments, starts, steps, monitor))
+        .map(|starts| predict_in_lockstep(model, states, segments, starts, steps, monitor))
         .collect();
     Ok(lockstep?.into_iter().flatten().collect())
 }
 
-fn predict_lanes(
+/// As [`predict`], on the calling thread alone, of at most [`LANES`] starts. The caller begins the task.
+///
+/// # Errors
+/// If the model cannot be run, or the monitor is interrupted.
+///
+/// # Panics
+/// If there are more starts, or one is not a row of the segments, or the model does not fit the states.
+pub fn predict_in_lockstep(
     model: &dyn Dynamics,
     states: &States,
     segments: &Segments,
@@ -140,6 +147,8 @@ fn predict_lanes(
     monitor: &dyn Monitor,
 ) -> Result<Vec<Prediction>, DynamicsError> {
     let columns = states.columns();
+    assert!(starts.len() <= LANES, "at most {LANES} rollouts step together");
+    assert_eq!(model.columns(), columns, "the model is one of these states");
     let mut walk = model.walk()?;
     let mut current = vec![0.0; LANES * columns];
     let mut next = vec![0.0; LANES * columns];

@@ -1,4 +1,7 @@
+use std::sync::Arc;
+
 use calib_agent::AgentError;
+use calib_dynamics::DynamicsError;
 use calib_files::FileError;
 use calib_stats::StatsError;
 
@@ -104,6 +107,9 @@ pub enum SweepError {
         /// Why.
         source: AgentError,
     },
+    /// A parametric model could not be rolled out.
+    #[error(transparent)]
+    Dynamics(Arc<DynamicsError>),
     /// A unit's file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),

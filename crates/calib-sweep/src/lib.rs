@@ -3,7 +3,8 @@
 //! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid: lists and
 //!   ranges, all combinations or a random or Sobol sample of them.
 //! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of the
-//!   calibration model, [`ReplayEnvironment`] replays the log: held out (Online) or training.
+//!   calibration model, [`PredictedEnvironment`] a parametric model, [`ReplayEnvironment`] replays the
+//!   log: held out (Online) or training.
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
@@ -15,6 +16,7 @@ mod config;
 mod environment;
 mod error;
 mod plan;
+mod predicted;
 mod range;
 mod sampling;
 mod sobol;
@@ -30,6 +32,7 @@ pub use environment::{
 };
 pub use error::SweepError;
 pub use plan::{Plan, PlanOptions};
+pub use predicted::PredictedEnvironment;
 pub use range::{Range, Scale};
 pub use sampling::Sampling;
 pub use store::UnitStore;
