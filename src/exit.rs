@@ -1,5 +1,6 @@
 use calib_agent::AgentError;
 use calib_data::DataError;
+use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
 use calib_represent::RepresentError;
 use calib_rollout::RolloutError;
@@ -60,5 +61,6 @@ fn was_interrupted(error: &anyhow::Error) -> bool {
             || matches!(cause.downcast_ref(), Some(SweepError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RepresentError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RolloutError::Interrupted))
+            || matches!(cause.downcast_ref(), Some(DynamicsError::Interrupted))
     })
 }

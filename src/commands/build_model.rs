@@ -10,8 +10,10 @@ use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
+    build_network,
     build_plan::BuildPlan,
     jumps, load_study,
+    model::Model,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     represent::{self, Representation},
 };
@@ -32,6 +34,9 @@ const PROBE_STEPS: usize = 10_000;
 pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
     let (study, paths) = load_study(&args.study)?;
+    if study.is_parametric() {
+        return build_network::run(args, &study, &paths, printer);
+    }
     let directory = paths.model();
     let data = study.data_to_read(&paths)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
@@ -51,10 +56,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     check_sensors(&study, &dataset)?;
     let representation = represent::open(&study, &paths, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = artefact::read::<ModelManifest>(&directory).filter(|found| {
-        let files = found.files.keys().map(String::as_str);
-        found.key == key && artefact::has_files(&directory, files)
-    });
+    let existing = up_to_date(&directory, &key);
     let (manifest, built) = match existing {
         Some(manifest) if !args.study.force => {
             (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
@@ -79,7 +81,16 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     Ok(status)
 }
 
-fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
+/// The manifest of a model that follows from what `key` names, if all its files are there.
+pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
+    artefact::read::<ModelManifest>(directory).filter(|found| {
+        let files = found.files.keys().map(String::as_str);
+        found.key == key && artefact::has_files(directory, files)
+    })
+}
+
+/// Check that the sensors to predict are columns of the states.
+pub(super) fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
     for sensor in &study.sweep.sensors {
         model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
             .context("sweep.sensors")?;
@@ -131,7 +142,7 @@ fn build(
     drop(progress);
     printer.say(&format!("search structure: {choice}"));
     let searched = clock.elapsed();
-    model_files::write(directory, &dataset, &knn)?;
+    model_files::write(directory, &dataset, Some(&knn))?;
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
     parts.remove()?;
     let members =
@@ -147,8 +158,9 @@ fn build(
         transitions: knn.transitions().len(),
         segments: dataset.train.segments().len(),
         normaliser: dataset.normaliser.clone(),
-        search: choice.to_string(),
+        search: Some(choice.to_string()),
         members,
+        training: None,
         files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
     };
     write_json(
@@ -212,10 +224,11 @@ fn summary(study: &Study, knn: &KnnModel, member: usize) -> anyhow::Result<Membe
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
     let starts = start_states(&of, StartSource::Random, 1, seed)?;
     let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
-    Ok(MemberSummary { transitions: of.len(), jumps: JumpStatistics::of([probe.rows()]) })
+    Ok(MemberSummary { transitions: of.len(), jumps: Some(JumpStatistics::of([probe.rows()])) })
 }
 
-fn fingerprints(
+/// Fingerprints of a model's files: those of every kind, the tables of its members, and `further` ones.
+pub(super) fn fingerprints(
     directory: &Path,
     members: usize,
     further: &[&str],
@@ -237,8 +250,9 @@ fn check_against_brute_force(
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     let model = model_files::open(paths, study)?;
+    let Model::Knn(knn) = &model.model else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");
-    for (name, fingerprint) in fingerprints(&paths.model(), model.knn.members(), &[])? {
+    for (name, fingerprint) in fingerprints(&paths.model(), knn.members(), &[])? {
         if model.manifest.files.get(&name) != Some(&fingerprint) {
             bail!(
                 "{} is not what was written; run `{} --force`",
@@ -247,7 +261,7 @@ fn check_against_brute_force(
             );
         }
     }
-    let verification = verify(&model.knn, sample, seed);
+    let verification = verify(knn, sample, seed);
     if !verification.agrees() {
         printer.error(&format!(
             "{} of {} checked rows differ from brute force: this is a bug in calib, please report it",
@@ -271,12 +285,12 @@ fn summarise(
     printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
     for (number, member) in manifest.members.iter().enumerate() {
         let transitions = count(member.transitions);
-        let line = jumps::line(&member.jumps);
+        let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();
         printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
     }
     let members = manifest.members.iter();
     jumps::warn(
-        members.map(|member| (&member.jumps, member.transitions)),
+        members.map(|member| (member.jumps.as_ref(), member.transitions)),
         &manifest.study.model,
         printer,
     );

@@ -2,6 +2,7 @@
 
 use std::{io::Write as _, path::Path};
 
+use anyhow::Context as _;
 use calib_data::table::Table;
 use calib_files::{file_name, write_atomically};
 use calib_report::{Figure, RolloutFigure, Trajectory};
@@ -67,14 +68,16 @@ struct Group {
 fn groups(trajectories: &Table) -> anyhow::Result<Vec<Group>> {
     let members = trajectories.column::<u32>("member")?;
     let numbers = trajectories.column::<u32>("rollout")?;
-    let rows = trajectories.column::<u32>("row")?;
+    let rows = trajectories.optional::<u32>("row")?;
     let mut groups = Vec::new();
     let mut first = 0;
     for next in 1..=members.len() {
         let ends = next == members.len()
             || (members[next], numbers[next]) != (members[first], numbers[first]);
         if ends {
-            groups.push(Group { member: members[first], start: rows[first], rows: first..next });
+            // Predictions have a row at their start only.
+            let start = rows[first].context("a rollout starts at a recorded row")?;
+            groups.push(Group { member: members[first], start, rows: first..next });
             first = next;
         }
     }

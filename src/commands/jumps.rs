@@ -30,12 +30,13 @@ pub(super) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'stati
 
 /// Warn of members whose rollouts are no good, with what to try.
 pub(super) fn warn<'a>(
-    members: impl Iterator<Item = (&'a JumpStatistics, usize)>,
+    members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
     model: &ModelConfig,
     printer: &Printer,
 ) {
     let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
     for (member, (jumps, transitions)) in members.enumerate() {
+        let Some(jumps) = jumps else { continue };
         match note(jumps, transitions) {
             Some(_) if jumps.circling(transitions) => circling.push(member.to_string()),
             Some(_) => verbatim.push(member.to_string()),

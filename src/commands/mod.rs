@@ -2,7 +2,9 @@
 
 mod artefact;
 mod build_model;
+mod build_network;
 mod build_plan;
+mod collapse;
 mod comparison;
 mod dtw;
 mod evaluate;
@@ -11,6 +13,7 @@ mod generate;
 mod inspect;
 mod jumps;
 mod learning;
+mod model;
 mod model_files;
 mod quickstart;
 mod report;
@@ -22,6 +25,8 @@ mod starts;
 mod sweep;
 mod sweep_plan;
 mod sweep_tables;
+mod train_model;
+mod trajectory;
 
 use anyhow::Context as _;
 use calib_represent::RepresentationKind;

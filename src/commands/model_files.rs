@@ -11,7 +11,7 @@ use calib_data::{
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, map_npy, read_json, write_json, write_npy};
-use calib_knn::{KnnModel, ModelConfig};
+use calib_knn::{KnnModel, ModelConfig, ModelKind};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
@@ -19,7 +19,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Manifest},
+    model::Model,
     represent::{self, Representation},
+    train_model::{self, TrainingSummary},
 };
 use crate::study::{Study, StudyPaths};
 
@@ -43,9 +45,12 @@ pub(super) struct ModelManifest {
     pub(super) segments: usize,
     pub(super) normaliser: Normaliser,
     /// The search structure that found the tables, and why it was taken.
-    #[serde(default)]
-    pub(super) search: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) search: Option<String>,
     pub(super) members: Vec<MemberSummary>,
+    /// How the network was trained, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) training: Option<TrainingSummary>,
     /// Fingerprint of every other file.
     pub(super) files: BTreeMap<String, Fingerprint>,
 }
@@ -54,8 +59,9 @@ pub(super) struct ModelManifest {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct MemberSummary {
     pub(super) transitions: usize,
-    /// Of one rollout from a random start.
-    pub(super) jumps: JumpStatistics,
+    /// Of one rollout from a random start; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) jumps: Option<JumpStatistics>,
 }
 
 impl Manifest for ModelManifest {
@@ -66,7 +72,7 @@ impl Manifest for ModelManifest {
     }
 }
 
-/// Fingerprint of what a model follows from.
+/// Fingerprint of what a model of neighbours follows from.
 pub(super) fn model_key(
     data: &Fingerprint,
     model: &ModelConfig,
@@ -85,7 +91,7 @@ pub(super) fn model_key(
 pub(super) struct OpenModel {
     pub(super) manifest: ModelManifest,
     pub(super) frames: Frames,
-    pub(super) knn: KnnModel,
+    pub(super) model: Model,
     /// What computes the representation that neighbours are searched in, where there is one and it can.
     encoder: Option<Mlp>,
 }
@@ -96,7 +102,9 @@ impl OpenModel {
     pub(super) fn in_metric(&self, states: &States) -> anyhow::Result<States> {
         match &self.encoder {
             Some(encoder) => Ok(encode(encoder, states)?),
-            None if self.manifest.study.representation.kind == RepresentationKind::None => {
+            None if self.manifest.study.is_parametric()
+                || self.manifest.study.representation.kind == RepresentationKind::None =>
+            {
                 Ok(states.clone())
             }
             None => bail!(
@@ -123,20 +131,28 @@ pub(super) fn map_states(directory: &Path, frames: &Frames) -> anyhow::Result<Fr
     Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
 }
 
-/// Write rows, profile and members; states come before, and the manifest is the caller's to write last.
-pub(super) fn write(directory: &Path, dataset: &Dataset, knn: &KnnModel) -> anyhow::Result<()> {
+/// Write rows, profile and, for neighbours, the members; states come before, and the manifest is the caller's to
+/// write last.
+pub(super) fn write(
+    directory: &Path,
+    dataset: &Dataset,
+    knn: Option<&KnnModel>,
+) -> anyhow::Result<()> {
     let frames = &dataset.train;
     rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
     write_json(&directory.join("profile.json"), &dataset.profile)?;
-    Ok(knn.write_members(directory)?)
+    Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
 
-/// Row → timestamp, segment, block; the columns of the states in the metadata.
-fn rows_table(frames: &Frames, knn: &KnnModel) -> Table {
+/// Row → timestamp, segment and, for neighbours, block.
+fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     let mut segments = Vec::with_capacity(frames.rows());
     for (number, segment) in frames.segments().iter().enumerate() {
         segments.extend(std::iter::repeat_n(number as u32, segment.len()));
     }
+    let table =
+        Table::new().with("timestamp", frames.timestamps().to_vec()).with("segment", segments);
+    let Some(knn) = knn else { return table };
     let transitions = knn.transitions();
     let block = |row: usize| {
         let row = calib_core::RowIndex::new(row);
@@ -144,10 +160,7 @@ fn rows_table(frames: &Frames, knn: &KnnModel) -> Table {
             transitions.starting_at(row).or_else(|| transitions.ending_in(row));
         transition.map(|transition| knn.blocks().block_of(transition) as u32)
     };
-    Table::new()
-        .with("timestamp", frames.timestamps().to_vec())
-        .with("segment", segments)
-        .with_optional("block", (0..frames.rows()).map(block).collect())
+    table.with_optional("block", (0..frames.rows()).map(block).collect())
 }
 
 /// Open the model of `study`; tables and states are mapped, and checked.
@@ -157,8 +170,9 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let manifest: ModelManifest = artefact::require(directory, &build)?;
     let made = &manifest.study;
     let changed = [
-        ("[representation]", made.representation == study.representation),
+        ("[representation]", study.is_parametric() || made.representation == study.representation),
         ("[model]", made.model == study.model),
+        ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),
     ];
@@ -180,13 +194,22 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let segments = Segments::from_lengths(lengths).with_context(again)?;
     let transitions = Transitions::new(segments.clone());
     let frames = Frames::new(timestamps, segments, states.clone()).with_context(again)?;
-    let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
-    let metric = psi.unwrap_or(states);
-    let members = manifest.study.model.members;
-    let exclusion = manifest.study.model.exclusion();
-    let knn =
-        KnnModel::open(directory, metric, transitions, members, exclusion).with_context(again)?;
-    Ok(OpenModel { manifest, frames, knn, encoder })
+    let settings = &manifest.study.model;
+    let (model, encoder) = match settings.kind {
+        ModelKind::Knn => {
+            let (psi, encoder) =
+                represent::of_model(directory, &manifest.files).with_context(again)?;
+            let metric = psi.unwrap_or(states);
+            let (members, exclusion) = (settings.members, settings.exclusion());
+            let knn = KnnModel::open(directory, metric, transitions, members, exclusion);
+            (Model::Knn(knn.with_context(again)?), encoder)
+        }
+        kind => {
+            let network = train_model::open(directory, kind).with_context(again)?;
+            (Model::Parametric(network), None)
+        }
+    };
+    Ok(OpenModel { manifest, frames, model, encoder })
 }
 
 /// Check that the model was built from `dataset`.

@@ -14,8 +14,7 @@ use calib_stats::Summary as ScoreSummary;
 use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict, UnitResult};
 
 use super::{
-    artefact,
-    comparison::{self, Comparison},
+    artefact, collapse, comparison,
     evaluate::Summary,
     figures, jumps as jump_text, learning,
     model_files::{self, ModelManifest},
@@ -63,7 +62,6 @@ fn assemble(
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
         .filter(|manifest| manifest.model == model.key);
-    let comparison = rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
     Ok(Report {
         title: summary.title.clone(),
         subtitle: None,
@@ -85,20 +83,23 @@ fn assemble(
             None => Vec::new(),
         },
         jumps: jumps(&model),
-        tables: tables(study, paths, comparison),
+        tables: tables(study, paths, rollouts.as_ref()),
         data: Some(data_profile(&profile, &model)),
         reproduction: reproduction(study, paths, sweep)?,
     })
 }
 
-/// Distances of rollouts, and the representations that could be used.
-fn tables(study: &Study, paths: &StudyPaths, comparison: Option<&Comparison>) -> Vec<Table> {
-    let rollouts = comparison.map(|of| comparison::report_tables(&[(study.model_name(), of)]));
+/// What the rollouts were like, and the representations that could be used.
+fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>) -> Vec<Table> {
+    let name = study.model_name();
+    let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
+    let compared = rollouts.and_then(|of| of.comparison.as_ref());
+    let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
     let representations = (study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
         .flatten()
         .map(|manifest| represent::report_table(&manifest));
-    rollouts.into_iter().flatten().chain(representations).collect()
+    collapse.into_iter().chain(compared.into_iter().flatten()).chain(representations).collect()
 }
 
 /// The swept field, or all of them where there are several.
@@ -214,13 +215,16 @@ fn rollout_figures(
 fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
     let members = model.members.iter().enumerate();
     members
-        .map(|(member, summary)| JumpStatistics {
-            model: model.study.model_name().to_owned(),
-            member,
-            steps: summary.jumps.steps as u64,
-            jump_rate: summary.jumps.jump_rate,
-            mean_run_length: summary.jumps.mean_run_length,
-            note: jump_text::note(&summary.jumps, summary.transitions).map(str::to_owned),
+        .filter_map(|(member, summary)| {
+            let jumps = summary.jumps.as_ref()?;
+            Some(JumpStatistics {
+                model: model.study.model_name().to_owned(),
+                member,
+                steps: jumps.steps as u64,
+                jump_rate: jumps.jump_rate,
+                mean_run_length: jumps.mean_run_length,
+                note: jump_text::note(jumps, summary.transitions).map(str::to_owned),
+            })
         })
         .collect()
 }

@@ -1,17 +1,20 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Normalised, RowIndex, Seed, Timestamp};
+use calib_core::{Normalised, RowIndex, Timestamp};
 use calib_data::{Dataset, table::Table};
-use calib_rollout::{JumpStatistics, Rollout, RolloutConfig, rollouts};
+use calib_rollout::{JumpStatistics, RolloutConfig};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
+    collapse::{self, Collapse},
     comparison::{self, Comparison},
     figures, jumps, load_study,
+    model::{self, Model},
     model_files::{self, OpenModel},
-    starts::{starts, starts_from_held_out},
+    starts::starts_from_held_out,
+    trajectory::Trajectory,
 };
 use crate::{
     cli::StudyArgs,
@@ -33,6 +36,7 @@ pub(super) struct RolloutManifest {
     pub(super) period_secs: f64,
     /// One entry a member.
     pub(super) members: Vec<MemberRollouts>,
+    pub(super) collapse: Collapse,
     /// Distances from what was recorded after the same starts, unless they are switched off.
     pub(super) comparison: Option<Comparison>,
 }
@@ -42,13 +46,15 @@ pub(super) struct RolloutManifest {
 pub(super) struct MemberRollouts {
     /// Transitions of the member.
     pub(super) transitions: usize,
-    pub(super) jumps: JumpStatistics,
+    /// None for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) jumps: Option<JumpStatistics>,
     /// Rollouts whose start state the member lacks, so that it was replaced by a near one.
     pub(super) replaced_starts: usize,
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -123,12 +129,17 @@ fn sensors(
 
 fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) {
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
-    let members = model.knn.members();
+    let members = model.model.members();
     let rows = (members * rollouts * (steps + 1)) as u64;
+    // Recorded rows are numbers; predictions are whole states.
+    let per_state = match model.model {
+        Model::Knn(_) => 8,
+        Model::Parametric(_) => 4 * model.frames.states().columns() as u64,
+    };
     printer.say(&format!(
         "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
         count(steps),
-        bytes(rows * (8 + 32 * sensors as u64)),
+        bytes(rows * (per_state + 32 * sensors as u64)),
     ));
 }
 
@@ -144,16 +155,9 @@ fn roll_out(
     let held_out = deployment.and_then(|dataset| dataset.held_out);
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
-    let weights = study.model.weights()?;
-    let seed = Seed::new(study.seed).child("rollout");
-    let progress = printer.progress();
     let config = &study.rollout;
-    let mut all = Vec::with_capacity(model.knn.members());
-    for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
-        let held_out = held_out.as_ref();
-        let starts = starts(&member, config, model, held_out, config.rollouts, seed)?;
-        all.push(rollouts(&member, &starts, config.steps, weights, seed, &progress)?);
-    }
+    let progress = printer.progress();
+    let all = model::roll_out(model, study, held_out.as_ref(), &progress)?;
     drop(progress);
     let trajectories = trajectories(model, &all, sensors);
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
@@ -162,13 +166,14 @@ fn roll_out(
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
+    let collapse = collapse::of(model, &all, sensors)?;
     let comparison = compare(model, &all, sensors, directory, config.dtw_steps, printer)?;
     let members = all.iter().enumerate();
     let members = members
         .map(|(member, rollouts)| MemberRollouts {
-            transitions: model.knn.member(member).len(),
-            jumps: JumpStatistics::of(rollouts.iter().map(Rollout::rows)),
-            replaced_starts: rollouts.iter().filter(|of| of.start().replaced.is_some()).count(),
+            transitions: model.manifest.members[member].transitions,
+            jumps: jumps_of(rollouts),
+            replaced_starts: rollouts.iter().filter(|of| of.start_is_replaced()).count(),
         })
         .collect();
     let manifest = RolloutManifest {
@@ -180,16 +185,26 @@ fn roll_out(
         sensors: names,
         period_secs,
         members,
+        collapse,
         comparison,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
 }
 
+fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
+    let rows = rollouts.iter().map(|of| match of {
+        Trajectory::Recorded(rollout) => Some(rollout.rows()),
+        Trajectory::Predicted { .. } => None,
+    });
+    let rows: Option<Vec<&[RowIndex]>> = rows.collect();
+    rows.map(JumpStatistics::of)
+}
+
 /// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
 fn compare(
     model: &OpenModel,
-    all: &[Vec<Rollout>],
+    all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
     directory: &Path,
     steps: usize,
@@ -230,50 +245,50 @@ pub(super) fn recorded(model: &OpenModel, start: RowIndex, steps: usize) -> Vec<
 }
 
 /// One row a step: member, rollout, step, the recorded row and its time; per sensor the value in
-/// physical and in normalised units, and the recorded trajectory from the same start.
-fn trajectories(model: &OpenModel, all: &[Vec<Rollout>], sensors: &[(String, usize)]) -> Table {
+/// physical and in normalised units, and the recorded trajectory from the same start. Predictions have no
+/// row and no time but at their start.
+fn trajectories(model: &OpenModel, all: &[Vec<Trajectory>], sensors: &[(String, usize)]) -> Table {
     let flat = || {
         all.iter().enumerate().flat_map(|(member, rollouts)| {
             rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
         })
     };
-    let mut visited: Vec<RowIndex> = Vec::new();
+    let mut visited: Vec<Option<RowIndex>> = Vec::new();
     let mut truth: Vec<Option<RowIndex>> = Vec::new();
     let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (member, number, rollout) in flat() {
-        let rows = rollout.rows();
-        let recorded = recorded(model, rows[0], rollout.steps());
-        for (step, &row) in rows.iter().enumerate() {
+        let recorded = recorded(model, rollout.start(), rollout.steps());
+        for step in 0..=rollout.steps() {
             members.push(member as u32);
             numbers.push(number as u32);
             steps.push(step as u32);
-            visited.push(row);
+            visited.push(rollout.row(step));
             truth.push(recorded.get(step).copied());
         }
     }
-    let timestamps: Vec<Timestamp> =
-        visited.iter().map(|row| model.frames.timestamps()[row.get()]).collect();
+    let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
+    let timestamps: Vec<Option<Timestamp>> = visited.iter().map(time).collect();
     let states = model.frames.states();
     let mut table = Table::new()
         .with("member", members)
         .with("rollout", numbers)
         .with("step", steps)
-        .with("row", visited.iter().map(|row| row.0).collect())
-        .with("timestamp", timestamps);
+        .with_optional("row", visited.iter().map(|row| row.map(|row| row.0)).collect())
+        .with_optional("timestamp", timestamps);
     for (sensor, column) in sensors {
-        let normalised = |row: &RowIndex| states.row(row.get())[*column];
-        let physical = |row: &RowIndex| {
-            model.manifest.normaliser.physical(*column, Normalised(normalised(row))).0
-        };
+        let normalised: Vec<f32> = flat()
+            .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
+            .collect();
+        let physical =
+            |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
+        let recorded =
+            |row: &Option<RowIndex>| row.map(|row| physical(states.row(row.get())[*column]));
         table = table
-            .with(sensor, visited.iter().map(physical).collect::<Vec<f64>>())
-            .with(
-                format!("{sensor}.normalised"),
-                visited.iter().map(normalised).collect::<Vec<f32>>(),
-            )
+            .with(sensor, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
+            .with(format!("{sensor}.normalised"), normalised)
             .with_optional(
                 format!("{sensor}.recorded"),
-                truth.iter().map(|row| row.as_ref().map(physical)).collect::<Vec<Option<f64>>>(),
+                truth.iter().map(recorded).collect::<Vec<Option<f64>>>(),
             );
     }
     table
@@ -285,10 +300,13 @@ fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> an
             0 => String::new(),
             starts => format!("; {starts} start states replaced by their nearest"),
         };
-        printer.result(&format!("  member {number}: {}{replaced}", jumps::line(&member.jumps)))?;
+        let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
+        printer.result(&format!("  member {number}: {moves}{replaced}"))?;
     }
     let members = manifest.members.iter();
-    jumps::warn(members.map(|member| (&member.jumps, member.transitions)), &study.model, printer);
+    let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
+    jumps::warn(members, &study.model, printer);
+    collapse::show(&manifest.collapse, printer)?;
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),
         None => Ok(()),

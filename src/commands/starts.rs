@@ -1,10 +1,12 @@
 //! Start states as a study asks for them.
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, RowIndex, Seed, Timestamp};
+use calib_core::{Frames, RowIndex, Seed, States, Timestamp, Transitions};
 use calib_data::Moment;
 use calib_knn::Member;
-use calib_rollout::{RolloutConfig, StartKind, StartSource, StartState, month_of, start_states};
+use calib_rollout::{
+    RolloutConfig, StartKind, StartRow, StartSource, StartState, month_of, start_states,
+};
 
 use super::model_files::OpenModel;
 use crate::study::Study;
@@ -24,34 +26,82 @@ pub(super) fn starts(
     seed: Seed,
 ) -> anyhow::Result<Vec<StartState>> {
     let seed = seed.child("member").number(member.number() as u64);
-    let (listed, metric);
-    let frames = &model.frames;
-    let source = match config.start {
-        StartKind::Random => StartSource::Random,
-        StartKind::Recent => StartSource::Recent,
-        StartKind::Rows => {
-            listed = listed_rows(config, frames)?;
-            StartSource::Rows { rows: &listed, absent: config.absent }
-        }
-        StartKind::Nearest => {
-            let held_out = held_out
-                .context("rollout.start = \"nearest\" wants a held-out range; set data.held_out")?;
-            metric = model.in_metric(held_out.states())?;
-            StartSource::Nearest { states: &metric }
-        }
-        StartKind::CalendarMonth => {
-            let deployment = held_out.and_then(|held_out| held_out.timestamps().first().copied());
-            let month = config.month.or_else(|| deployment.map(month_of)).context(
-                "rollout.start = \"calendar_month\" wants rollout.month, or a held-out range",
-            )?;
-            StartSource::CalendarMonth {
-                timestamps: frames.timestamps(),
-                month,
-                before: deployment,
+    let given = Given::new(config, model, held_out)?;
+    start_states(member, given.source(config, model, held_out)?, count, seed).context("[rollout]")
+}
+
+/// `count` start rows for a network.
+pub(super) fn start_rows(
+    config: &RolloutConfig,
+    model: &OpenModel,
+    held_out: Option<&Frames>,
+    count: usize,
+    seed: Seed,
+) -> anyhow::Result<Vec<StartRow>> {
+    let seed = seed.child("member").number(0);
+    let given = Given::new(config, model, held_out)?;
+    let source = given.source(config, model, held_out)?;
+    let transitions = Transitions::new(model.frames.segments().clone());
+    calib_rollout::start_rows(model.frames.states(), &transitions, source, count, seed)
+        .context("[rollout]")
+}
+
+/// What a source of start states refers to.
+struct Given {
+    /// Rows that the study lists.
+    listed: Vec<RowIndex>,
+    /// States of the deployment, as the model compares them.
+    metric: Option<States>,
+}
+
+impl Given {
+    fn new(
+        config: &RolloutConfig,
+        model: &OpenModel,
+        held_out: Option<&Frames>,
+    ) -> anyhow::Result<Self> {
+        let listed = match config.start {
+            StartKind::Rows => listed_rows(config, &model.frames)?,
+            _ => Vec::new(),
+        };
+        let metric = match config.start {
+            StartKind::Nearest => held_out.map(|held_out| model.in_metric(held_out.states())),
+            _ => None,
+        };
+        Ok(Self { listed, metric: metric.transpose()? })
+    }
+
+    fn source<'a>(
+        &'a self,
+        config: &RolloutConfig,
+        model: &'a OpenModel,
+        held_out: Option<&Frames>,
+    ) -> anyhow::Result<StartSource<'a>> {
+        let Self { listed, metric } = self;
+        let frames = &model.frames;
+        Ok(match config.start {
+            StartKind::Random => StartSource::Random,
+            StartKind::Recent => StartSource::Recent,
+            StartKind::Rows => StartSource::Rows { rows: listed, absent: config.absent },
+            StartKind::Nearest => StartSource::Nearest {
+                states: metric.as_ref().context(
+                    "rollout.start = \"nearest\" wants a held-out range; set data.held_out",
+                )?,
+            },
+            StartKind::CalendarMonth => {
+                let deployment =
+                    held_out.and_then(|held_out| held_out.timestamps().first().copied());
+                let month = config.month.or_else(|| deployment.map(month_of)).context(
+                    "rollout.start = \"calendar_month\" wants rollout.month, or a held-out range",
+                )?;
+                StartSource::CalendarMonth {
+                    timestamps: frames.timestamps(),
+                    month,
+                    before: deployment,
+                }
             }
-        }
-    };
-    start_states(member, source, count, seed).context("[rollout]")
+        })
+    }
 }
 
 /// The rows that the study lists, by number or by time.

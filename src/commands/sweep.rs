@@ -5,16 +5,17 @@ use calib_core::{Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
-    RolloutOptions, UnitStore, candidates,
+    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
+    PredictedEnvironment, ReplayEnvironment, RolloutOptions, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
     load_study,
+    model::Model,
     model_files::{self, OpenModel},
-    starts::{starts, starts_from_held_out},
+    starts::{start_rows, starts, starts_from_held_out},
     sweep_plan::{Memory, SweepPlan},
     sweep_tables,
 };
@@ -188,7 +189,6 @@ fn environments<'a>(
 ) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
     let seed = Seed::new(study.seed);
     let sweep = &study.sweep;
-    let weights = study.model.weights()?;
     let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
     let inputs = Fingerprint::of(&serde_json::to_vec(&(
         &model.manifest.key,
@@ -198,13 +198,27 @@ fn environments<'a>(
         starts_from_held_out(study).then_some(&dataset.held_out_fingerprint),
     ))?);
     let rollout_seed = seed.child("rollout");
-    for member in (0..model.knn.members()).map(|member| model.knn.member(member)) {
-        let held_out = dataset.held_out.as_ref();
-        let runs = sweep.member_runs;
-        let starts = starts(&member, &study.rollout, model, held_out, runs, rollout_seed)?;
-        let options = RolloutOptions { steps, weights, seed: rollout_seed, inputs: inputs.clone() };
-        let states = model.frames.states();
-        environments.push(Box::new(MemberEnvironment::new(member, states, starts, options)));
+    let (held_out, runs) = (dataset.held_out.as_ref(), sweep.member_runs);
+    match &model.model {
+        Model::Knn(knn) => {
+            let weights = study.model.weights()?;
+            for member in (0..knn.members()).map(|member| knn.member(member)) {
+                let config = &study.rollout;
+                let starts = starts(&member, config, model, held_out, runs, rollout_seed)?;
+                let (seed, inputs) = (rollout_seed, inputs.clone());
+                let options = RolloutOptions { steps, weights, seed, inputs };
+                let states = model.frames.states();
+                environments
+                    .push(Box::new(MemberEnvironment::new(member, states, starts, options)));
+            }
+        }
+        Model::Parametric(network) => {
+            let (config, frames) = (&study.rollout, &model.frames);
+            let starts = start_rows(config, model, held_out, runs, rollout_seed)?;
+            let starts = starts.iter().map(|start| start.row).collect();
+            let predicted = PredictedEnvironment::new(&**network, frames, starts, steps, inputs)?;
+            environments.push(Box::new(predicted));
+        }
     }
     if let (Some(held_out), Some(inputs)) = (&dataset.held_out, &dataset.held_out_fingerprint) {
         let inputs = inputs.clone();

@@ -67,6 +67,7 @@ impl Study {
         self.preprocess.check()?;
         self.representation.check().context("[representation]")?;
         self.model.check().context("[model]")?;
+        self.dynamics.check().context("[dynamics]")?;
         self.agent.check().context("[agent]")?;
         // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [

@@ -9,7 +9,8 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::AgentConfig;
 use calib_data::{DataConfig, PreprocessConfig};
-use calib_knn::ModelConfig;
+use calib_dynamics::DynamicsConfig;
+use calib_knn::{ModelConfig, ModelKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_rollout::RolloutConfig;
 use calib_sweep::SweepConfig;
@@ -37,6 +38,8 @@ pub struct Study {
     pub representation: RepresentationConfig,
     /// The calibration model.
     pub model: ModelConfig,
+    /// Networks, where the model is one.
+    pub dynamics: DynamicsConfig,
     /// Rollouts of the model, and the start states of sweeps.
     pub rollout: RolloutConfig,
     /// The agent, and so the default that a sweep compares with.
@@ -48,12 +51,20 @@ pub struct Study {
 }
 
 impl Study {
+    /// Whether the model is a network, to which `[dynamics]` applies.
+    pub fn is_parametric(&self) -> bool {
+        self.model.kind != ModelKind::Knn
+    }
+
     /// What the model is called in figures and tables.
     pub(crate) fn model_name(&self) -> &'static str {
-        match self.representation.kind {
-            RepresentationKind::None => "Euclidean kNN",
-            RepresentationKind::Laplacian => "Laplacian kNN",
-            RepresentationKind::Import => "kNN in an imported representation",
+        match (self.model.kind, self.representation.kind) {
+            (ModelKind::Nn, _) => "NN",
+            (ModelKind::Gru, _) => "GRU",
+            (ModelKind::Torchscript, _) => "TorchScript model",
+            (ModelKind::Knn, RepresentationKind::None) => "Euclidean kNN",
+            (ModelKind::Knn, RepresentationKind::Laplacian) => "Laplacian kNN",
+            (ModelKind::Knn, RepresentationKind::Import) => "kNN in an imported representation",
         }
     }
 }

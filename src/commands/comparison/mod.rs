@@ -6,12 +6,11 @@ mod show;
 
 use calib_core::{Monitor as _, RowIndex};
 use calib_dtw::{ByPattern, PatternSet, Settings, StepPattern};
-use calib_rollout::Rollout;
 use calib_stats::{Summary, summarise};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{model_files::OpenModel, rollout::recorded};
+use super::{model_files::OpenModel, rollout::recorded, trajectory::Trajectory};
 use crate::{cli::STEP_PATTERNS, exit::Interrupted, output::Printer};
 
 pub(super) use files::{remove, write};
@@ -83,18 +82,18 @@ pub(super) struct Compared {
     pub(super) summary: Comparison,
 }
 
-/// A rollout that can be compared: its rows, and as many recorded ones.
+/// A rollout that can be compared, and as many recorded rows as it has comparable states.
 struct Job<'a> {
     member: usize,
     rollout: usize,
-    visited: &'a [RowIndex],
+    trajectory: &'a Trajectory,
     recorded: Vec<RowIndex>,
 }
 
 /// Compare the first `steps` steps of every rollout with the recorded ones, sensor by sensor.
 pub(super) fn compare(
     model: &OpenModel,
-    all: &[Vec<Rollout>],
+    all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
     steps: usize,
     printer: &Printer,
@@ -111,12 +110,12 @@ pub(super) fn compare(
             if progress.interrupted() {
                 return Err(Interrupted.into());
             }
-            let series = |rows: &[RowIndex]| -> Vec<f64> {
-                let states = model.frames.states();
-                let column = sensors[sensor].1;
-                rows.iter().map(|row| f64::from(states.row(row.get())[column])).collect()
-            };
-            let (query, reference) = (series(job.visited), series(&job.recorded));
+            let states = model.frames.states();
+            let column = sensors[sensor].1;
+            let value = |row: &RowIndex| f64::from(states.row(row.get())[column]);
+            let reference: Vec<f64> = job.recorded.iter().map(value).collect();
+            let query = job.trajectory.values(states, column, reference.len());
+            let query: Vec<f64> = query.into_iter().map(f64::from).collect();
             let distances = set.distances(&query, &reference)?;
             let measures = MEASURES.iter().map(|measure| (measure.of)(&query, &reference));
             let measures = measures.collect::<anyhow::Result<_>>()?;
@@ -134,15 +133,14 @@ fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
     STEP_PATTERNS.iter().map(|name| Ok(name.parse()?)).collect()
 }
 
-fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Rollout>], steps: usize) -> Vec<Job<'a>> {
+fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Trajectory>], steps: usize) -> Vec<Job<'a>> {
     let mut jobs = Vec::new();
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
             let steps = steps.min(rollout.steps());
-            let recorded = recorded(model, rollout.rows()[0], steps);
+            let recorded = recorded(model, rollout.start(), steps);
             if recorded.len() > FEWEST_STEPS.min(steps) {
-                let visited = &rollout.rows()[..recorded.len()];
-                jobs.push(Job { member, rollout: number, visited, recorded });
+                jobs.push(Job { member, rollout: number, trajectory: rollout, recorded });
             }
         }
     }

@@ -1,18 +1,22 @@
 use super::check_finite;
 use crate::StatsError;
 
-/// A trajectory has collapsed from where on its variance is below this share of the data's (our choice): a spread of a
+/// A trajectory has collapsed if the variance at its end is below this share of the data's (our choice): a spread of a
 /// tenth of the data's.
 const COLLAPSED: f64 = 0.01;
 
 /// The part at the end of a trajectory that must be that quiet (our choice).
 const TAIL: f64 = 0.25;
 
+/// How far from its end a collapsed trajectory may be, in standard deviations of the data (our choice).
+const BAND: f64 = 0.2;
+
 /// Fewest values of that part; shorter trajectories are not judged (our choice).
 const FEWEST: usize = 20;
 
-/// The step at which a trajectory collapses: the first from which on all values to the end have a variance of less than
-/// 1 % of `data_variance`. `None` if the last quarter is not that quiet, and for trajectories of fewer than 80 values.
+/// The step at which a trajectory collapses. `None` if the variance over its last quarter is at least 1 % of
+/// `data_variance`, and for trajectories of fewer than 80 values; else the first step from which on all values lie within
+/// 0.2 standard deviations of the data of the mean of that quarter.
 ///
 /// Networks that feed on their own predictions tend to run into a fixed point (the paper: after 50 to 100 steps); a
 /// trajectory that drifts away or oscillates has not collapsed in this sense. Where the data itself is quiet for so
@@ -26,21 +30,15 @@ pub fn collapse_step(values: &[f64], data_variance: f64) -> Result<Option<usize>
     if tail < FEWEST || data_variance <= 0.0 {
         return Ok(None);
     }
-    let most = COLLAPSED * data_variance;
-    // Mean and sum of squared deviations of ever longer ends (Welford 1962).
-    let (mut count, mut mean, mut squares) = (0.0, 0.0, 0.0);
-    let mut collapsed = values.len();
-    for (step, value) in values.iter().enumerate().rev() {
-        count += 1.0;
-        let before = value - mean;
-        mean += before / count;
-        squares += before * (value - mean);
-        if squares / count >= most {
-            break;
-        }
-        collapsed = step;
+    let end = &values[values.len() - tail..];
+    let centre = end.iter().sum::<f64>() / tail as f64;
+    let variance = end.iter().map(|value| (value - centre).powi(2)).sum::<f64>() / tail as f64;
+    if variance >= COLLAPSED * data_variance {
+        return Ok(None);
     }
-    Ok((values.len() - collapsed >= tail).then_some(collapsed))
+    let band = BAND * data_variance.sqrt();
+    let last_outside = values.iter().rposition(|value| (value - centre).abs() > band);
+    Ok(Some(last_outside.map_or(0, |step| step + 1)))
 }
 
 #[cfg(test)]
@@ -56,8 +54,11 @@ mod tests {
         let mut values = wave(100);
         values.extend(vec![0.3; 900]);
         let step = collapse_step(&values, 0.5).expect("finite").expect("it collapses");
-        // A few of the values before add less than 1 % of the variance to the long quiet end.
-        assert!((85..=100).contains(&step), "{step}");
+        // The last value of the wave is far from the fixed point.
+        assert_eq!(step, 100);
+        // A slow approach counts from where it is near.
+        let decay: Vec<f64> = (0..400).map(|t| 0.5_f64.powf(f64::from(t) / 10.0)).collect();
+        assert_eq!(collapse_step(&decay, 1.0).expect("finite"), Some(24));
         assert_eq!(collapse_step(&vec![0.3; 400], 0.5).expect("finite"), Some(0));
     }
 

@@ -1,0 +1,140 @@
+//! `build-model` where the model is a network.
+
+use std::path::Path;
+
+use anyhow::bail;
+use calib_core::Transitions;
+use calib_data::Dataset;
+use calib_files::write_json;
+use serde::Serialize;
+
+use super::{
+    artefact::{self, Below, Claim, TOOL},
+    build_model::{check_sensors, fingerprints, up_to_date},
+    model_files::{self, MemberSummary, ModelManifest},
+    train_model,
+};
+use crate::{
+    cli::BuildModelArgs,
+    clock::Stopwatch,
+    exit::ExitStatus,
+    output::{Printer, count, duration},
+    study::{Study, StudyPaths},
+};
+
+/// Train the network of a study.
+pub(super) fn run(
+    args: &BuildModelArgs,
+    study: &Study,
+    paths: &StudyPaths,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    train_model::check_available(study.model.kind)?;
+    if args.verify > 0 {
+        bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
+    }
+    let directory = paths.model();
+    let data = study.data_to_read(paths)?;
+    printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    check_sensors(study, &dataset)?;
+    let key = train_model::key(&dataset.fingerprint, study)?;
+    train_model::announce(study, &dataset, printer);
+    if args.study.dry_run {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(ExitStatus::Done);
+    }
+    let existing = up_to_date(&directory, &key).filter(|_| !args.study.force);
+    let (manifest, verb) = match existing {
+        Some(manifest) => (refresh(manifest, study, &dataset, &directory)?, "up to date:"),
+        None => {
+            let force = args.study.force;
+            (build(study, &dataset, key, &directory, force, clock, printer)?, "wrote")
+        }
+    };
+    if args.study.json {
+        printer.json(&manifest)?;
+    } else {
+        let elapsed = duration(clock.elapsed());
+        printer.result(&format!("{verb} {} in {elapsed}", directory.display()))?;
+        let transitions = count(manifest.transitions);
+        let training = manifest.training.as_ref().map(ToString::to_string).unwrap_or_default();
+        printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
+    }
+    printer.say(&format!("next: {} or {}", paths.command("rollout"), paths.command("sweep")));
+    Ok(ExitStatus::Done)
+}
+
+fn build(
+    study: &Study,
+    dataset: &Dataset,
+    key: String,
+    directory: &Path,
+    force: bool,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<ModelManifest> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    if force {
+        train_model::remove_checkpoint(directory)?;
+    }
+    let read = clock.elapsed();
+    let training = train_model::train(study, dataset, &key, directory, printer)?;
+    let trained = clock.elapsed();
+    model_files::write_states(directory, &dataset.train)?;
+    model_files::write(directory, dataset, None)?;
+    let transitions = Transitions::new(dataset.train.segments().clone()).len();
+    let manifest = ModelManifest {
+        format: <ModelManifest as artefact::Manifest>::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions,
+        segments: dataset.train.segments().len(),
+        normaliser: dataset.normaliser.clone(),
+        search: None,
+        members: vec![MemberSummary { transitions, jumps: None }],
+        training: Some(training),
+        files: fingerprints(directory, 0, train_model::FILES)?,
+    };
+    let timings = Timings {
+        reading_secs: read.as_secs_f64(),
+        training_secs: trained.saturating_sub(read).as_secs_f64(),
+        writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
+    };
+    write_json(&directory.join("timings.json"), &timings)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its weights.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    directory: &Path,
+) -> anyhow::Result<ModelManifest> {
+    if manifest.study == *study {
+        return Ok(manifest);
+    }
+    let claim = Claim::new(directory, Below::Ours)?;
+    manifest.study = study.clone();
+    write_json(&directory.join("profile.json"), &dataset.profile)?;
+    manifest.files = fingerprints(directory, 0, train_model::FILES)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// Wall times.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    training_secs: f64,
+    writing_secs: f64,
+}

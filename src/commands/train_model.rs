@@ -1,0 +1,226 @@
+//! Models that are networks: trained, stored as weights, opened.
+
+use std::{fmt, fs, io, path::Path, time::Duration};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Monitor as _, Seed, Transitions};
+use calib_data::Dataset;
+use calib_dynamics::{
+    Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, Trainer, TrainingRecord,
+    Transitioning,
+};
+use calib_files::{Fingerprint, read_tensors, write_json, write_tensors};
+use calib_knn::ModelKind;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    artefact::{self, Manifest as _},
+    model_files::ModelManifest,
+};
+use crate::{
+    clock::Stopwatch,
+    output::{Printer, bytes, count, significant},
+    study::Study,
+};
+
+/// The weights that are kept.
+const WEIGHTS: &str = "weights.safetensors";
+/// Losses of every epoch.
+const TRAINING: &str = "training.json";
+/// Where interrupted training goes on; gone when it is complete.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// How a network was trained, in the manifest of its model.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct TrainingSummary {
+    /// What did the arithmetic.
+    pub(super) backend: String,
+    pub(super) epochs: usize,
+    pub(super) updates: u64,
+    /// The epoch whose weights are kept, from 1.
+    pub(super) kept_epoch: usize,
+    /// Mean squared errors of that epoch, normalised units.
+    pub(super) training_loss: f64,
+    pub(super) validation_loss: f64,
+    /// The validation loss of predicting that nothing changes.
+    pub(super) persistence_loss: f64,
+}
+
+impl fmt::Display for TrainingSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "weights of epoch {} of {}, one-step validation loss {} (no change at all: {}); {}",
+            count(self.kept_epoch),
+            count(self.epochs),
+            significant(self.validation_loss),
+            significant(self.persistence_loss),
+            self.backend,
+        )
+    }
+}
+
+/// Files of the model directory that only networks have.
+pub(super) const FILES: &[&str] = &[WEIGHTS, TRAINING];
+
+/// Check that this program can train and run such models, before anything is done.
+pub(super) fn check_available(kind: ModelKind) -> anyhow::Result<()> {
+    match kind {
+        ModelKind::Knn | ModelKind::Nn => Ok(()),
+        ModelKind::Gru | ModelKind::Torchscript => bail!(needs_torch(kind)),
+    }
+}
+
+/// Fingerprint of what a network follows from: what its kind does not use is left out.
+pub(super) fn key(data: &Fingerprint, study: &Study) -> anyhow::Result<String> {
+    let unused = DynamicsConfig::default();
+    let mut used = DynamicsConfig { path: None, ..study.dynamics.clone() };
+    if study.model.kind == ModelKind::Nn {
+        used.sequence_length = unused.sequence_length;
+        used.sequence_stride = unused.sequence_stride;
+    }
+    artefact::key(&(ModelManifest::FORMAT, data, study.model.kind, used, study.seed))
+}
+
+/// Say what is going to be trained.
+pub(super) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    printer.say(&format!(
+        "{} rows x {columns} columns in {} segments; {} with {} x {} units, {} epochs of mini-batches of {}; \
+         expecting {} of memory",
+        count(dataset.train.rows()),
+        count(dataset.train.segments().len()),
+        study.model_name(),
+        config.hidden_layers,
+        count(config.hidden_units),
+        count(config.epochs),
+        count(config.batch_size),
+        bytes(2 * (dataset.train.rows() * columns * 4) as u64),
+    ));
+}
+
+/// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
+pub(super) fn train(
+    study: &Study,
+    dataset: &Dataset,
+    key: &str,
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<TrainingSummary> {
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let config = &study.dynamics;
+    let fraction = config.validation_fraction;
+    let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
+    let seed = Seed::new(study.seed).child("dynamics");
+    let checkpoint = Checkpoint { path: directory.join(CHECKPOINT), key };
+    let found = checkpoint.read();
+    let mut trainer: Box<dyn Trainer + '_> = match study.model.kind {
+        ModelKind::Nn => Box::new(match &found {
+            Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
+            None => FeedForwardTrainer::new(&data, config, seed),
+        }),
+        ModelKind::Gru | ModelKind::Torchscript => bail!(needs_torch(study.model.kind)),
+        ModelKind::Knn => bail!("a model of neighbours is not trained"),
+    };
+    let done = trainer.record().epochs.len();
+    if done > 0 {
+        printer.say(&format!("going on after epoch {} of {}", count(done), count(config.epochs)));
+    }
+    run_epochs(&mut *trainer, config, &checkpoint, printer)?;
+    write_tensors(&directory.join(WEIGHTS), &trainer.weights()?)?;
+    write_json(&directory.join(TRAINING), trainer.record())?;
+    remove_checkpoint(directory)?;
+    summary(trainer.record(), &data)
+}
+
+/// All epochs that are left.
+fn run_epochs(
+    trainer: &mut dyn Trainer,
+    config: &DynamicsConfig,
+    checkpoint: &Checkpoint<'_>,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let progress = printer.progress();
+    let left = config.epochs.saturating_sub(trainer.record().epochs.len());
+    progress.begin("training", (left * trainer.updates_per_epoch()) as u64);
+    let mut since_checkpoint = Stopwatch::start();
+    let mut cost = Duration::ZERO;
+    while !trainer.record().is_complete(config) {
+        trainer.epoch(&progress)?;
+        // Checkpoints take at most a few percent of the time.
+        if since_checkpoint.elapsed() > cost * 30 {
+            let clock = Stopwatch::start();
+            checkpoint.write(trainer)?;
+            cost = clock.elapsed();
+            since_checkpoint = Stopwatch::start();
+        }
+    }
+    Ok(())
+}
+
+fn summary(record: &TrainingRecord, data: &Transitioning<'_>) -> anyhow::Result<TrainingSummary> {
+    let kept = record.epochs.get(record.kept.wrapping_sub(1)).context("no epoch was run")?;
+    Ok(TrainingSummary {
+        backend: "native".to_owned(),
+        epochs: record.epochs.len(),
+        updates: record.updates,
+        kept_epoch: record.kept,
+        training_loss: kept.training,
+        validation_loss: kept.validation,
+        persistence_loss: data.persistence_loss(),
+    })
+}
+
+fn needs_torch(kind: ModelKind) -> String {
+    format!(
+        "model.kind = \"{}\" wants libtorch, and this calib was built without it; in the source tree run \
+         `bash scripts/libtorch.sh`, then build with `cargo build --release --features torch`",
+        match kind {
+            ModelKind::Gru => "gru",
+            _ => "torchscript",
+        }
+    )
+}
+
+/// Training that was put aside.
+struct Checkpoint<'a> {
+    path: std::path::PathBuf,
+    /// Fingerprint of what the model follows from; a checkpoint with another one is of another model.
+    key: &'a str,
+}
+
+impl Checkpoint<'_> {
+    fn read(&self) -> Option<calib_files::Tensors> {
+        let found = read_tensors(&self.path).ok()?;
+        (found.metadata.get("key").map(String::as_str) == Some(self.key)).then_some(found)
+    }
+
+    fn write(&self, trainer: &dyn Trainer) -> anyhow::Result<()> {
+        let mut content = trainer.checkpoint()?;
+        content.metadata.insert("key".to_owned(), self.key.to_owned());
+        Ok(write_tensors(&self.path, &content)?)
+    }
+}
+
+/// Forget training that was put aside.
+pub(super) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
+    let path = directory.join(CHECKPOINT);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Open the network in a model directory.
+pub(super) fn open(directory: &Path, kind: ModelKind) -> anyhow::Result<Box<dyn Dynamics>> {
+    let weights = read_tensors(&directory.join(WEIGHTS))?;
+    Ok(match kind {
+        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights)?),
+        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights)?),
+        ModelKind::Torchscript => bail!(needs_torch(kind)),
+        ModelKind::Knn => bail!("a model of neighbours has no weights"),
+    })
+}

@@ -1,0 +1,74 @@
+//! A rollout of either sort, seen alike.
+
+use calib_core::{RowIndex, States};
+use calib_dynamics::{Ended, Prediction};
+use calib_rollout::{Rollout, StartRow};
+
+/// What a model was rolled out to.
+pub(super) enum Trajectory {
+    /// Recorded rows.
+    Recorded(Rollout),
+    /// Predicted states.
+    Predicted {
+        /// The states.
+        prediction: Prediction,
+        /// Where it starts.
+        start: StartRow,
+    },
+}
+
+impl Trajectory {
+    /// The recorded row that it starts from.
+    pub(super) fn start(&self) -> RowIndex {
+        match self {
+            Self::Recorded(rollout) => rollout.rows()[0],
+            Self::Predicted { prediction, .. } => prediction.start(),
+        }
+    }
+
+    /// Whether the start replaces one that the model lacks.
+    pub(super) fn start_is_replaced(&self) -> bool {
+        match self {
+            Self::Recorded(rollout) => rollout.start().replaced.is_some(),
+            Self::Predicted { start, .. } => start.replaced.is_some(),
+        }
+    }
+
+    /// Steps taken; one fewer than states.
+    pub(super) fn steps(&self) -> usize {
+        match self {
+            Self::Recorded(rollout) => rollout.steps(),
+            Self::Predicted { prediction, .. } => prediction.steps(),
+        }
+    }
+
+    /// The recorded row after `step` steps. Predictions are none, but for their start.
+    pub(super) fn row(&self, step: usize) -> Option<RowIndex> {
+        match self {
+            Self::Recorded(rollout) => Some(rollout.rows()[step]),
+            Self::Predicted { prediction, .. } => (step == 0).then(|| prediction.start()),
+        }
+    }
+
+    /// One column of the first `count` states, normalised; `states` are those of the data.
+    pub(super) fn values(&self, states: &States, column: usize, count: usize) -> Vec<f32> {
+        match self {
+            Self::Recorded(rollout) => {
+                let rows = rollout.rows()[..count].iter();
+                rows.map(|row| states.row(row.get())[column]).collect()
+            }
+            Self::Predicted { prediction, .. } => prediction.column(column).take(count).collect(),
+        }
+    }
+
+    /// The step that is not there because its state would not have been finite.
+    pub(super) fn not_finite(&self) -> Option<(usize, usize)> {
+        match self {
+            Self::Predicted { prediction, .. } => match prediction.ended() {
+                Ended::Complete => None,
+                Ended::NotFinite { step, column } => Some((step, column)),
+            },
+            Self::Recorded(_) => None,
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Models that are networks, through the whole chain.
+
+use std::{fs, thread, time::Duration};
+
+use crate::harness::Place;
+
+/// The study of the other tests with a small network for a model.
+fn place() -> Place {
+    let place = Place::with_study();
+    place.edit_study(
+        "members = 3\nexclude_self = true",
+        "kind = \"nn\"\n\n[dynamics]\nhidden_units = 32\nepochs = 15",
+    );
+    place
+}
+
+fn json(place: &Place, file: &str) -> serde_json::Value {
+    let text = fs::read(place.path().join("study-results").join(file)).expect("written");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+#[test]
+fn a_network_goes_through_the_chain() {
+    let place = place();
+    let built = place.calib(&["build-model", "study.toml"]).succeeds();
+    assert!(built.contains("of 15, one-step validation loss"), "{built}");
+    let training = &json(&place, "model/manifest.json")["training"];
+    let loss = |name: &str| training[name].as_f64().expect("a number");
+    assert!(loss("validation_loss") < 2.0 * loss("persistence_loss"), "{training}");
+    assert_eq!(json(&place, "model/training.json")["epochs"].as_array().expect("list").len(), 15);
+    assert!(!place.path().join("study-results/model/checkpoint.safetensors").exists());
+
+    let rolled = place.calib(&["rollout", "study.toml"]).succeeds();
+    assert!(rolled.contains("member 0: predictions") && rolled.contains("symmetric2"), "{rolled}");
+    let collapse = &json(&place, "rollout/manifest.json")["collapse"];
+    assert_eq!(collapse["rollouts"], 2);
+    assert_eq!(collapse["sensors"].as_array().expect("a list").len(), 2);
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();
+    assert!(verdict.contains("NN ranks it"), "{verdict}");
+    assert!(place.path().join("study-results/report.html").is_file());
+    assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
+}
+
+#[test]
+fn networks_are_the_same_bytes_for_any_number_of_threads() {
+    let place = place();
+    for (threads, output) in [("1", "one"), ("4", "four")] {
+        for command in ["build-model", "rollout", "sweep"] {
+            let args = [command, "study.toml", "--output", output, "--threads", threads];
+            place.calib(&args).succeeds();
+        }
+    }
+    let (one, four) = (place.content("one"), place.content("four"));
+    assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
+    for (path, content) in &one {
+        assert!(four[path] == *content, "{} differs", path.display());
+    }
+}
+
+#[test]
+fn killed_training_goes_on_to_the_same_bytes() {
+    let place = place();
+    let args = ["build-model", "study.toml", "--set", "dynamics.epochs=60"];
+    place.calib(&[&args[..], &["--output", "whole"]].concat()).succeeds();
+    let args = [&args[..], &["--output", "killed"]].concat();
+    let mut kills = 0;
+    let checkpoint = place.path().join("killed/model/checkpoint.safetensors");
+    for round in 1..40_u64 {
+        let mut child = place.command(&args).spawn().expect("calib runs");
+        thread::sleep(Duration::from_millis(40 + 7 * round));
+        if child.try_wait().expect("a status").is_some() {
+            break;
+        }
+        child.kill().expect("it runs");
+        child.wait().expect("it ends");
+        kills += usize::from(checkpoint.exists());
+    }
+    let ended = place.calib(&args);
+    ended.succeeds();
+    assert!(kills > 0, "killed at least once in the middle of training");
+    assert!(place.content("whole") == place.content("killed"));
+}
+
+#[test]
+fn other_settings_are_another_model() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let set = ["--set", "dynamics.learning_rate=1e-2"];
+    let error = place.calib(&[&["rollout", "study.toml"], &set[..]].concat()).fails(2);
+    assert!(error.contains("another [dynamics]") && error.contains("build-model"), "{error}");
+    // What the kind does not use changes nothing.
+    let set = ["--set", "dynamics.sequence_length=7"];
+    let built = place.calib(&[&["build-model", "study.toml"], &set[..]].concat()).succeeds();
+    assert!(built.contains("up to date"), "{built}");
+    let error = place.calib(&["build-model", "study.toml", "--verify", "5"]).fails(2);
+    assert!(error.contains("--verify"), "{error}");
+    let epochs = ["build-model", "study.toml", "--set", "dynamics.epochs=0"];
+    let error = place.calib(&epochs).fails(2);
+    assert!(error.contains("`epochs` must be a whole number from 1"), "{error}");
+}
+
+#[cfg(not(feature = "torch"))]
+#[test]
+fn what_wants_libtorch_says_how_to_get_it() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let before = place.content("study-results");
+    for kind in ["gru", "torchscript"] {
+        let set = format!("model.kind={kind}");
+        let error = place.calib(&["build-model", "study.toml", "--set", &set]).fails(2);
+        assert!(error.contains("bash scripts/libtorch.sh"), "{error}");
+        assert!(error.contains("--features torch"), "{error}");
+    }
+    assert!(place.content("study-results") == before, "nothing was touched");
+}
