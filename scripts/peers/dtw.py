@@ -11,8 +11,6 @@ rounds' ratios. Results are compared as well: a contender that computes somethin
 
 import argparse
 import json
-import os
-import pathlib
 import platform
 import resource
 import statistics
@@ -20,16 +18,14 @@ import subprocess
 import sys
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import common
+
 PINNED = {
     "numpy": "2.3.5",
     "dtw-python": "1.9.0",
     "dtaidistance": "2.5.1",
     "tslearn": "0.10.0",
     "aeon": "1.6.0",
-}
-ONE_THREAD = {
-    name: "1" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 }
 PATTERNS = ("symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c")
 # The classic recursion (symmetric1 on squared differences) is what all packages have.
@@ -38,10 +34,6 @@ CLASSIC = {
     "aeon": "N x M",
     "tslearn": "N x M",
 }
-
-
-def target():
-    return pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 
 
 # ---- a peer, in a process of its own -----------------------------------------------------------
@@ -90,10 +82,9 @@ def worker(peer, patterns, query, reference, length):
 class Peer:
     def __init__(self, python, name, patterns, files, length):
         command = [python, __file__, "--worker", name, ",".join(patterns), *files, str(length)]
-        environment = {**os.environ, **ONE_THREAD}
         self.name = name
         self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=common.threads(1)
         )
         self.wait_for("ready")
 
@@ -124,7 +115,7 @@ class Ours:
         self.command = [binary, mode, str(repeats), ",".join(patterns), *files, str(length)]
 
     def run(self):
-        out = json.loads(subprocess.check_output(self.command, env={**os.environ, **ONE_THREAD}))
+        out = json.loads(subprocess.check_output(self.command, env=common.threads(1)))
         out["seconds"] = statistics.median(out["seconds"])
         return out
 
@@ -133,30 +124,6 @@ class Ours:
 
 
 # ---- set-up ------------------------------------------------------------------------------------
-
-
-def environment():
-    """The virtual environment's Python, and the peers that could be installed."""
-    folder = target() / "peers" / "dtw"
-    python = folder / "bin" / "python"
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-    installed = []
-    for name, version in PINNED.items():
-        command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", f"{name}=={version}"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode == 0:
-            installed.append(name)
-        else:
-            reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            print(f"skipped: {name} {version} does not install ({reason})", file=sys.stderr)
-    return str(python), installed
-
-
-def build():
-    command = ["cargo", "build", "--release", "--quiet", "-p", "calib-dtw", "--example", "dtw_bench"]
-    subprocess.run(command, check=True, cwd=ROOT)
-    return str(target() / "release" / "examples" / "dtw_bench")
 
 
 def write_series(python, folder, pairs, length):
@@ -176,14 +143,6 @@ def write_series(python, folder, pairs, length):
 
 
 # ---- measuring ---------------------------------------------------------------------------------
-
-
-def processor_name():
-    try:
-        lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor()
 
 
 def compare(title, contenders, cells, rounds):
@@ -219,10 +178,10 @@ def main():
         peer, patterns, query, reference, length = options.worker
         return worker(peer, patterns.split(","), query, reference, int(length))
 
-    binary = build()
-    python, installed = environment()
-    folder = target() / "peers"
-    print(f"{processor_name()}, {os.cpu_count()} logical processors, one thread each, {options.rounds} rounds")
+    binary = common.build("calib-dtw", "dtw_bench")
+    python, installed = common.environment("dtw", PINNED)
+    folder = common.target() / "peers"
+    print(f"{common.machine()}, one thread each, {options.rounds} rounds")
     print(", ".join(f"{name} {PINNED[name]}" for name in installed) + f", Python {platform.python_version()}")
     print("Mcell/s is by processor time; ratio = peer's time / calib-dtw's, median over the rounds")
 
