@@ -1,10 +1,9 @@
 use anyhow::{Context as _, bail};
-use calib_files::write_json;
-use calib_sweep::{SensorVerdict, told_apart, verdict};
+use calib_sweep::{SensorVerdict, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, Below, Claim, TOOL},
+    artefact::{self, TOOL},
     load_study,
     model_files::ModelManifest,
     report,
@@ -31,14 +30,46 @@ pub(super) struct Summary {
     pub(super) notes: Vec<String>,
 }
 
+/// A finished sweep, and what follows from it.
+pub(super) struct Judged {
+    pub(super) study: Study,
+    pub(super) paths: StudyPaths,
+    pub(super) manifest: SweepManifest,
+    pub(super) results: Vec<UnitResult>,
+    pub(super) summary: Summary,
+}
+
 /// Judge a finished sweep and write the report.
 pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    let (study, paths) = load_study(args)?;
-    let manifest = finished_sweep(&study, &paths)?;
+    let judged = judge(args)?;
+    let Judged { study, paths, manifest, results, summary } = &judged;
     if args.dry_run {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
+    let report = report::assemble(study, paths, manifest, summary, results)?;
+    report::write(paths, &report, summary)?;
+    if args.json {
+        printer.json(summary)?;
+    } else {
+        print(summary, paths, printer)?;
+    }
+    Ok(told(summary))
+}
+
+/// Whether every sensor's members prefer some value to another.
+pub(super) fn told(summary: &Summary) -> ExitStatus {
+    if summary.verdicts.iter().all(|verdict| told_apart(&verdict.selection)) {
+        ExitStatus::Done
+    } else {
+        ExitStatus::Negative
+    }
+}
+
+/// Judge a finished sweep; nothing is written.
+pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
+    let (study, paths) = load_study(args)?;
+    let manifest = finished_sweep(&study, &paths)?;
     let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
         format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
     })?;
@@ -61,19 +92,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         verdicts,
         notes: manifest.notes.clone(),
     };
-    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
-    write_json(&paths.evaluate().join("summary.json"), &summary)?;
-    report::write(&study, &paths, &manifest, &summary, &results)?;
-    if args.json {
-        printer.json(&summary)?;
-    } else {
-        print(&summary, &paths, printer)?;
-    }
-    Ok(if summary.verdicts.iter().all(|verdict| told_apart(&verdict.selection)) {
-        ExitStatus::Done
-    } else {
-        ExitStatus::Negative
-    })
+    Ok(Judged { study, paths, manifest, results, summary })
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
@@ -106,12 +125,16 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
     Ok(manifest)
 }
 
-fn title(study: &Study, args: &StudyArgs) -> String {
+pub(super) fn title(study: &Study, args: &StudyArgs) -> String {
     let stem = args.study.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     study.evaluate.title.clone().or(stem).unwrap_or_default()
 }
 
-fn print(summary: &Summary, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<()> {
+pub(super) fn print(
+    summary: &Summary,
+    paths: &StudyPaths,
+    printer: &Printer,
+) -> anyhow::Result<()> {
     for lines in &summary.advice {
         for (position, line) in lines.iter().enumerate() {
             printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;

@@ -5,6 +5,7 @@ mod build_model;
 mod build_network;
 mod build_plan;
 mod collapse;
+mod compare_models;
 mod comparison;
 mod dtw;
 mod evaluate;
@@ -52,7 +53,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
-        Command::Represent(args) => each_model(&args, printer, |args, number| {
+        Command::Represent(args) => each_model(&args, printer, |args, which| {
             // Of several models some search among the states themselves.
             let (study, _) = load_study(args)?;
             if number == Which::OneOfSeveral
@@ -68,7 +69,10 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         }),
         Command::Rollout(args) => each_model(&args, printer, |args, _| rollout::run(args, printer)),
         Command::Sweep(args) => each_model(&args, printer, |args, _| sweep::run(args, printer)),
-        Command::Evaluate(args) => evaluate::run(&args, printer),
+        Command::Evaluate(args) => match several(&args)?.as_slice() {
+            [] => evaluate::run(&args, printer),
+            names => compare_models::run(&args, names, printer),
+        },
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),
         Command::Man { directory } => generate::man(&directory, printer),

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use calib_data::{ChannelProfile, Profile, format_time, table::read_parquet_columns};
-use calib_files::write_atomically;
+use calib_files::{write_atomically, write_json};
 use calib_report::{
     Agreement, Alternative, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
     JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting,
@@ -14,7 +14,8 @@ use calib_stats::Summary as ScoreSummary;
 use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict, UnitResult};
 
 use super::{
-    artefact, collapse, comparison,
+    artefact::{self, Below, Claim},
+    collapse, comparison,
     evaluate::Summary,
     figures, jumps as jump_text, learning,
     model_files::{self, ModelManifest},
@@ -24,15 +25,10 @@ use super::{
 };
 use crate::study::{Study, StudyPaths};
 
-/// Write `report.html` and the figures.
-pub(super) fn write(
-    study: &Study,
-    paths: &StudyPaths,
-    sweep: &SweepManifest,
-    summary: &Summary,
-    results: &[UnitResult],
-) -> anyhow::Result<()> {
-    let report = assemble(study, paths, sweep, summary, results)?;
+/// Write the summary, the figures and `report.html`.
+pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
+    write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
     for sensitivity in &report.sensitivities {
         let name = format!("sensitivity-{}", sensitivity.sensor);
@@ -50,7 +46,8 @@ pub(super) fn write(
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
 
-fn assemble(
+/// Everything that is known of a finished sweep and its model.
+pub(super) fn assemble(
     study: &Study,
     paths: &StudyPaths,
     sweep: &SweepManifest,
@@ -95,11 +92,16 @@ fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>)
     let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
     let compared = rollouts.and_then(|of| of.comparison.as_ref());
     let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
-    let representations = (study.representation.kind != RepresentationKind::None)
+    let representations = representation_table(study, paths);
+    collapse.into_iter().chain(compared.into_iter().flatten()).chain(representations).collect()
+}
+
+/// The representations that could be used, if the study has any.
+pub(super) fn representation_table(study: &Study, paths: &StudyPaths) -> Option<Table> {
+    (study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
         .flatten()
-        .map(|manifest| represent::report_table(&manifest));
-    collapse.into_iter().chain(compared.into_iter().flatten()).chain(representations).collect()
+        .map(|manifest| represent::report_table(&manifest))
 }
 
 /// The swept field, or all of them where there are several.

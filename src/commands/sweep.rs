@@ -5,8 +5,8 @@ use calib_core::{Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Environment, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
-    PredictedEnvironment, ReplayEnvironment, RolloutOptions, UnitStore, candidates,
+    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
+    PredictedEnvironment, ReplayEnvironment, RolloutOptions, UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +95,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let units = plan.units();
-    let stored = if args.force { vec![None; units.len()] } else { plan.stored(&store) };
+    let mut stored = if args.force { vec![None; units.len()] } else { plan.stored(&store) };
+    let shared =
+        if args.force { Vec::new() } else { from_other_models(&paths, &units, &mut stored) };
     let missing = stored.iter().filter(|result| result.is_none()).count();
     let preview = SweepPlan {
         candidates: &candidates,
@@ -116,6 +118,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     if args.force {
         remove_units(&store)?;
     }
+    shared.iter().try_for_each(|result| store.put(result))?;
     let results = plan.complete(stored, &store, &printer.progress())?;
     let manifest = SweepManifest {
         format: SweepManifest::FORMAT,
@@ -236,6 +239,25 @@ fn environments<'a>(
         )));
     }
     Ok(environments)
+}
+
+/// Fill `stored` with what the sweeps of the study's other models have: Online and log replay are the same for
+/// all. Returns what was filled in.
+fn from_other_models(
+    paths: &StudyPaths,
+    units: &[PlannedUnit],
+    stored: &mut [Option<UnitResult>],
+) -> Vec<UnitResult> {
+    let stores: Vec<UnitStore> =
+        paths.other_sweeps().iter().map(|directory| unit_store(directory)).collect();
+    let mut shared = Vec::new();
+    for (PlannedUnit { unit, key }, result) in units.iter().zip(stored) {
+        if result.is_none() && !matches!(unit.environment, EnvironmentId::Member(_)) {
+            *result = stores.iter().find_map(|store| store.get(unit, key));
+            shared.extend(result.clone());
+        }
+    }
+    shared
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

@@ -21,6 +21,16 @@ impl StudyPaths {
         Self { study: self.study.clone(), root, model: Some(name.to_owned()) }
     }
 
+    /// The sweeps of the study's other models, as far as there are any.
+    pub(crate) fn other_sweeps(&self) -> Vec<PathBuf> {
+        let together = self.model.as_ref().and_then(|_| self.root.parent());
+        let entries = together.and_then(|of| std::fs::read_dir(of).ok()).into_iter().flatten();
+        let roots = entries.flatten().map(|entry| entry.path()).filter(|path| *path != self.root);
+        let mut sweeps: Vec<PathBuf> = roots.map(|root| root.join("sweep")).collect();
+        sweeps.sort();
+        sweeps
+    }
+
     /// The study file.
     pub fn study(&self) -> &Path {
         &self.study

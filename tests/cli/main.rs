@@ -6,6 +6,7 @@ mod dtw;
 mod errors;
 mod harness;
 mod interruption;
+mod models;
 mod networks;
 mod real_data;
 mod represent;

@@ -59,7 +59,7 @@ mod tests {
         let of = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
         // 10 · 8 + 8 + 8 · 8 + 8 + 8 + 1 = 169 parameters; 9 rows of 10 + 8 + 8 + 1 values and two of 8.
         let expected = 4 * (6 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
-        assert_eq!(of(&[small.clone()]), expected);
+        assert_eq!(of(std::slice::from_ref(&small)), expected);
         let faster = AgentConfig { learning_rate: 0.5, ..small.clone() };
         assert_eq!(of(&[small.clone(), faster]), expected + 4 * 6 * 169, "in one population");
         let other = AgentConfig { gamma: 0.5, ..small.clone() };

@@ -1,32 +1,34 @@
 use std::collections::HashMap;
 
-use calib_core::States;
+use calib_core::{Seed, States};
 
-use crate::scores::distance;
+/// Directions that rows are projected on.
+const DIRECTIONS: usize = 3;
 
 /// Number of `rows` that are no nearer than `tolerance` to an earlier one that was counted; exact repeats are
 /// never counted.
 ///
-/// Candidates are found by the column that varies most: rows in other cells than its own and the two beside
-/// it are too far away.
+/// Two rows are at least as far apart as their projections on any unit vector. So candidates lie in the same
+/// cell, as wide as the tolerance, of three projections, or in one beside it. The directions are random, but
+/// they only save time: the count does not depend on them.
 pub(crate) fn count_distinct(of: &States, rows: &[usize], tolerance: f64) -> usize {
-    let column = widest_column(of, rows);
+    let directions = directions(of.columns());
+    // A little wider, for the rounding of the projections.
+    let width = if tolerance > 0.0 { tolerance * (1.0 + 1e-6) } else { f64::MIN_POSITIVE };
     let cell = |row: usize| {
-        let value = f64::from(of.row(row)[column]);
-        // Without a tolerance equal values still share a cell.
-        if tolerance > 0.0 { (value / tolerance).floor() as i64 } else { value.to_bits() as i64 }
+        directions.each_ref().map(|direction| {
+            let along: f64 =
+                of.row(row).iter().zip(direction).map(|(value, of)| f64::from(*value) * of).sum();
+            (along / width).floor() as i64
+        })
     };
-    let mut counted: HashMap<i64, Vec<usize>> = HashMap::new();
+    let limit = tolerance * tolerance;
+    let mut counted: HashMap<[i64; DIRECTIONS], Vec<usize>> = HashMap::new();
     let mut distinct = 0;
     for &row in rows {
         let own = cell(row);
-        let around = [own, own.wrapping_sub(1), own.wrapping_add(1)];
-        let mut candidates = around.iter().filter_map(|cell| counted.get(cell)).flatten();
-        let near = |&other: &usize| {
-            let distance = distance(of.row(row), of.row(other));
-            distance < tolerance || distance == 0.0
-        };
-        if !candidates.any(near) {
+        let mut candidates = around(own).filter_map(|cell| counted.get(&cell)).flatten();
+        if !candidates.any(|&other| is_near(of.row(row), of.row(other), limit)) {
             distinct += 1;
             counted.entry(own).or_default().push(row);
         }
@@ -34,21 +36,43 @@ pub(crate) fn count_distinct(of: &States, rows: &[usize], tolerance: f64) -> usi
     distinct
 }
 
-fn widest_column(of: &States, rows: &[usize]) -> usize {
-    let spread = |column: usize| {
-        let values = || rows.iter().map(|&row| f64::from(of.row(row)[column]));
-        let mean = values().sum::<f64>() / rows.len() as f64;
-        values().map(|value| (value - mean).powi(2)).sum::<f64>()
-    };
-    let spreads: Vec<f64> = (0..of.columns()).map(spread).collect();
-    (0..of.columns()).max_by(|&a, &b| spreads[a].total_cmp(&spreads[b])).unwrap_or(0)
+fn directions(columns: usize) -> [Vec<f64>; DIRECTIONS] {
+    let mut rng = Seed::new(0).child("directions").rng();
+    std::array::from_fn(|_| {
+        let direction: Vec<f64> = (0..columns).map(|_| rng.normal()).collect();
+        let norm = direction.iter().map(|value| value * value).sum::<f64>().sqrt();
+        direction.into_iter().map(|value| value / norm).collect()
+    })
+}
+
+/// A cell, then those beside it.
+fn around(cell: [i64; DIRECTIONS]) -> impl Iterator<Item = [i64; DIRECTIONS]> {
+    const NEAR: [i64; 3] = [0, -1, 1];
+    (0..NEAR.len().pow(DIRECTIONS as u32)).map(move |mut number| {
+        cell.map(|of| {
+            let beside = NEAR[number % NEAR.len()];
+            number /= NEAR.len();
+            of.saturating_add(beside)
+        })
+    })
+}
+
+/// Whether the squared distance is below `limit`, or zero.
+fn is_near(a: &[f32], b: &[f32], limit: f64) -> bool {
+    let mut squares = 0.0;
+    for (a, b) in a.chunks(8).zip(b.chunks(8)) {
+        squares += a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        if squares >= limit && squares > 0.0 {
+            return false;
+        }
+    }
+    true
 }
 
 #[cfg(test)]
 mod tests {
-    use calib_core::Seed;
-
     use super::*;
+    use crate::scores::distance;
 
     #[test]
     fn agrees_with_comparing_all_pairs() {

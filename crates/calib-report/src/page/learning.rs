@@ -67,10 +67,8 @@ impl LearningCurves {
             .map(|curve| curve.value.to_string())
             .collect();
         if !diverged.is_empty() {
-            caption.push_str(&format!(
-                " A run of {} diverged; the curve ends there.",
-                diverged.join(", ")
-            ));
+            let values = diverged.join(", ");
+            caption.extend([" A run of ", &values, " diverged; the curve ends there."]);
         }
         caption
     }

@@ -1,0 +1,74 @@
+//! Several models of one study, in one report.
+
+use crate::harness::Place;
+
+const MODELS: &str = r#"
+[models.euclidean]
+
+[models.laplacian.representation]
+kind = "laplacian"
+dimension = 8
+hidden_units = 32
+batch_size = 32
+steps = 200
+"#;
+
+fn place() -> Place {
+    let place = Place::with_study();
+    let text = std::fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    place.write("study.toml", &format!("{text}{MODELS}"));
+    place
+}
+
+#[test]
+fn models_are_compared_in_one_report() {
+    let place = place();
+    for command in ["represent", "build-model", "rollout"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    place.calib(&["sweep", "study.toml", "--model", "euclidean"]).succeeds();
+    let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
+    // Two sensors in three members with two runs each; Online and log replay are shared.
+    assert!(sweep.succeeds().contains("12 units run"), "{}", sweep.stdout());
+    let compared = place.calib(&["evaluate", "study.toml"]);
+    let table = compared.stdout();
+    assert!(table.contains("Spearman") && table.contains("DTW"), "{table}");
+    assert!(table.contains("Laplacian kNN ranks") && table.contains("Euclidean kNN ranks"));
+    let results = place.path().join("study-results");
+    for file in ["report.html", "models/euclidean/report.html", "models/laplacian/report.html"] {
+        assert!(results.join(file).is_file(), "{file} is missing");
+    }
+    let report = std::fs::read_to_string(results.join("report.html")).expect("readable");
+    assert!(report.contains("Representations of laplacian"));
+    assert!(report.contains("euclidean, worst rank") && report.contains("laplacian, worst rank"));
+    let json = place.calib(&["evaluate", "study.toml", "--json", "-q"]).stdout();
+    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    assert_eq!(summary["models"]["laplacian"]["verdicts"].as_array().expect("a list").len(), 2);
+    // A model by itself is the same as in a study of its own.
+    place.edit_study("[models.laplacian.representation]", "[representation]");
+    place.edit_study("[models.euclidean]", "");
+    for command in ["represent", "build-model"] {
+        place.calib(&[command, "study.toml", "--output", "alone"]).succeeds();
+    }
+    let alone = place.path().join("alone/model/members/0/neighbors.npy");
+    let together = results.join("models/laplacian/model/members/0/neighbors.npy");
+    let read = |path| std::fs::read(path).expect("readable");
+    assert!(read(alone) == read(together));
+}
+
+#[test]
+fn a_model_is_chosen_by_name() {
+    let place = place();
+    let unknown = place.calib(&["build-model", "study.toml", "--model", "gru"]).fails(2);
+    assert!(unknown.contains("the study's models are euclidean, laplacian"), "{unknown}");
+    let json = place.calib(&["build-model", "study.toml", "--json"]).fails(2);
+    assert!(json.contains("add --model NAME (euclidean, laplacian)"), "{json}");
+    let missing = place.calib(&["build-model", "study.toml", "--model", "laplacian"]).fails(2);
+    assert!(missing.contains("calib represent study.toml --model laplacian"), "{missing}");
+    place.edit_study("dimension = 8", "dimensions = 8");
+    let key = place.calib(&["represent", "study.toml"]).fails(2);
+    assert!(key.contains("did you mean `dimension`"), "{key}");
+    place.edit_study("[models.euclidean]", "[models.\"a/b\"]");
+    let name = place.calib(&["represent", "study.toml"]).fails(2);
+    assert!(name.contains("names have ASCII letters"), "{name}");
+}
