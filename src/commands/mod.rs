@@ -56,9 +56,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Represent(args) => each_model(&args, printer, |args, which| {
             // Of several models some search among the states themselves.
             let (study, _) = load_study(args)?;
-            if number == Which::OneOfSeveral
-                && study.representation.kind == RepresentationKind::None
-            {
+            let none =
+                study.is_parametric() || study.representation.kind == RepresentationKind::None;
+            if which == Which::OneOfSeveral && none {
                 printer.say("no representation: nothing to train");
                 return Ok(ExitStatus::Done);
             }
