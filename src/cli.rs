@@ -55,6 +55,8 @@ pub(crate) enum Command {
     BuildModel(BuildModelArgs),
     /// Roll the model out and compare with the recorded trajectory
     Rollout(StudyArgs),
+    /// Pre-train one agent a sensor on a part of the log, for `sweep` to start from
+    Pretrain(StudyArgs),
     /// Train agents for every value of the grid in the model, Online and on the replayed log
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report

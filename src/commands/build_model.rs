@@ -15,6 +15,7 @@ use super::{
     jumps, load_study,
     model::Model,
     model_files::{self, MemberSummary, ModelManifest, model_key},
+    partition::{self, span},
     represent::{self, Representation},
 };
 use crate::{
@@ -52,7 +53,15 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let dataset = surveyed.load(&printer.progress())?;
+    let partition::Parts { dataset, pretrain } =
+        partition::parts(&study, surveyed.load(&printer.progress())?)?;
+    if let Some(part) = &pretrain {
+        printer.say(&format!(
+            "the model is built from {}; {} is for pre-training",
+            span(&dataset.train)?,
+            span(&part.frames)?
+        ));
+    }
     check_sensors(&study, &dataset)?;
     let representation = represent::open(&study, &paths, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;

@@ -12,7 +12,7 @@ use super::{
     artefact::{self, Below, Claim, TOOL},
     build_model::{check_sensors, fingerprints, up_to_date},
     model_files::{self, MemberSummary, ModelManifest},
-    train_model,
+    partition, train_model,
 };
 use crate::{
     cli::BuildModelArgs,
@@ -35,9 +35,8 @@ pub(super) fn run(
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
     let directory = paths.model();
-    let data = study.data_to_read(paths)?;
-    printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    printer.say(&format!("build-model: reading {}", study.data_to_read(paths)?.path.0.join(", ")));
+    let dataset = partition::load(study, paths, printer)?.dataset;
     check_sensors(study, &dataset)?;
     let key = train_model::key(&dataset.fingerprint, study)?;
     train_model::announce(study, &dataset, printer);

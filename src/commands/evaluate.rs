@@ -102,6 +102,7 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
     let changed = [
         ("[sweep]", made.sweep == study.sweep),
         ("[agent]", made.agent == study.agent),
+        ("[pretrain]", made.pretrain == study.pretrain),
         ("[rollout]", made.rollout.starts() == study.rollout.starts()),
         ("[representation]", study.is_parametric() || made.representation == study.representation),
         ("[model]", made.model == study.model),

@@ -16,6 +16,9 @@ mod jumps;
 mod learning;
 mod model;
 mod model_files;
+mod partition;
+mod pretrain;
+mod pretrain_files;
 mod quickstart;
 mod report;
 mod represent;
@@ -68,6 +71,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             build_model::run(&BuildModelArgs { study: study.clone(), ..args }, printer)
         }),
         Command::Rollout(args) => each_model(&args, printer, |args, _| rollout::run(args, printer)),
+        Command::Pretrain(args) => pretrain::run(&args, printer),
         Command::Sweep(args) => each_model(&args, printer, |args, _| sweep::run(args, printer)),
         Command::Evaluate(args) => match several(&args)?.as_slice() {
             [] => evaluate::run(&args, printer),

@@ -175,6 +175,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),
+        ("[pretrain]", made.pretrain.partition() == study.pretrain.partition()),
     ];
     if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
         bail!(

@@ -120,6 +120,15 @@ pub(super) fn setting(candidate: &Candidate) -> Setting {
     }
 }
 
+/// The values of the grid along an axis. A step size of 0, the agent as it was pre-trained, has no place on a
+/// logarithmic axis: values beside it are evenly spaced names.
+fn axis(grid: &[&Candidate]) -> Vec<Setting> {
+    let values: Vec<Setting> = grid.iter().map(|candidate| setting(candidate)).collect();
+    let zero = values.iter().any(|value| value.as_number() == Some(0.0));
+    let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
+    values.into_iter().map(named).collect()
+}
+
 /// The verdict on one sensor in words: what to deploy, then the reasons.
 pub(super) fn advice(
     verdict: &SensorVerdict,
@@ -189,7 +198,7 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -
         sensor: verdict.sensor.clone(),
         field: field(candidates),
         score: Score::nrmse(),
-        values: grid.iter().map(|candidate| setting(candidate)).collect(),
+        values: axis(&grid),
         errors,
         worst_ranks: vec![RankCurve {
             label: format!("{model}, worst rank"),
@@ -282,12 +291,13 @@ fn reproduction(
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
     Ok(Reproduction {
-        command: ["build-model", "rollout", "sweep", "evaluate"]
+        command: (study.pretrain.epochs > 0)
+            .then_some("pretrain")
+            .into_iter()
+            .chain(["build-model", "rollout", "sweep", "evaluate"])
             .map(|command| paths.command(command))
-            .join(
-                "
-",
-            ),
+            .collect::<Vec<_>>()
+            .join("\n"),
         study_toml: toml::to_string(study)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), study.seed)],

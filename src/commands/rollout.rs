@@ -13,6 +13,7 @@ use super::{
     figures, jumps, load_study,
     model::{self, Model},
     model_files::{self, OpenModel},
+    partition,
     starts::starts_from_held_out,
     trajectory::Trajectory,
 };
@@ -229,8 +230,7 @@ fn deployment(
     if !starts_from_held_out(study) {
         return Ok(None);
     }
-    let data = study.data_to_read(paths)?;
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    let dataset = partition::load(study, paths, printer)?.dataset;
     model_files::check_data(paths, &model.manifest, &dataset)?;
     Ok(Some(dataset))
 }

@@ -15,6 +15,8 @@ use super::{
     load_study,
     model::Model,
     model_files::{self, OpenModel},
+    partition::{self, Parts},
+    pretrain_files,
     starts::{start_rows, starts, starts_from_held_out},
     sweep_plan::{Memory, SweepPlan},
     sweep_tables,
@@ -68,9 +70,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     let model = model_files::open(&paths, &study)?;
-    let data = study.data_to_read(&paths)?;
-    printer.say(&format!("sweep: reading {}", data.path.0.join(", ")));
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    printer.say(&format!("sweep: reading {}", study.data_to_read(&paths)?.path.0.join(", ")));
+    let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
     let environments = environments(&study, &model, &dataset, lengths.steps)?;
@@ -84,6 +85,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
             Ok((sensor.clone(), column))
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
+    let (starts, notes) =
+        pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
+    for note in &notes {
+        printer.say(note);
+    }
     let options = PlanOptions {
         scored: study.sweep.scored,
         steps: lengths.steps,
@@ -91,7 +97,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         seed: Seed::new(study.seed).child("agent"),
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors, options);
+    let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let units = plan.units();
@@ -131,7 +137,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         steps: lengths.steps,
         candidates,
         units,
-        notes: lengths.notes,
+        notes: [notes, lengths.notes].concat(),
     };
     sweep_tables::write(&directory, &manifest.candidates, &results)?;
     if missing > 0 {

@@ -69,6 +69,7 @@ impl Study {
         self.model.check().context("[model]")?;
         self.dynamics.check().context("[dynamics]")?;
         self.agent.check().context("[agent]")?;
+        self.pretrain.check()?;
         // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
@@ -76,6 +77,7 @@ impl Study {
             ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
             ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),
             ("sweep.curve_points", self.sweep.curve_points, 0, MANY_RUNS),
+            ("pretrain.epochs", self.pretrain.epochs, 0, MANY_RUNS),
             ("rollout.steps", self.rollout.steps, 1, MANY_STEPS),
             ("rollout.rollouts", self.rollout.rollouts, 1, MANY_RUNS),
             ("evaluate.top_k", self.evaluate.top_k, 1, MANY_RUNS),

@@ -4,6 +4,7 @@ mod load;
 mod message;
 mod models;
 mod paths;
+mod pretrain;
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -17,6 +18,7 @@ use calib_sweep::SweepConfig;
 use serde::{Deserialize, Serialize};
 
 pub use paths::StudyPaths;
+pub(crate) use pretrain::{MomentsRule, Partition, PretrainConfig};
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -44,6 +46,8 @@ pub struct Study {
     pub rollout: RolloutConfig,
     /// The agent, and so the default that a sweep compares with.
     pub agent: AgentConfig,
+    /// Agents that have learnt from the log before they are deployed.
+    pub pretrain: PretrainConfig,
     /// What to sweep.
     pub sweep: SweepConfig,
     /// How to judge.

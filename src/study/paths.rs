@@ -38,7 +38,8 @@ impl StudyPaths {
 
     /// What to type to run `command` on the study.
     pub fn command(&self, command: &str) -> String {
-        let model = self.model.as_ref().map_or_else(String::new, |name| format!(" --model {name}"));
+        let model = self.model.as_ref().filter(|_| command != "pretrain");
+        let model = model.map_or_else(String::new, |name| format!(" --model {name}"));
         format!("calib {command} {}{model}", self.study.display())
     }
 
@@ -60,6 +61,15 @@ impl StudyPaths {
     /// Rollouts of the model.
     pub fn rollout(&self) -> PathBuf {
         self.root.join("rollout")
+    }
+
+    /// Pre-trained agents; the models of a study share them.
+    pub fn pretrain(&self) -> PathBuf {
+        let of_study = match self.model {
+            Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
+            None => &self.root,
+        };
+        of_study.join("pretrain")
     }
 
     /// Runs of the sweep.

@@ -38,7 +38,9 @@ fn a_killed_simulation_goes_on() {
 #[test]
 fn a_killed_study_goes_on() {
     let place = Place::with_study();
-    for command in ["build-model", "rollout", "sweep"] {
+    // Long enough that it is worth keeping between epochs.
+    place.edit_study("[sweep]", "[pretrain]\nepochs = 200\n\n[sweep]");
+    for command in ["pretrain", "build-model", "rollout", "sweep"] {
         place.calib(&[command, "study.toml", "--output", "whole"]).succeeds();
         kill_and_rerun(&place, &[command, "study.toml", "--output", "killed"]);
         let (whole, killed) = (place.content("whole"), place.content("killed"));

@@ -8,6 +8,7 @@ mod harness;
 mod interruption;
 mod models;
 mod networks;
+mod pretrain;
 mod real_data;
 mod represent;
 mod sweeps;

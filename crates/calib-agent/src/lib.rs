@@ -13,6 +13,8 @@
 //!   to the byte what it would be alone.
 //! - [`train_learners`]: the same for agents that predict several sensors, start from a [`Checkpoint`], or run
 //!   so long that a [`Keeper`] keeps their state.
+//! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
+//! - [`StateFile`]: unfinished training in a file.
 //! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
 //! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
 //! - [`training_bytes`]: the memory that a training takes.
@@ -31,11 +33,14 @@ mod memory;
 mod mlp;
 mod outcome;
 mod population;
+mod pretrain;
 mod replay;
 mod returns;
 mod scoring;
+mod state_file;
 mod traces;
 mod train;
+mod validation;
 mod values;
 
 pub use config::{AgentConfig, ConfigError, OptimiserKind, ReplayKind, ValueFunction};
@@ -45,6 +50,8 @@ pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
 pub use memory::training_bytes;
 pub use outcome::RunOutcome;
+pub use pretrain::{Epoch, PretrainSettings, Pretrained, Pretraining, pretrain};
 pub use returns::{discounted_returns, truncation_horizon};
 pub use scoring::Scoring;
+pub use state_file::StateFile;
 pub use train::{Run, train, train_learners};

@@ -97,6 +97,7 @@ impl Values for LinearValues {
         for (learned, &agent) in learned.iter_mut().zip(live) {
             *learned = Learned {
                 prediction: batch.present.map(|t| self.predict(agent, batch.stream.state(t))),
+                squared_errors: 0.0,
                 finite: true,
             };
         }
@@ -255,6 +256,7 @@ impl Pass<'_> {
             for (index, scaled) in scales.iter_mut().enumerate() {
                 let td_error = cumulants[index] + bootstraps[index] - values[index];
                 learned.finite &= td_error.is_finite();
+                learned.squared_errors += td_error * td_error;
                 *scaled = scale * td_error;
             }
             add_scaled(simd, &mut agent.gradient, scales, states);

@@ -1,4 +1,6 @@
-use calib_core::Seed;
+use std::ops::Range;
+
+use calib_core::{Seed, Stream};
 use calib_nn::{Mlp, Optimiser, Workspace};
 
 use crate::{
@@ -108,13 +110,15 @@ impl MlpValues {
             next_values[..batch].copy_from_slice(&values[ahead..]);
             values
         };
-        let mut learned = Learned { prediction: present.then(|| values[batch]), finite: true };
+        let prediction = present.then(|| values[batch]);
+        let mut learned = Learned { prediction, squared_errors: 0.0, finite: true };
         let scale = -1.0 / batch as f32;
         let gradients = &mut output_gradient[..batch];
         let targets = cumulants.iter().zip(&next_values[..batch]);
         for ((gradient, value), (cumulant, next)) in gradients.iter_mut().zip(values).zip(targets) {
             let td_error = cumulant + *gamma * next - value;
             learned.finite &= td_error.is_finite();
+            learned.squared_errors += td_error * td_error;
             *gradient = scale * td_error;
         }
         let gradients = agent.network.backward(inputs, gradients, workspace);
@@ -134,6 +138,24 @@ impl Values for MlpValues {
         self.agents[agent].network.forward(state, &mut self.workspace)[0]
     }
 
+    fn predict_all(
+        &mut self,
+        agent: usize,
+        stream: &dyn Stream,
+        steps: Range<usize>,
+        values: &mut Vec<f32>,
+    ) {
+        let network = &self.agents[agent].network;
+        let rows = self.workspace.capacity();
+        for first in steps.clone().step_by(rows) {
+            self.inputs.clear();
+            for t in first..steps.end.min(first + rows) {
+                self.inputs.extend_from_slice(stream.state(t));
+            }
+            values.extend_from_slice(network.forward(&self.inputs, &mut self.workspace));
+        }
+    }
+
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]) {
         if live.iter().any(|&agent| self.agents[agent].learns) {
             self.gather(batch);
@@ -144,7 +166,7 @@ impl Values for MlpValues {
                 self.learn_one(agent, width, batch.present.is_some())
             } else {
                 let prediction = batch.present.map(|t| self.predict(agent, batch.stream.state(t)));
-                Learned { prediction, finite: true }
+                Learned { prediction, squared_errors: 0.0, finite: true }
             };
         }
     }
@@ -183,7 +205,7 @@ impl Values for MlpValues {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{RowIndex, RowStream, States, Stream as _};
+    use calib_core::{RowIndex, RowStream, States};
 
     use super::*;
     use crate::OptimiserKind;

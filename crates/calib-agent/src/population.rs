@@ -212,8 +212,8 @@ impl<'a> Population<'a> {
         } else {
             let state = self.task.stream.state(t);
             for (learned, &agent) in self.learned.iter_mut().zip(&self.live) {
-                *learned =
-                    Learned { prediction: Some(self.values.predict(agent, state)), finite: true };
+                let prediction = Some(self.values.predict(agent, state));
+                *learned = Learned { prediction, squared_errors: 0.0, finite: true };
             }
             self.settle(t, known);
         }

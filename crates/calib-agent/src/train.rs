@@ -175,7 +175,7 @@ fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     groups
 }
 
-fn check_cumulant(stream: &dyn Stream, column: usize) -> Result<(), AgentError> {
+pub(crate) fn check_cumulant(stream: &dyn Stream, column: usize) -> Result<(), AgentError> {
     if column >= stream.width() {
         return Err(AgentError::Cumulant { got: column, width: stream.width() });
     }

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use calib_core::{Seed, Stream};
 use calib_nn::{AdamRule, Optimiser, SgdRule};
 
@@ -17,6 +19,8 @@ pub(crate) struct Batch<'a> {
 pub(crate) struct Learned {
     /// The value of the present state before the update, where the batch asks for it.
     pub(crate) prediction: Option<f32>,
+    /// Sum of the squared TD errors of the batch.
+    pub(crate) squared_errors: f32,
     /// Whether every TD error was finite.
     pub(crate) finite: bool,
 }
@@ -24,9 +28,20 @@ pub(crate) struct Learned {
 /// The value functions of a population: agents of one kind and shape that learn from the same batches.
 ///
 /// What an agent computes does not depend on who else is in the population.
-pub(crate) trait Values {
+pub(crate) trait Values: Send {
     /// v(state) of one agent.
     fn predict(&mut self, agent: usize, state: &[f32]) -> f32;
+
+    /// Append v of the states at `steps` of a stream to `values`.
+    fn predict_all(
+        &mut self,
+        agent: usize,
+        stream: &dyn Stream,
+        steps: Range<usize>,
+        values: &mut Vec<f32>,
+    ) {
+        values.extend(steps.map(|t| self.predict(agent, stream.state(t))));
+    }
 
     /// One semi-gradient step of each agent in `live` on the same batch; `learned[i]` is that of
     /// `live[i]`. The loss is the mean of ½δ², the target held fixed, so one step of gradient descent

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use crate::{Segments, States, Timestamp};
 
 /// Normalised rows in time order, with the segments they form.
@@ -54,6 +56,23 @@ impl Frames {
         Ok(Self { timestamps, segments, states })
     }
 
+    /// Some of the rows. Segments are cut where the rows begin and end.
+    ///
+    /// # Panics
+    /// If there are not as many rows.
+    #[must_use]
+    pub fn slice(&self, rows: Range<usize>) -> Self {
+        let lengths = self.segments.iter().filter_map(|segment| {
+            let segment = segment.rows();
+            let inside = segment.start.max(rows.start)..segment.end.min(rows.end);
+            (!inside.is_empty()).then(|| inside.len())
+        });
+        let segments = Segments::from_lengths(lengths)
+            .unwrap_or_else(|_| unreachable!("parts of segments are not empty"));
+        let states = self.states.slice(rows.clone());
+        Self { timestamps: self.timestamps[rows].to_vec(), segments, states }
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.timestamps.len()
@@ -91,5 +110,16 @@ mod tests {
             Frames::new(vec![at(0)], segments(), states()),
             Err(FramesError::Rows { .. })
         ));
+    }
+
+    #[test]
+    fn a_slice_cuts_segments() {
+        let times = (0..6).map(Timestamp::from_micros).collect();
+        let segments = Segments::from_lengths([2, 3, 1]).expect("valid");
+        let states = States::new((0..6).map(|row| row as f32).collect(), 6, 1).expect("valid");
+        let slice = Frames::new(times, segments, states).expect("valid").slice(1..4);
+        assert_eq!(slice.segments(), &Segments::from_lengths([1, 2]).expect("valid"));
+        assert_eq!(slice.states().as_slice(), [1.0, 2.0, 3.0]);
+        assert_eq!(slice.timestamps()[0], Timestamp::from_micros(1));
     }
 }

@@ -1,4 +1,4 @@
-use std::{fmt, sync::Arc};
+use std::{fmt, ops::Range, sync::Arc};
 
 use ndarray::ArrayView2;
 
@@ -6,6 +6,8 @@ use ndarray::ArrayView2;
 #[derive(Clone)]
 pub struct States {
     values: Arc<dyn AsRef<[f32]> + Send + Sync>,
+    /// First row in the storage.
+    first: usize,
     rows: usize,
     columns: usize,
 }
@@ -61,7 +63,7 @@ impl States {
                 column: position % columns,
             });
         }
-        Ok(Self { values, rows, columns })
+        Ok(Self { values, first: 0, rows, columns })
     }
 
     /// Number of rows `n`.
@@ -76,7 +78,17 @@ impl States {
 
     /// All values, row-major. Take this once outside a hot loop.
     pub fn as_slice(&self) -> &[f32] {
-        (*self.values).as_ref()
+        &(*self.values).as_ref()[self.first * self.columns..][..self.rows * self.columns]
+    }
+
+    /// Some of the rows, over the same storage.
+    ///
+    /// # Panics
+    /// If there are not as many rows.
+    #[must_use]
+    pub fn slice(&self, rows: Range<usize>) -> Self {
+        assert!(rows.start <= rows.end && rows.end <= self.rows, "a slice lies inside");
+        Self { first: self.first + rows.start, rows: rows.len(), ..self.clone() }
     }
 
     /// The values as an `ndarray` view of shape `[n, d]`.
@@ -110,6 +122,9 @@ mod tests {
         assert_eq!(states.row(1), [3.0, 4.0]);
         assert_eq!((states.rows(), states.columns()), (3, 2));
         assert_eq!(states.view()[[2, 0]], 5.0);
+        let tail = states.slice(1..3);
+        assert_eq!((tail.rows(), tail.as_slice()), (2, &[3.0_f32, 4.0, 5.0, 6.0][..]));
+        assert_eq!(tail.slice(1..2).row(0), [5.0, 6.0]);
     }
 
     #[test]

@@ -38,6 +38,13 @@ pub struct Dataset {
     pub held_out_fingerprint: Option<Fingerprint>,
 }
 
+impl Dataset {
+    /// The fingerprint of `frames`, states with the columns of this log, such as a part of its training range.
+    pub fn fingerprint_of(&self, frames: &Frames) -> Fingerprint {
+        fingerprint(&self.normaliser, self.period, frames)
+    }
+}
+
 /// Rows of the states that one task fills.
 const BLOCK_ROWS: usize = 256;
 

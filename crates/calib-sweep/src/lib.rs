@@ -6,7 +6,8 @@
 //!   calibration model, [`PredictedEnvironment`] a parametric model, [`ReplayEnvironment`] replays the
 //!   log: held out (Online) or training.
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
-//!   on one stream with the same mini-batch draws, so they differ by their values alone.
+//!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
+//!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: worst ranks over the ensemble, the chosen candidate, its agreement with Online.
 
@@ -15,6 +16,8 @@ mod candidate;
 mod config;
 mod environment;
 mod error;
+mod kept;
+mod pass;
 mod plan;
 mod predicted;
 mod range;
@@ -31,6 +34,8 @@ pub use environment::{
     Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions,
 };
 pub use error::SweepError;
+pub use kept::WORK_BETWEEN;
+pub use pass::Start;
 pub use plan::{Plan, PlanOptions};
 pub use predicted::PredictedEnvironment;
 pub use range::{Range, Scale};

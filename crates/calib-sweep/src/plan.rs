@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use calib_agent::AgentConfig;
 use calib_core::{Monitor, Seed};
 use calib_files::{Fingerprint, Fingerprinter};
@@ -5,8 +7,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    Candidate, Environment, EnvironmentId, Role, Scored, SweepError, Unit, UnitResult, UnitStore,
-    unit::{PlannedUnit, train_unit},
+    Candidate, Environment, EnvironmentId, PlannedUnit, Role, Scored, Start, SweepError, Unit,
+    UnitResult, UnitStore, WORK_BETWEEN, pass::Pass,
 };
 
 /// What holds for every unit of a plan.
@@ -28,17 +30,21 @@ pub struct Plan<'a> {
     environments: Vec<&'a dyn Environment>,
     /// Name and column of each predicted sensor.
     sensors: Vec<(String, usize)>,
+    /// What the agents of a sensor start from, where they were pre-trained.
+    starts: BTreeMap<String, Start>,
     options: PlanOptions,
+    work_between: u64,
 }
 
 /// A unit with what is needed to run it.
-struct Job<'a> {
-    unit: Unit,
-    environment: &'a dyn Environment,
-    column: usize,
-    agents: Vec<&'a Candidate>,
-    seed: Seed,
-    key: String,
+pub(crate) struct Job<'a> {
+    pub(crate) unit: Unit,
+    pub(crate) environment: &'a dyn Environment,
+    pub(crate) column: usize,
+    pub(crate) agents: Vec<&'a Candidate>,
+    pub(crate) start: Option<&'a Start>,
+    pub(crate) seed: Seed,
+    pub(crate) key: String,
 }
 
 impl<'a> Plan<'a> {
@@ -49,7 +55,23 @@ impl<'a> Plan<'a> {
         sensors: Vec<(String, usize)>,
         options: PlanOptions,
     ) -> Self {
-        Self { candidates, environments, sensors, options }
+        let (starts, work_between) = (BTreeMap::new(), WORK_BETWEEN);
+        Self { candidates, environments, sensors, starts, options, work_between }
+    }
+
+    /// The same plan for agents that start from checkpoints, one a sensor.
+    #[must_use]
+    pub fn starting_from(mut self, starts: BTreeMap<String, Start>) -> Self {
+        self.starts = starts;
+        self
+    }
+
+    /// The same plan that keeps the state of long runs after this much work instead of [`WORK_BETWEEN`].
+    /// Results do not depend on it.
+    #[must_use]
+    pub fn keeping_after(mut self, work_between: u64) -> Self {
+        self.work_between = work_between;
+        self
     }
 
     /// All units with their keys: sensor by sensor, environment by environment, run by run.
@@ -78,6 +100,9 @@ impl<'a> Plan<'a> {
     /// Run the units that have no result in `stored`, in parallel, put their results in `store`, and return
     /// all results in the order of [`units`](Self::units). Results do not depend on the number of threads.
     ///
+    /// The units of one run in one environment share a pass over its stream, whatever sensor they predict.
+    /// Long passes keep their state in the store, so that a killed one goes on in the middle.
+    ///
     /// # Errors
     /// The first failure, or [`SweepError::Interrupted`]; finished units stay stored.
     pub fn complete(
@@ -87,47 +112,35 @@ impl<'a> Plan<'a> {
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
         let jobs = self.jobs();
-        let missing = stored.iter().filter(|result| result.is_none()).count();
+        let mut results = stored;
+        // Sensors of one run share its stream.
+        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<usize>> = BTreeMap::new();
+        for (index, job) in jobs.iter().enumerate().filter(|&(index, _)| results[index].is_none()) {
+            missing.entry((job.unit.environment, job.unit.run)).or_default().push(index);
+        }
         // Agents count the states of a stream: one more than its steps.
-        monitor.begin("training", missing as u64 * (self.options.steps as u64 + 1));
-        jobs.par_iter()
-            .zip(stored)
+        monitor.begin("training", missing.len() as u64 * (self.options.steps as u64 + 1));
+        let missing: Vec<Vec<usize>> = missing.into_values().collect();
+        let trained = missing
+            .par_iter()
             .with_max_len(1)
-            .map(|(job, stored)| {
-                if let Some(result) = stored {
-                    return Ok(result);
-                }
+            .map(|pass| {
                 if monitor.interrupted() {
                     return Err(SweepError::Interrupted);
                 }
-                let result = self.run_job(job, monitor)?;
-                store.put(&result)?;
-                Ok(result)
+                let jobs = pass.iter().map(|&index| &jobs[index]).collect();
+                Pass { jobs, options: &self.options, work_between: self.work_between }
+                    .run(store, monitor)
             })
-            .collect()
+            .collect::<Result<Vec<_>, _>>()?;
+        for (index, result) in missing.into_iter().flatten().zip(trained.into_iter().flatten()) {
+            results[index] = Some(result);
+        }
+        store.forget_unfinished();
+        Ok(results.into_iter().flatten().collect())
     }
 
-    fn run_job(&self, job: &Job<'_>, monitor: &dyn Monitor) -> Result<UnitResult, SweepError> {
-        let (stream, start) = job.environment.stream(job.unit.run)?;
-        let rows = train_unit(
-            &job.unit,
-            &*stream,
-            job.column,
-            &job.agents,
-            &self.options,
-            job.seed,
-            monitor,
-        )?;
-        Ok(UnitResult {
-            key: job.key.clone(),
-            unit: job.unit.clone(),
-            seed: job.seed.get(),
-            start_row: start.0,
-            rows,
-        })
-    }
-
-    fn jobs(&self) -> Vec<Job<'a>> {
+    fn jobs(&self) -> Vec<Job<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
@@ -143,12 +156,14 @@ impl<'a> Plan<'a> {
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
                     let seed =
                         self.options.seed.child(&environment.id().to_string()).number(run as u64);
-                    let key = self.key(&unit, *column, &agents, seed, &inputs);
+                    let start = self.starts.get(sensor);
+                    let key = self.key(&unit, *column, &agents, start, seed, &inputs);
                     jobs.push(Job {
                         unit,
                         environment,
                         column: *column,
                         agents: agents.clone(),
+                        start,
                         seed,
                         key,
                     });
@@ -164,6 +179,7 @@ impl<'a> Plan<'a> {
         unit: &Unit,
         column: usize,
         agents: &[&Candidate],
+        start: Option<&Start>,
         seed: Seed,
         inputs: &Fingerprint,
     ) -> String {
@@ -178,6 +194,8 @@ impl<'a> Plan<'a> {
             curve_points: usize,
             seed: Seed,
             inputs: &'k Fingerprint,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            start: Option<&'k Fingerprint>,
         }
         let key = Key {
             format: 2,
@@ -189,6 +207,7 @@ impl<'a> Plan<'a> {
             curve_points: self.options.curve_points,
             seed,
             inputs,
+            start: start.map(|start| &start.fingerprint),
         };
         let text = serde_json::to_vec(&key).unwrap_or_else(|_| unreachable!("plain data"));
         Fingerprinter::default().add(&text).finish().to_string()

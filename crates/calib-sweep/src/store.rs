@@ -54,16 +54,34 @@ impl UnitStore {
         Ok(write_json(&self.path(&result.unit), result)?)
     }
 
+    /// Where the state of an unfinished run of this unit's environment is kept.
+    pub(crate) fn unfinished(&self, unit: &Unit) -> PathBuf {
+        let name = format!("{}-run-{:04}.safetensors", environment(unit), unit.run);
+        self.directory.join(UNFINISHED).join(name)
+    }
+
+    /// Remove the states of unfinished runs: there are none, or they are of other inputs.
+    pub(crate) fn forget_unfinished(&self) {
+        // What stays is not looked at again.
+        let _ = std::fs::remove_dir_all(self.directory.join(UNFINISHED));
+    }
+
     fn path(&self, unit: &Unit) -> PathBuf {
-        let environment = match unit.environment {
-            EnvironmentId::Member(member) => format!("member-{member}"),
-            EnvironmentId::Online => "online".to_owned(),
-            EnvironmentId::LogReplay => "log-replay".to_owned(),
-        };
         self.directory
             .join(file_name(&unit.sensor))
-            .join(environment)
+            .join(environment(unit))
             .join(format!("run-{:04}.json", unit.run))
+    }
+}
+
+/// The folder of unfinished runs; no sensor's folder begins with a dot.
+const UNFINISHED: &str = ".unfinished";
+
+fn environment(unit: &Unit) -> String {
+    match unit.environment {
+        EnvironmentId::Member(member) => format!("member-{member}"),
+        EnvironmentId::Online => "online".to_owned(),
+        EnvironmentId::LogReplay => "log-replay".to_owned(),
     }
 }
 

@@ -1,12 +1,11 @@
 use std::fmt;
 
-use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, Scoring, train};
-use calib_core::{Monitor, Seed, Stream};
+use calib_agent::RunOutcome;
 use serde::{Deserialize, Serialize};
 
-use crate::{Candidate, EnvironmentId, PlanOptions, Scored, SweepError};
+use crate::EnvironmentId;
 
-/// One unit of a sweep: all candidates trained on one stream.
+/// One unit of a sweep: all candidates trained to predict one sensor on one stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Unit {
     /// The predicted sensor.
@@ -101,37 +100,8 @@ mod infinite {
     }
 }
 
-/// Train `candidates` on `stream`, all on the same mini-batches.
-pub(crate) fn train_unit(
-    unit: &Unit,
-    stream: &dyn Stream,
-    column: usize,
-    candidates: &[&Candidate],
-    options: &PlanOptions,
-    seed: Seed,
-    monitor: &dyn Monitor,
-) -> Result<Vec<RunRow>, SweepError> {
-    let agents: Vec<AgentConfig> =
-        candidates.iter().map(|candidate| candidate.agent.clone()).collect();
-    let scoring = match options.scored {
-        Scored::WholeRun => Scoring::WholeRun,
-        Scored::FinalQuarter => Scoring::Final(0.25),
-    };
-    let curve = CurveRule { windows: options.curve_points };
-    let outcomes = train(stream, column, &agents, scoring, curve, seed, monitor).map_err(
-        |source| match source {
-            AgentError::Interrupted => SweepError::Interrupted,
-            source => SweepError::Agent { unit: unit.clone(), source },
-        },
-    )?;
-    let rows = candidates.iter().zip(outcomes);
-    // A piece of n states has n - 1 steps.
-    let steps = stream.len() - stream.pieces().len();
-    Ok(rows.map(|(candidate, outcome)| RunRow::new(candidate.index, steps, outcome)).collect())
-}
-
 impl RunRow {
-    fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
+    pub(crate) fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
         let point =
             |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };
         Self {

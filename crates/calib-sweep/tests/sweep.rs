@@ -1,15 +1,19 @@
 //! A whole sweep on a small plant: units, resuming, determinism, verdict.
 
-use std::{collections::BTreeMap, fs};
+use std::{
+    collections::BTreeMap,
+    fs,
+    sync::atomic::{AtomicU64, Ordering},
+};
 
-use calib_agent::{AgentConfig, ValueFunction};
-use calib_core::{Frames, Seed, Segments, Silent, States, Timestamp, Transitions};
+use calib_agent::{AgentConfig, Checkpoint, ValueFunction};
+use calib_core::{Frames, Monitor, Seed, Segments, Silent, States, Timestamp, Transitions};
 use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{StartSource, start_states};
 use calib_sweep::{
     Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
-    ReplayEnvironment, Role, RolloutOptions, Scored, SweepConfig, SweepError, UnitStore,
+    ReplayEnvironment, Role, RolloutOptions, Scored, Start, SweepConfig, SweepError, UnitStore,
     candidates, verdict,
 };
 
@@ -65,7 +69,7 @@ impl Study {
         units
     }
 
-    fn with_plan<T>(&self, seed: u64, then: impl FnOnce(&Plan<'_>) -> T) -> T {
+    fn with_plan<T>(&self, seed: u64, then: impl FnOnce(Plan<'_>) -> T) -> T {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
@@ -89,7 +93,7 @@ impl Study {
         let options =
             PlanOptions { scored: Scored::FinalQuarter, steps: 600, curve_points: 10, seed };
         let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-        then(&Plan::new(&self.candidates, environments, sensors, options))
+        then(Plan::new(&self.candidates, environments, sensors, options))
     }
 }
 
@@ -178,4 +182,63 @@ fn log_replay_windows_differ_and_online_ones_do_not() {
     let (stream, _) = online.stream(0).expect("a stream");
     assert_eq!((stream.len(), stream.pieces()), (900, &[0..300, 300..900][..]));
     assert_eq!(online.id(), EnvironmentId::Online);
+}
+
+/// Asks to stop when it was asked often enough.
+struct Impatient {
+    asked: AtomicU64,
+    patience: u64,
+}
+
+impl Monitor for Impatient {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.patience
+    }
+}
+
+#[test]
+fn long_runs_go_on_in_the_middle() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = |name: &str| UnitStore::new(directory.path().join(name));
+    let (whole, stopped) = (store("whole"), store("stopped"));
+    let expected = study.with_plan(1, |plan| plan.run(&whole, &Silent).expect("runs"));
+    let unfinished = stopped.directory().join(".unfinished");
+    // Six or eight agents of at least a million multiplications a step: a state every hundred steps.
+    let mut resumed = 0;
+    let results = loop {
+        let monitor = Impatient { asked: AtomicU64::new(0), patience: 5 };
+        let plan = |plan: Plan<'_>| plan.keeping_after(800_000_000).run(&stopped, &monitor);
+        match in_pool(1, || study.with_plan(1, plan)) {
+            Err(SweepError::Interrupted) => resumed += u32::from(unfinished.is_dir()),
+            other => break other.expect("runs"),
+        }
+        assert!(resumed < 1_000, "it gets on");
+    };
+    assert!(resumed > 10, "{resumed}");
+    assert_eq!(results, expected);
+    assert!(!unfinished.exists(), "nothing is left behind");
+}
+
+#[test]
+fn agents_start_from_checkpoints() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let checkpoint = Checkpoint { parameters: vec![0.5, -0.5, 1.0], moments: None };
+    let start = Start { checkpoint, fingerprint: Fingerprint::of(b"checkpoint") };
+    let starts = BTreeMap::from([("B".to_owned(), start)]);
+    let run = |name: &str, starts: BTreeMap<String, Start>| {
+        let store = UnitStore::new(directory.path().join(name));
+        study.with_plan(1, |plan| plan.starting_from(starts).run(&store, &Silent).expect("runs"))
+    };
+    let (scratch, tuned) = (run("scratch", BTreeMap::new()), run("tuned", starts));
+    for (scratch, tuned) in scratch.iter().zip(&tuned) {
+        let of_b = scratch.unit.sensor == "B";
+        assert_eq!(scratch.key == tuned.key, !of_b, "a checkpoint is an input of its sensor");
+        assert_eq!(scratch.rows == tuned.rows, !of_b);
+    }
 }

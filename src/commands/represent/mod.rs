@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
-    load_study,
+    load_study, partition,
 };
 use crate::{
     cli::StudyArgs,
@@ -85,9 +85,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
              set it to \"laplacian\" or \"import\""
         );
     }
-    let data = study.data_to_read(&paths)?;
-    printer.say(&format!("represent: reading {}", data.path.0.join(", ")));
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress())?;
+    printer.say(&format!("represent: reading {}", study.data_to_read(&paths)?.path.0.join(", ")));
+    let dataset = partition::load(&study, &paths, printer)?.dataset;
     let key = key(&study, &paths, &dataset)?;
     let directory = paths.representation();
     announce(&study, &dataset, printer);

@@ -1,0 +1,342 @@
+use calib_core::{Monitor, Seed, Stream};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    AgentError, Checkpoint, Learner, StateFile,
+    keeper::ValueState,
+    population::{can_share, values_of},
+    traces::TracedStream,
+    validation::Validation,
+    values::{Batch, Learned, Values},
+};
+
+/// How long agents are pre-trained, and what they are validated on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PretrainSettings {
+    /// The most passes over the training transitions.
+    pub epochs: usize,
+    /// Epochs without a better validation error after which an agent stops; 0 never stops early.
+    pub patience: usize,
+    /// Share of the transitions, the last in time, that agents are validated on; in (0, 1).
+    pub validation_fraction: f64,
+}
+
+/// What agents are pre-trained on.
+#[derive(Clone, Copy)]
+pub struct Pretraining<'a> {
+    /// Recorded states; nothing is learnt across its pieces.
+    pub stream: &'a dyn Stream,
+    /// How long, and what is held back.
+    pub settings: PretrainSettings,
+    /// Of initial parameters and of the order of transitions in each epoch.
+    pub seed: Seed,
+}
+
+/// One epoch of one agent. Losses are means of squared TD errors, δ² with δ = o' + γ v(s') − v(s), in squared
+/// normalised units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Epoch {
+    /// Its number, from 1.
+    pub epoch: usize,
+    /// Over the training transitions, each before the update that learnt from it.
+    pub training_loss: f64,
+    /// Over the validation transitions, after the epoch.
+    pub validation_loss: f64,
+    /// RMSE between values and Monte-Carlo returns over those validation steps whose returns are known.
+    pub validation_rmse: Option<f64>,
+    /// That RMSE / |mean return|.
+    pub validation_nrmse: Option<f64>,
+}
+
+impl Epoch {
+    /// What early stopping watches: the error to returns, or the loss where no return is known.
+    fn error(&self) -> f64 {
+        self.validation_rmse.unwrap_or(self.validation_loss)
+    }
+}
+
+/// A pre-trained agent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pretrained {
+    /// What it learnt: after the last epoch, or with early stopping after the best.
+    pub checkpoint: Checkpoint,
+    /// The epoch after which that was.
+    pub epoch: usize,
+    /// All epochs that were run.
+    pub curve: Vec<Epoch>,
+}
+
+/// One agent between two epochs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Course {
+    curve: Vec<Epoch>,
+    /// The epoch with the smallest validation error; 0 before the first.
+    best: usize,
+    stopped: bool,
+}
+
+/// Pre-train `learners`, which differ in the sensor they predict, by TD(0) over shuffled transitions.
+///
+/// The transitions of the stream, in time order, are cut in two: the first 1 − `validation_fraction` are for
+/// training, the rest for validation. An epoch is one pass over the training transitions in an order drawn for
+/// it, in mini-batches of `batch_size` (the last one may be smaller), one update each: the semi-gradient step of
+/// [`train`](crate::train). All learners see the same mini-batches in one pass over the data; what an agent
+/// learns does not depend on the others, nor on the number of threads.
+///
+/// With a `file` the state is written there after each epoch that took long enough to be worth it, so that a
+/// killed training goes on to the same result.
+///
+/// # Errors
+/// If hyperparameters or checkpoints do not fit, there are too few transitions, an agent diverges, the state cannot
+/// be written, or the monitor is interrupted.
+///
+/// # Panics
+/// If the learners differ in other settings than their sensors.
+pub fn pretrain(
+    training: Pretraining<'_>,
+    learners: &[Learner<'_>],
+    file: Option<&StateFile>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Pretrained>, AgentError> {
+    let Pretraining { stream, settings, seed } = training;
+    let Some(first) = learners.first() else { return Ok(vec![]) };
+    for learner in learners {
+        learner.check(stream.width())?;
+        crate::train::check_cumulant(stream, learner.cumulant)?;
+        assert!(can_share(first.config, learner.config), "learners differ in their sensors only");
+    }
+    let decays = &first.config.traces;
+    let traced = (!decays.is_empty()).then(|| TracedStream::new(stream, decays));
+    let stream = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
+    let training = Pretraining { stream, ..training };
+    let transitions: Vec<usize> =
+        stream.pieces().iter().flat_map(|piece| piece.start..piece.end.saturating_sub(1)).collect();
+    let held_back = (transitions.len() as f64 * settings.validation_fraction).round() as usize;
+    let cut = transitions.len() - held_back.max(1).min(transitions.len());
+    let batch = first.config.batch_size;
+    if cut < batch {
+        return Err(AgentError::TooFewTransitions { got: transitions.len(), expected: batch });
+    }
+    let (train, validate) = transitions.split_at(cut);
+
+    let mut run = PretrainRun::new(training, learners, validate);
+    run.resume(file);
+    let work = run.groups.len() as u64 * train.len() as u64;
+    monitor.begin("pre-training", settings.epochs as u64 * work);
+    monitor.advance(run.epochs as u64 * work);
+    let mut unkept = 0;
+    let work_per_epoch: u64 = learners
+        .iter()
+        .map(|learner| learner.work_per_step(stream.width()))
+        .sum::<u64>()
+        .saturating_mul((train.len() / batch) as u64);
+    while run.epochs < settings.epochs && run.courses.iter().any(|course| !course.stopped) {
+        let order = shuffled(train, seed.child("epoch").number(run.epochs as u64));
+        run.epoch(&order, batch, monitor)?;
+        unkept += work_per_epoch;
+        if let Some(file) = file
+            && unkept >= WORK_BETWEEN_EPOCHS
+        {
+            run.keep(file)?;
+            unkept = 0;
+        }
+    }
+    Ok(run.finish())
+}
+
+/// Work after which the state is worth a file, in multiplications: some seconds.
+const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
+
+/// Mini-batches between looks at the monitor.
+const BATCHES_PER_LOOK: usize = 16;
+
+/// Learners that one thread trains.
+struct Group {
+    values: Box<dyn Values>,
+    /// Their positions among all learners.
+    members: Vec<usize>,
+}
+
+struct PretrainRun<'a> {
+    training: Pretraining<'a>,
+    groups: Vec<Group>,
+    /// Of each learner.
+    validations: Vec<Validation>,
+    courses: Vec<Course>,
+    best: Vec<Option<Checkpoint>>,
+    /// Epochs done.
+    epochs: usize,
+}
+
+impl<'a> PretrainRun<'a> {
+    fn new(training: Pretraining<'a>, learners: &[Learner<'_>], validate: &[usize]) -> Self {
+        let Pretraining { stream, seed, .. } = training;
+        let of_group = learners.len().div_ceil(rayon::current_num_threads());
+        let positions: Vec<usize> = (0..learners.len()).collect();
+        let group = |(members, learners): (&[usize], &[Learner<'_>])| {
+            let batch = learners[0].config.batch_size;
+            let mut values = values_of(learners, stream.width(), batch, seed);
+            for (agent, learner) in learners.iter().enumerate() {
+                if let Some(start) = learner.start {
+                    values.restore(agent, &ValueState::from(start));
+                }
+            }
+            Group { values, members: members.to_vec() }
+        };
+        let validation = |learner: &Learner<'_>| {
+            Validation::new(stream, learner.cumulant, learner.config.gamma, validate)
+        };
+        Self {
+            training,
+            groups: positions.chunks(of_group).zip(learners.chunks(of_group)).map(group).collect(),
+            validations: learners.iter().map(validation).collect(),
+            courses: vec![Course::default(); learners.len()],
+            best: vec![None; learners.len()],
+            epochs: 0,
+        }
+    }
+
+    /// One pass over the training transitions in this order, then validation.
+    fn epoch(
+        &mut self,
+        order: &[usize],
+        batch: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<(), AgentError> {
+        let (stream, number) = (self.training.stream, self.epochs + 1);
+        let (courses, validations) = (&self.courses, &self.validations);
+        let epochs: Vec<Vec<(usize, Epoch)>> = self
+            .groups
+            .par_iter_mut()
+            .map(|Group { values, members }| {
+                let live: Vec<usize> =
+                    (0..members.len()).filter(|&agent| !courses[members[agent]].stopped).collect();
+                let mut learned = vec![Learned::default(); live.len()];
+                let mut losses = vec![0.0_f64; live.len()];
+                for (position, starts) in order.chunks(batch).enumerate() {
+                    if position.is_multiple_of(BATCHES_PER_LOOK) && monitor.interrupted() {
+                        return Err(AgentError::Interrupted);
+                    }
+                    if !live.is_empty() {
+                        let batch = Batch { stream, starts, present: None };
+                        values.learn(batch, &live, &mut learned);
+                    }
+                    for (loss, learned) in losses.iter_mut().zip(&learned) {
+                        *loss += f64::from(learned.squared_errors);
+                    }
+                    monitor.advance(starts.len() as u64);
+                }
+                let epoch = |(&agent, loss): (&usize, f64)| {
+                    let learner = members[agent];
+                    let training_loss = loss / order.len() as f64;
+                    let epoch =
+                        validations[learner].epoch(number, training_loss, stream, |steps, out| {
+                            values.predict_all(agent, stream, steps, out);
+                        });
+                    let finite = epoch.training_loss.is_finite() && epoch.error().is_finite();
+                    if finite {
+                        Ok((learner, epoch))
+                    } else {
+                        Err(AgentError::PretrainingDiverged { learner, epoch: number })
+                    }
+                };
+                live.iter().zip(losses).map(epoch).collect()
+            })
+            .collect::<Result<_, _>>()?;
+        for (learner, epoch) in epochs.into_iter().flatten() {
+            self.settle(learner, epoch);
+        }
+        self.epochs = number;
+        Ok(())
+    }
+
+    /// Take down an epoch of a learner; keep what is best; stop what gets no better.
+    fn settle(&mut self, learner: usize, epoch: Epoch) {
+        let patience = self.training.settings.patience;
+        let course = &mut self.courses[learner];
+        let before =
+            course.best.checked_sub(1).map_or(f64::INFINITY, |at| course.curve[at].error());
+        course.curve.push(epoch);
+        if epoch.error() < before {
+            course.best = epoch.epoch;
+            if patience > 0 {
+                self.best[learner] = Some(self.state(learner).checkpoint);
+            }
+        } else if patience > 0 && epoch.epoch - course.best >= patience {
+            course.stopped = true;
+        }
+    }
+
+    /// A learner as it stands.
+    fn state(&self, learner: usize) -> ValueState {
+        let find = |group: &Group| {
+            let agent = group.members.iter().position(|&member| member == learner)?;
+            Some(group.values.state(agent))
+        };
+        self.groups
+            .iter()
+            .find_map(find)
+            .unwrap_or_else(|| unreachable!("every learner is in a group"))
+    }
+
+    /// Write the state: learners by their position, their best checkpoints behind them.
+    fn keep(&self, file: &StateFile) -> Result<(), AgentError> {
+        let count = self.courses.len();
+        let mut values: Vec<_> = (0..count).map(|learner| (learner, self.state(learner))).collect();
+        let best = self.best.iter().enumerate();
+        values.extend(
+            best.filter_map(|(learner, best)| Some((count + learner, best.as_ref()?.into()))),
+        );
+        file.write(&(self.epochs, &self.courses), &values)
+            .map_err(|error| AgentError::Keep(error.to_string()))
+    }
+
+    fn resume(&mut self, file: Option<&StateFile>) {
+        let count = self.courses.len();
+        let Some((epochs, courses, values)) = file
+            .and_then(StateFile::read::<(usize, Vec<Course>)>)
+            .and_then(|((epochs, courses), values)| {
+                (courses.len() == count).then_some((epochs, courses, values))
+            })
+        else {
+            return;
+        };
+        (self.epochs, self.courses) = (epochs, courses);
+        for (number, state) in values {
+            if number >= count {
+                self.best[number - count] = Some(state.checkpoint);
+                continue;
+            }
+            for Group { values, members } in &mut self.groups {
+                if let Some(agent) = members.iter().position(|&member| member == number) {
+                    values.restore(agent, &state);
+                }
+            }
+        }
+    }
+
+    fn finish(mut self) -> Vec<Pretrained> {
+        let last: Vec<Checkpoint> =
+            (0..self.courses.len()).map(|learner| self.state(learner).checkpoint).collect();
+        let of = |((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
+            let epoch = if best.is_some() { course.best } else { course.curve.len() };
+            Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve }
+        };
+        let courses = std::mem::take(&mut self.courses).into_iter();
+        courses.zip(last).zip(self.best).map(of).collect()
+    }
+}
+
+/// `transitions` in an order drawn from `seed` (Fisher and Yates).
+fn shuffled(transitions: &[usize], seed: Seed) -> Vec<usize> {
+    let mut order = transitions.to_vec();
+    let mut rng = seed.rng();
+    for last in (1..order.len()).rev() {
+        order.swap(last, rng.below(last + 1));
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests;

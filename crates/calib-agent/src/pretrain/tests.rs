@@ -1,0 +1,174 @@
+use calib_core::{RowStream, Segments, Silent, States};
+
+use super::*;
+use crate::{AgentConfig, OptimiserKind, ValueFunction};
+
+/// A slow wave and its derivative in two segments; the second sensor is the first one a quarter later.
+fn waves(steps: usize) -> RowStream {
+    let mut rng = Seed::new(11).rng();
+    let values = (0..steps).flat_map(|t| {
+        let phase = t as f64 * 0.05;
+        let state = [0.5 + 0.4 * phase.sin(), 0.5 + 0.4 * phase.cos()];
+        state.map(|value| (value + 0.01 * rng.normal()) as f32)
+    });
+    let states = States::new(values.collect(), steps, 2).expect("valid");
+    let segments = Segments::from_lengths([steps / 3, steps - steps / 3]).expect("valid");
+    RowStream::replay(states, &segments)
+}
+
+fn mlp(learning_rate: f64) -> AgentConfig {
+    AgentConfig {
+        hidden_units: 12,
+        gamma: 0.9,
+        batch_size: 16,
+        learning_rate,
+        ..AgentConfig::default()
+    }
+}
+
+fn linear(learning_rate: f64) -> AgentConfig {
+    let (value_function, optimiser) = (ValueFunction::Linear, OptimiserKind::Sgd);
+    AgentConfig { value_function, optimiser, ..mlp(learning_rate) }
+}
+
+fn settings(epochs: usize, patience: usize) -> PretrainSettings {
+    PretrainSettings { epochs, patience, validation_fraction: 0.25 }
+}
+
+fn run(
+    stream: &RowStream,
+    settings: PretrainSettings,
+    config: &AgentConfig,
+    sensors: &[usize],
+    file: Option<&StateFile>,
+) -> Result<Vec<Pretrained>, AgentError> {
+    let learners: Vec<_> =
+        sensors.iter().map(|&cumulant| Learner { config, cumulant, start: None }).collect();
+    pretrain(Pretraining { stream, settings, seed: Seed::new(5) }, &learners, file, &Silent)
+}
+
+#[test]
+fn agents_learn_from_epoch_to_epoch() {
+    let stream = waves(1_500);
+    for config in [mlp(1e-3), linear(0.1)] {
+        let agent = run(&stream, settings(30, 0), &config, &[0], None).expect("trains").remove(0);
+        let (first, last) = (agent.curve[0], agent.curve[29]);
+        assert_eq!((agent.epoch, agent.curve.len(), last.epoch), (30, 30, 30));
+        let error = |epoch: &Epoch| epoch.validation_nrmse.expect("known");
+        assert!(error(&last) < 0.2 && error(&last) < 0.5 * error(&first), "{agent:?}");
+        assert!(last.training_loss < first.training_loss, "{first:?} {last:?}");
+        assert!(last.validation_loss < first.validation_loss, "{first:?} {last:?}");
+    }
+}
+
+/// One epoch of linear gradient descent, as plainly as possible and in f64.
+#[test]
+fn an_epoch_is_one_pass_over_the_first_transitions() {
+    let stream = waves(60);
+    let config = linear(0.05);
+    let agent = run(&stream, settings(1, 0), &config, &[1], None).expect("trains").remove(0);
+    let initial = calib_nn::Mlp::new(&[2, 1], Seed::new(5).child("parameters"));
+    let mut w: Vec<f64> = initial.parameters().iter().map(|&p| f64::from(p)).collect();
+    // 58 transitions, as two segments have; the last quarter of them, 15 (14.5 rounded), is held back.
+    let train: Vec<usize> = (0..19).chain(20..44).collect();
+    let order = shuffled(&train, Seed::new(5).child("epoch").number(0));
+    let x = |t: usize| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0];
+    let value = |w: &[f64], x: [f64; 3]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();
+    let mut loss = 0.0;
+    for batch in order.chunks(16) {
+        let before = w.clone();
+        for &t in batch {
+            let error = x(t + 1)[1] + 0.9 * value(&before, x(t + 1)) - value(&before, x(t));
+            loss += error * error;
+            for (w, x) in w.iter_mut().zip(x(t)) {
+                *w += 0.05 / batch.len() as f64 * error * x;
+            }
+        }
+    }
+    for (got, expected) in agent.checkpoint.parameters.iter().zip(&w) {
+        assert!((f64::from(*got) - expected).abs() < 1e-6, "{got} {expected}");
+    }
+    assert!((agent.curve[0].training_loss - loss / train.len() as f64).abs() < 1e-6);
+    let held_back: Vec<usize> = (44..59).collect();
+    let errors = held_back
+        .iter()
+        .map(|&t| x(t + 1)[1] + 0.9 * value(&w, x(t + 1)) - value(&w, x(t)))
+        .map(|error| error * error);
+    let expected = errors.sum::<f64>() / 15.0;
+    assert!((agent.curve[0].validation_loss - expected).abs() < 1e-6);
+    assert_eq!(
+        agent.curve[0].validation_rmse, None,
+        "the last 44 returns of a segment are cut off"
+    );
+}
+
+#[test]
+fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
+    let stream = waves(300);
+    let traced = AgentConfig { traces: vec![0.5, 0.9], ..mlp(1e-3) };
+    for config in [mlp(1e-3), linear(0.1), traced] {
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let of = |threads, sensors: &[usize]| {
+            let run = || run(&stream, settings(4, 2), &config, sensors, None).expect("trains");
+            pool(threads).expect("a pool").install(run)
+        };
+        let together = of(1, &[0, 1]);
+        assert_eq!(of(2, &[0, 1]), together);
+        assert_eq!([of(1, &[0]), of(1, &[1])].concat(), together);
+        assert_ne!(together[0].checkpoint, together[1].checkpoint);
+    }
+}
+
+#[test]
+fn patience_keeps_the_best_epoch() {
+    let stream = waves(600);
+    // A rate so large that epochs get worse now and then.
+    let config = mlp(0.05);
+    let all = run(&stream, settings(40, 0), &config, &[0], None).expect("trains").remove(0);
+    let early = run(&stream, settings(40, 2), &config, &[0], None).expect("trains").remove(0);
+    let epochs = early.curve.len();
+    assert!(epochs < 40, "it never got worse twice");
+    assert_eq!(early.curve, all.curve[..epochs], "stopping changes nothing before it");
+    let best = early.curve.iter().min_by(|a, b| a.error().total_cmp(&b.error()));
+    assert_eq!((early.epoch, epochs), (best.expect("some").epoch, early.epoch + 2));
+    let until = run(&stream, settings(early.epoch, 0), &config, &[0], None).expect("trains");
+    assert_eq!(until[0].checkpoint, early.checkpoint);
+}
+
+#[test]
+fn a_resumed_training_is_the_uninterrupted_one() {
+    let stream = waves(400);
+    let directory = tempfile::tempdir().expect("a directory");
+    for (number, config) in [mlp(0.03), linear(0.1)].into_iter().enumerate() {
+        let whole = run(&stream, settings(12, 3), &config, &[0, 1], None).expect("trains");
+        for after in [1, 4, 7] {
+            let path = directory.path().join(format!("{number}-{after}"));
+            let file = StateFile::new(path, "key".to_owned());
+            let training =
+                Pretraining { stream: &stream, settings: settings(12, 3), seed: Seed::new(5) };
+            let learners =
+                [0, 1].map(|cumulant| Learner { config: &config, cumulant, start: None });
+            let transitions: Vec<usize> = (0..132).chain(133..399).collect();
+            let (train, validate) = transitions.split_at(298);
+            let mut begun = PretrainRun::new(training, &learners, validate);
+            for epoch in 0..after {
+                let order = shuffled(train, training.seed.child("epoch").number(epoch));
+                begun.epoch(&order, 16, &Silent).expect("trains");
+            }
+            begun.keep(&file).expect("written");
+            let resumed = run(&stream, settings(12, 3), &config, &[0, 1], Some(&file));
+            assert_eq!(resumed.expect("trains"), whole);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_trained_says_why() {
+    let of = |steps, config: &AgentConfig| {
+        run(&waves(steps), settings(50, 0), config, &[0], None).expect_err("refused")
+    };
+    let few = of(18, &mlp(1e-3));
+    assert!(matches!(few, AgentError::TooFewTransitions { got: 16, expected: 16 }), "{few}");
+    let diverged = of(300, &linear(50.0));
+    assert!(matches!(diverged, AgentError::PretrainingDiverged { learner: 0, .. }), "{diverged}");
+}

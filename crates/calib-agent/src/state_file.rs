@@ -1,0 +1,141 @@
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
+use calib_nn::Moments;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::{Checkpoint, ValueState};
+
+/// The state of unfinished training, in one file (safetensors; what is no array is JSON in its metadata).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StateFile {
+    path: PathBuf,
+    key: String,
+}
+
+/// What does not fit into arrays.
+#[derive(Serialize, Deserialize)]
+struct Scalars {
+    number: usize,
+    updates: usize,
+    powers: Option<(f64, f64)>,
+}
+
+const PARTS: [&str; 4] = ["parameters", "mean", "square", "target"];
+
+impl StateFile {
+    /// The file at `path` of the training that `key` stands for.
+    pub fn new(path: PathBuf, key: String) -> Self {
+        Self { path, key }
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Progress and value functions as they were written last. A file that is missing, damaged or of other
+    /// training is no state.
+    pub fn read<P: DeserializeOwned>(&self) -> Option<(P, Vec<(usize, ValueState)>)> {
+        let mut file = read_tensors(&self.path).ok()?;
+        if file.metadata.get("key") != Some(&self.key) {
+            return None;
+        }
+        let progress = serde_json::from_str(file.metadata.get("progress")?).ok()?;
+        let scalars: Vec<Scalars> = serde_json::from_str(file.metadata.get("scalars")?).ok()?;
+        let mut arrays: BTreeMap<String, Vec<f32>> =
+            file.tensors.drain(..).map(|tensor| (tensor.name, tensor.values)).collect();
+        let values = scalars.into_iter().map(|Scalars { number, updates, powers }| {
+            let [parameters, mean, square, target] =
+                PARTS.map(|part| arrays.remove(&format!("{number}.{part}")));
+            let moments = match powers {
+                Some(powers) => Some(Moments { mean: mean?, square: square?, powers }),
+                None => None,
+            };
+            let checkpoint = Checkpoint { parameters: parameters?, moments };
+            Some((number, ValueState { checkpoint, target, updates }))
+        });
+        Some((progress, values.collect::<Option<_>>()?))
+    }
+
+    /// Write progress and numbered value functions in place of what was there.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write<P: Serialize>(
+        &self,
+        progress: &P,
+        values: &[(usize, ValueState)],
+    ) -> Result<(), FileError> {
+        let mut tensors = Vec::new();
+        let mut scalars = Vec::new();
+        for (number, ValueState { checkpoint, target, updates }) in values {
+            let moments = checkpoint.moments.as_ref();
+            let powers = moments.map(|moments| moments.powers);
+            scalars.push(Scalars { number: *number, updates: *updates, powers });
+            let parts = [
+                Some(&checkpoint.parameters),
+                moments.map(|moments| &moments.mean),
+                moments.map(|moments| &moments.square),
+                target.as_ref(),
+            ];
+            for (part, values) in PARTS.iter().zip(parts) {
+                tensors.extend(values.map(|values| Tensor {
+                    name: format!("{number}.{part}"),
+                    shape: vec![values.len()],
+                    values: values.clone(),
+                }));
+            }
+        }
+        let metadata = BTreeMap::from([
+            ("key".to_owned(), self.key.clone()),
+            ("progress".to_owned(), serde_json::json!(progress).to_string()),
+            ("scalars".to_owned(), serde_json::json!(scalars).to_string()),
+        ]);
+        write_tensors(&self.path, &Tensors { tensors, metadata })
+    }
+
+    /// The training is finished.
+    pub fn remove(&self) {
+        // A file that stays is not looked at again by other training.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_come_back_and_only_to_the_same_training() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let file = |key: &str| StateFile::new(directory.path().join("a/state"), key.to_owned());
+        let state = |target: Option<Vec<f32>>, powers: Option<(f64, f64)>| ValueState {
+            checkpoint: Checkpoint {
+                parameters: vec![0.1, -0.0, 3.0],
+                moments: powers.map(|powers| Moments {
+                    mean: vec![1e-40, 2.0, 3.0],
+                    square: vec![0.3; 3],
+                    powers,
+                }),
+            },
+            target,
+            updates: 7,
+        };
+        let values = vec![
+            (0, state(None, Some((0.1 + 0.2, 1e-300)))),
+            (3, state(Some(vec![1.0, 2.0, 3.0]), None)),
+        ];
+        let progress = (5, 0.1_f64 + 0.2);
+        assert_eq!(file("a").read::<(i32, f64)>(), None);
+        file("a").write(&progress, &values).expect("written");
+        assert_eq!(file("a").read(), Some((progress, values)));
+        assert_eq!(file("b").read::<(i32, f64)>(), None);
+        file("a").remove();
+        assert_eq!(file("a").read::<(i32, f64)>(), None);
+    }
+}

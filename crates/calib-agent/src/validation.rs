@@ -1,0 +1,76 @@
+use std::ops::Range;
+
+use calib_core::Stream;
+
+use crate::{Epoch, discounted_returns, scoring::known_returns};
+
+/// The held-back transitions of one sensor, and the returns that values are held to there.
+pub(crate) struct Validation {
+    cumulant: usize,
+    gamma: f64,
+    /// States from the first transition to where the last one leads, piece by piece.
+    stretches: Vec<Range<usize>>,
+    /// Steps of each stretch whose returns are known.
+    known: Vec<Range<usize>>,
+    returns: Vec<f64>,
+}
+
+impl Validation {
+    /// The `transitions` of `stream`, by the steps they start from, in order.
+    pub(crate) fn new(
+        stream: &dyn Stream,
+        cumulant: usize,
+        gamma: f64,
+        transitions: &[usize],
+    ) -> Self {
+        let first = transitions.first().copied().unwrap_or(usize::MAX);
+        let cut = |piece: &Range<usize>| piece.start.max(first).min(piece.end)..piece.end;
+        let pieces = stream.pieces().iter().filter(|piece| piece.end > first.saturating_add(1));
+        let (stretches, known) = pieces
+            .map(|piece| {
+                let known = known_returns(piece, gamma);
+                (cut(piece), known.start.max(first).min(known.end)..known.end)
+            })
+            .unzip();
+        let returns = discounted_returns(stream, cumulant, gamma);
+        Self { cumulant, gamma, stretches, known, returns }
+    }
+
+    /// The epoch of a learner whose values of some steps `predict` appends.
+    pub(crate) fn epoch(
+        &self,
+        epoch: usize,
+        training_loss: f64,
+        stream: &dyn Stream,
+        mut predict: impl FnMut(Range<usize>, &mut Vec<f32>),
+    ) -> Epoch {
+        let (mut loss, mut transitions) = (0.0, 0_usize);
+        let (mut squares, mut sum, mut steps) = (0.0, 0.0, 0_usize);
+        let mut values = Vec::new();
+        for (stretch, known) in self.stretches.iter().zip(&self.known) {
+            values.clear();
+            predict(stretch.clone(), &mut values);
+            for (t, pair) in stretch.clone().zip(values.windows(2)) {
+                let observed = f64::from(stream.state(t + 1)[self.cumulant]);
+                let error = observed + self.gamma * f64::from(pair[1]) - f64::from(pair[0]);
+                loss += error * error;
+                transitions += 1;
+            }
+            for t in known.clone() {
+                let value = f64::from(values[t - stretch.start]);
+                squares += (value - self.returns[t]).powi(2);
+                sum += self.returns[t];
+                steps += 1;
+            }
+        }
+        let rmse = (steps > 0).then(|| (squares / steps as f64).sqrt());
+        let mean = (sum / steps.max(1) as f64).abs();
+        Epoch {
+            epoch,
+            training_loss,
+            validation_loss: loss / transitions.max(1) as f64,
+            validation_rmse: rmse,
+            validation_nrmse: rmse.filter(|_| mean > 0.0).map(|rmse| rmse / mean),
+        }
+    }
+}

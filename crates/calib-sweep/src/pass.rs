@@ -1,0 +1,86 @@
+use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, Scoring, train_learners};
+use calib_core::Monitor;
+use calib_files::Fingerprint;
+
+use crate::{
+    PlanOptions, RunRow, Scored, SweepError, UnitResult, UnitStore, kept::KeptRun, plan::Job,
+};
+
+/// What the agents of one sensor start from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// Parameters, and moments if they are to be kept.
+    pub checkpoint: Checkpoint,
+    /// Of the checkpoint and of what is taken from it.
+    pub fingerprint: Fingerprint,
+}
+
+/// One pass over one stream: the units of one run in one environment, one for each sensor, all values of all
+/// of them side by side. The stream is made once and every mini-batch gathered once; a unit's result is the
+/// one that it would have alone.
+pub(crate) struct Pass<'p, 'a> {
+    pub(crate) jobs: Vec<&'p Job<'a>>,
+    pub(crate) options: &'p PlanOptions,
+    /// Work between two states of the run that are kept.
+    pub(crate) work_between: u64,
+}
+
+impl Pass<'_, '_> {
+    /// Train the units and put them into `store`; results come in the order of the jobs.
+    pub(crate) fn run(
+        &self,
+        store: &UnitStore,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<UnitResult>, SweepError> {
+        let first = self.jobs[0];
+        let (stream, start_row) = first.environment.stream(first.unit.run)?;
+        let learners: Vec<Learner<'_>> = self
+            .jobs
+            .iter()
+            .flat_map(|job| {
+                job.agents.iter().map(|candidate| Learner {
+                    config: &candidate.agent,
+                    cumulant: job.column,
+                    start: job.start.map(|start| &start.checkpoint),
+                })
+            })
+            .collect();
+        let run = Run {
+            stream: &*stream,
+            scoring: match self.options.scored {
+                Scored::WholeRun => Scoring::WholeRun,
+                Scored::FinalQuarter => Scoring::Final(0.25),
+            },
+            curve: CurveRule { windows: self.options.curve_points },
+            seed: first.seed,
+        };
+        let kept = KeptRun::new(store, &self.jobs, self.work_between);
+        let outcomes =
+            train_learners(run, &learners, &kept, monitor).map_err(|source| match source {
+                AgentError::Interrupted => SweepError::Interrupted,
+                source => SweepError::Agent { unit: first.unit.clone(), source },
+            })?;
+        // A piece of n states has n - 1 steps.
+        let steps = stream.len() - stream.pieces().len();
+        let mut outcomes = outcomes.into_iter();
+        let results: Vec<UnitResult> = self
+            .jobs
+            .iter()
+            .map(|job| UnitResult {
+                key: job.key.clone(),
+                unit: job.unit.clone(),
+                seed: job.seed.get(),
+                start_row: start_row.0,
+                rows: job
+                    .agents
+                    .iter()
+                    .zip(outcomes.by_ref())
+                    .map(|(candidate, outcome)| RunRow::new(candidate.index, steps, outcome))
+                    .collect(),
+            })
+            .collect();
+        results.iter().try_for_each(|result| store.put(result))?;
+        kept.forget();
+        Ok(results)
+    }
+}

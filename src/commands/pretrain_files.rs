@@ -1,0 +1,362 @@
+//! The directory of pre-trained agents: what `pretrain` writes and `sweep` starts from.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context as _, bail, ensure};
+use calib_agent::{AgentConfig, Checkpoint, Epoch, Pretrained, layer_sizes};
+use calib_core::{Normaliser, Period};
+use calib_data::{Dataset, table::Table};
+use calib_files::{
+    Fingerprint, Tensor, Tensors, file_name, fingerprint_file, read_tensors, write_tensors,
+};
+use calib_nn::{Mlp, Moments};
+use calib_sweep::{Candidate, Start};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    artefact::{self, Manifest},
+    partition::{PretrainPart, span},
+};
+use crate::study::{MomentsRule, Study, StudyPaths};
+
+/// `manifest.json` of a directory of pre-trained agents.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct PretrainManifest {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    pub(super) study: Study,
+    /// Fingerprint of the states that agents were pre-trained on.
+    pub(super) data: Fingerprint,
+    /// First and last time of these states.
+    pub(super) span: String,
+    /// Time from one state to the next.
+    pub(super) period: Period,
+    /// The columns of the states, fitted on the whole training range.
+    pub(super) normaliser: Normaliser,
+    pub(super) agents: Vec<PretrainedAgent>,
+}
+
+impl Manifest for PretrainManifest {
+    const FORMAT: u32 = 1;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// One pre-trained agent.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct PretrainedAgent {
+    pub(super) sensor: String,
+    /// Its column of the states.
+    pub(super) column: usize,
+    /// Fingerprint of everything that the agent follows from.
+    pub(super) key: String,
+    pub(super) agent: AgentConfig,
+    /// Sizes of the layers, input first.
+    pub(super) layer_sizes: Vec<usize>,
+    /// The epoch after which the checkpoint was taken.
+    pub(super) epoch: usize,
+    pub(super) curve: Vec<Epoch>,
+    /// Fingerprint of each file.
+    pub(super) files: BTreeMap<String, Fingerprint>,
+}
+
+/// Names of the files of a sensor's agent: weights, moments.
+fn names(sensor: &str) -> [String; 2] {
+    ["safetensors", "moments.safetensors"].map(|kind| format!("{}.{kind}", file_name(sensor)))
+}
+
+/// Fingerprint of everything that a pre-trained agent follows from.
+pub(super) fn agent_key(
+    study: &Study,
+    data: &Fingerprint,
+    sensor: &str,
+    column: usize,
+) -> anyhow::Result<String> {
+    let agent = study.pretrain.agent(&study.agent);
+    let settings = study.pretrain.settings();
+    artefact::key(&(PretrainManifest::FORMAT, data, sensor, column, agent, settings, study.seed))
+}
+
+/// Write the files of one agent, and say what they are.
+pub(super) fn write_agent(
+    directory: &Path,
+    (sensor, column): (&str, usize),
+    key: String,
+    agent: AgentConfig,
+    width: usize,
+    pretrained: Pretrained,
+) -> anyhow::Result<PretrainedAgent> {
+    let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
+    let [weights, moments] = names(sensor);
+    let of = |prefix: &str, values: Vec<f32>| -> anyhow::Result<Vec<Tensor>> {
+        let parameters = Mlp::from_parameters(&layer_sizes, values)?.to_sequential().into_iter();
+        let tensor = |parameter: calib_nn::NamedParameter| Tensor {
+            name: format!("{prefix}{}", parameter.name),
+            shape: parameter.shape,
+            values: parameter.values,
+        };
+        Ok(parameters.map(tensor).collect())
+    };
+    let Checkpoint { parameters, moments: left } = pretrained.checkpoint;
+    let metadata = BTreeMap::from([
+        ("sensor".to_owned(), sensor.to_owned()),
+        ("gamma".to_owned(), agent.gamma.to_string()),
+        ("key".to_owned(), key.clone()),
+    ]);
+    let content = Tensors { tensors: of("", parameters)?, metadata: metadata.clone() };
+    write_tensors(&directory.join(&weights), &content)?;
+    let mut files = vec![weights];
+    if let Some(Moments { mean, square, powers }) = left {
+        let tensors = [of("mean.", mean)?, of("square.", square)?].concat();
+        let powers = ("powers".to_owned(), serde_json::to_string(&powers)?);
+        let metadata = metadata.into_iter().chain([powers]).collect();
+        write_tensors(&directory.join(&moments), &Tensors { tensors, metadata })?;
+        files.push(moments);
+    }
+    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
+    Ok(PretrainedAgent {
+        sensor: sensor.to_owned(),
+        column,
+        key,
+        agent,
+        layer_sizes,
+        epoch: pretrained.epoch,
+        curve: pretrained.curve,
+        files: files.into_iter().map(fingerprint).collect::<anyhow::Result<_>>()?,
+    })
+}
+
+/// Read what [`write_agent`] wrote.
+fn read_agent(
+    directory: &Path,
+    agent: &PretrainedAgent,
+    rule: MomentsRule,
+) -> anyhow::Result<Checkpoint> {
+    for (name, fingerprint) in &agent.files {
+        let path = directory.join(name);
+        ensure!(
+            fingerprint_file(&path)? == *fingerprint,
+            "{} is not what `calib pretrain` wrote; run it again with --force",
+            path.display()
+        );
+    }
+    let [weights, moments] = names(&agent.sensor);
+    let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
+        let find = |name: &str| {
+            let tensor = file.get(&format!("{prefix}{name}"))?;
+            Some((tensor.shape.as_slice(), tensor.values.as_slice()))
+        };
+        let network = Mlp::from_sequential(find)?;
+        let sizes: Vec<usize> = [network.inputs()]
+            .into_iter()
+            .chain(network.layers().iter().map(|layer| layer.outputs))
+            .collect();
+        ensure!(
+            sizes == agent.layer_sizes,
+            "layers of {sizes:?}, expected {:?}",
+            agent.layer_sizes
+        );
+        Ok(network.parameters().to_vec())
+    };
+    let read = |name: &str| -> anyhow::Result<Tensors> { Ok(read_tensors(&directory.join(name))?) };
+    let moments = match rule {
+        MomentsRule::Reset => None,
+        MomentsRule::Keep => {
+            ensure!(
+                agent.files.contains_key(&moments),
+                "pretrain.moments = \"keep\" wants an optimiser with moments; \
+                 the agent for {} was pre-trained with sgd",
+                agent.sensor
+            );
+            let file = read(&moments)?;
+            let powers = file.metadata.get("powers").context("no powers in the metadata")?;
+            Some(Moments {
+                mean: parameters(&file, "mean.")?,
+                square: parameters(&file, "square.")?,
+                powers: serde_json::from_str(powers)?,
+            })
+        }
+    };
+    Ok(Checkpoint { parameters: parameters(&read(&weights)?, "")?, moments })
+}
+
+/// The learning curves, one row an epoch of an agent.
+pub(super) fn curves(agents: &[PretrainedAgent]) -> Table {
+    let rows: Vec<(&str, Epoch)> = agents
+        .iter()
+        .flat_map(|agent| agent.curve.iter().map(|&epoch| (agent.sensor.as_str(), epoch)))
+        .collect();
+    let of = |value: fn(&Epoch) -> f64| rows.iter().map(|(_, epoch)| value(epoch)).collect();
+    let known = |value: fn(&Epoch) -> Option<f64>| {
+        rows.iter().map(|(_, epoch)| value(epoch)).collect::<Vec<_>>()
+    };
+    Table::new()
+        .with("sensor", rows.iter().map(|(sensor, _)| (*sensor).to_owned()).collect())
+        .with("epoch", rows.iter().map(|(_, epoch)| epoch.epoch as u32).collect())
+        .with("training_loss", of(|epoch| epoch.training_loss))
+        .with("validation_loss", of(|epoch| epoch.validation_loss))
+        .with_optional("validation_rmse", known(|epoch| epoch.validation_rmse))
+        .with_optional("validation_nrmse", known(|epoch| epoch.validation_nrmse))
+}
+
+/// Where the agents of a study come from, if they are pre-trained.
+pub(super) fn directory(study: &Study, paths: &StudyPaths) -> Option<PathBuf> {
+    let below = |given: &PathBuf| paths.study().parent().unwrap_or(Path::new("")).join(given);
+    match &study.pretrain.checkpoint {
+        Some(given) => Some(below(given)),
+        None => study.pretrain.is_on().then(|| paths.pretrain()),
+    }
+}
+
+/// What the agents of each sensor start from, checked against the study, and what to tell of it.
+pub(super) fn starts(
+    study: &Study,
+    paths: &StudyPaths,
+    dataset: &Dataset,
+    part: Option<&PretrainPart>,
+    sensors: &[(String, usize)],
+    candidates: &[Candidate],
+) -> anyhow::Result<(BTreeMap<String, Start>, Vec<String>)> {
+    let (Some(directory), Some(part)) = (directory(study, paths), part) else {
+        return Ok((BTreeMap::new(), vec![]));
+    };
+    let command = paths.command("pretrain");
+    let manifest: PretrainManifest = artefact::require(&directory, &command)?;
+    check_columns(&directory, &manifest, dataset)?;
+    if manifest.data != part.fingerprint {
+        bail!(
+            "the agents in {} were pre-trained on {}, and the study gives {} to pre-training; {}",
+            directory.display(),
+            manifest.span,
+            span(&part.frames)?,
+            match &study.pretrain.checkpoint {
+                Some(_) => "give both studies the same [data], [preprocess] and periods".to_owned(),
+                None => format!("run `{command}` again"),
+            }
+        );
+    }
+    let mut starts = BTreeMap::new();
+    for (sensor, column) in sensors {
+        let agent =
+            manifest.agents.iter().find(|agent| agent.sensor == *sensor).with_context(|| {
+                let known: Vec<&str> =
+                    manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect();
+                format!(
+                    "no agent in {} predicts {sensor}: it has {}; run `{command}` again",
+                    directory.display(),
+                    known.join(", ")
+                )
+            })?;
+        if study.pretrain.checkpoint.is_none() {
+            let key = agent_key(study, &part.fingerprint, sensor, *column)?;
+            ensure!(
+                agent.key == key,
+                "the agents in {} were pre-trained with another [pretrain], [agent] or seed; run `{command}` again",
+                directory.display()
+            );
+        }
+        for candidate in candidates {
+            check_candidate(&directory, agent, candidate, dataset.train.states().columns())?;
+        }
+        let checkpoint = read_agent(&directory, agent, study.pretrain.moments)
+            .with_context(|| format!("the agent for {sensor} in {}", directory.display()))?;
+        let inputs = serde_json::to_vec(&(&agent.files, study.pretrain.moments))?;
+        let start = Start { checkpoint, fingerprint: Fingerprint::of(&inputs) };
+        starts.insert(sensor.clone(), start);
+    }
+    let note = format!(
+        "agents start from what they learnt of {}; the calibration model is built from {}",
+        span(&part.frames)?,
+        span(&dataset.train)?
+    );
+    Ok((starts, vec![note]))
+}
+
+fn check_columns(
+    directory: &Path,
+    manifest: &PretrainManifest,
+    dataset: &Dataset,
+) -> anyhow::Result<()> {
+    let (made, now) = (&manifest.normaliser, &dataset.normaliser);
+    ensure!(
+        made.len() == now.len(),
+        "the agents in {} see states of {} columns, and the study's states have {}; \
+         pre-train again with the present [data] and [preprocess]",
+        directory.display(),
+        made.len(),
+        now.len()
+    );
+    for (number, (made, now)) in made.columns().iter().zip(now.columns()).enumerate() {
+        ensure!(
+            made.name == now.name,
+            "column {number} of the states is {} for the agents in {}, and {} in the study; \
+             pre-train again with the present [data] and [preprocess]",
+            made.name,
+            directory.display(),
+            now.name
+        );
+        ensure!(
+            made.bounds == now.bounds,
+            "column {} was normalised otherwise for the agents in {} ({} + {} x value, now {} + {} x value): \
+             the training range or [preprocess] differs; pre-train again",
+            made.name,
+            directory.display(),
+            made.bounds.offset,
+            made.bounds.scale,
+            now.bounds.offset,
+            now.bounds.scale
+        );
+    }
+    ensure!(
+        manifest.period == dataset.period,
+        "the agents in {} learnt at {} s a step, and the study has {} s; pre-train again",
+        directory.display(),
+        manifest.period.as_secs(),
+        dataset.period.as_secs()
+    );
+    Ok(())
+}
+
+/// Check that a candidate is the same value function of the same return.
+fn check_candidate(
+    directory: &Path,
+    agent: &PretrainedAgent,
+    candidate: &Candidate,
+    width: usize,
+) -> anyhow::Result<()> {
+    ensure!(
+        candidate.agent.traces == agent.agent.traces,
+        "{} sees traces of {:?} and the agent for {} in {} was pre-trained with {:?}; give both the same",
+        candidate.label(),
+        candidate.agent.traces,
+        agent.sensor,
+        directory.display(),
+        agent.agent.traces
+    );
+    let sizes = layer_sizes(&candidate.agent, candidate.agent.seen_width(width));
+    ensure!(
+        sizes == agent.layer_sizes,
+        "{} has layers of {sizes:?} units and the agent for {} in {} has {:?}: what was pre-trained keeps its shape; \
+         sweep something else, or pre-train again with another [agent]",
+        candidate.label(),
+        agent.sensor,
+        directory.display(),
+        agent.layer_sizes
+    );
+    ensure!(
+        candidate.agent.gamma == agent.agent.gamma,
+        "{} predicts returns with gamma = {} and the agent for {} in {} was pre-trained with gamma = {}; \
+         give both the same",
+        candidate.label(),
+        candidate.agent.gamma,
+        agent.sensor,
+        directory.display(),
+        agent.agent.gamma
+    );
+    Ok(())
+}

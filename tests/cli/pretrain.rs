@@ -1,0 +1,131 @@
+//! Pre-trained agents: from the log to a fine-tuning rate.
+
+use std::fs;
+
+use insta::assert_snapshot;
+
+use crate::harness::Place;
+
+const SECTION: &str = "[pretrain]\nepochs = 6\nlearning_rate = 1e-3\nfraction = 0.4\n\n[sweep]";
+
+fn place() -> Place {
+    let place = Place::with_study();
+    place.edit_study("[sweep]", SECTION);
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[0, 1e-5, 1e-3, 1e-2]");
+    place
+}
+
+#[test]
+fn a_sweep_starts_from_what_was_pre_trained() {
+    let place = place();
+    let run = |args: &[&str]| place.calib(&[args, &["study.toml"]].concat()).succeeds();
+    let wrote = run(&["pretrain"]);
+    assert!(wrote.contains("wrote") && wrote.contains("6 of 6"), "{wrote}");
+    assert!(run(&["pretrain"]).contains("up to date"));
+    let built = place.calib(&["build-model", "study.toml"]);
+    assert!(built.stderr().contains("is for pre-training"), "{}", built.stderr());
+    run(&["rollout"]);
+    run(&["sweep"]);
+    assert!(run(&["sweep"]).contains("up to date"));
+    let verdict = run(&["evaluate"]);
+    assert!(
+        verdict.contains("note: agents start from what they learnt of 2022-11-01"),
+        "{verdict}"
+    );
+    for file in ["PIT300.safetensors", "TIT101.moments.safetensors", "curves.parquet"] {
+        let path = place.path().join("study-results/pretrain").join(file);
+        assert!(path.is_file(), "{file} is missing");
+    }
+    let report = fs::read_to_string(place.path().join("study-results/report.html"));
+    assert!(report.expect("readable").contains("calib pretrain"));
+
+    // Another sensor is one more agent, and the two that are there stay as they are.
+    let before = place.content("study-results/pretrain");
+    place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
+    let more = place.calib(&["pretrain", "study.toml"]);
+    assert!(more.stderr().contains("1 of 3 agents left"), "{}", more.stderr());
+    let after = place.content("study-results/pretrain");
+    for (path, content) in before.iter().filter(|(path, _)| path.to_string_lossy().contains("01.s"))
+    {
+        assert!(after[path] == *content, "{}", path.display());
+    }
+    run(&["pretrain", "--force"]);
+    assert!(place.content("study-results/pretrain") == after, "made again, it is the same");
+
+    // Kept moments, other periods and other agents are other inputs.
+    run(&["sweep"]);
+    let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
+    assert!(dry("pretrain.moments=keep").stderr().contains("all units are left"));
+    assert!(dry("pretrain.fraction=0.3").fails(2).contains("another [pretrain]"));
+    assert!(dry("pretrain.epochs=7").fails(2).contains("another [pretrain], [agent] or seed"));
+}
+
+#[test]
+fn agents_of_another_study_can_be_taken() {
+    let place = place();
+    place.calib(&["pretrain", "study.toml"]).succeeds();
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let other = study.replace("epochs = 6\n", "checkpoint = \"study-results/pretrain\"\n");
+    place.write("other.toml", &other);
+    for study in ["study.toml", "other.toml"] {
+        for command in ["build-model", "sweep"] {
+            place.calib(&[command, study]).succeeds();
+        }
+    }
+    let units = |study: &str| place.content(&format!("{study}-results/sweep/units"));
+    assert!(units("study") == units("other"));
+    let nothing = place.calib(&["pretrain", "other.toml"]).fails(2);
+    assert!(nothing.contains("there is nothing to pre-train"), "{nothing}");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let place = place();
+    let sweep = |set: &[&str]| {
+        let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+        place.calib(&[&["sweep", "study.toml"], set.as_slice()].concat()).fails(2)
+    };
+    let overlap = [
+        "pretrain",
+        "study.toml",
+        "--set",
+        "pretrain.period={ start = 2022-11-01, end = 2022-11-02 }",
+        "--set",
+        "pretrain.model_period={ start = 2022-11-01T18:00:00, end = 2022-11-03 }",
+    ];
+    assert_snapshot!("overlapping_periods", place.calib(&overlap).fails(2));
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_snapshot!("no_agents", sweep(&[]));
+    place.calib(&["pretrain", "study.toml"]).succeeds();
+    assert_snapshot!("another_gamma", sweep(&["sweep.grid={ gamma = [0.9, 0.5] }"]));
+    assert_snapshot!("another_sensor", sweep(&["sweep.sensors=[\"TUIT101\"]"]));
+    let taken = "pretrain={ checkpoint = \"study-results/pretrain\", fraction = 0.4 }";
+    assert_snapshot!("another_shape", sweep(&[taken, "agent.value_function=mlp"]));
+    place
+        .calib(&["build-model", "study.toml", "--set", "preprocess.normalise=standard"])
+        .succeeds();
+    let columns = sweep(&[taken, "preprocess.normalise=standard"]);
+    assert!(columns.contains("was normalised otherwise"), "{columns}");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
+    fs::write(&weights, b"damaged").expect("writable");
+    assert!(sweep(&[]).contains("run it again with --force"));
+    let none = place.calib(&["pretrain", "study.toml", "--set", "pretrain.epochs=0"]).fails(2);
+    assert!(none.contains("pretrain.epochs is 0"), "{none}");
+    let diverged = ["pretrain", "study.toml", "--set", "pretrain.learning_rate=1e38"];
+    assert_snapshot!("diverged", place.calib(&diverged).fails(2));
+}
+
+#[test]
+fn early_stopping_keeps_the_best_epoch() {
+    let place = place();
+    let set = ["--set", "pretrain.epochs=400", "--set", "pretrain.patience=2"];
+    let args = [&["pretrain", "study.toml", "--json", "-q"], set.as_slice()].concat();
+    let json = place.calib(&args).succeeds();
+    let manifest: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    for agent in manifest["agents"].as_array().expect("a list") {
+        let (epoch, epochs) = (&agent["epoch"], agent["curve"].as_array().expect("a list").len());
+        assert!(epochs < 400, "{epochs}");
+        assert_eq!(epoch.as_u64().expect("a number") + 2, epochs as u64);
+    }
+}
