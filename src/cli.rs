@@ -100,10 +100,24 @@ pub(crate) struct StudyArgs {
     pub(crate) json: bool,
 }
 
+/// Where networks are trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Device {
+    /// The processor
+    Cpu,
+    /// The first GPU
+    Cuda,
+    /// The first GPU if there is one, else the processor
+    Auto,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct BuildModelArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
+    /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
+    #[arg(long, value_name = "DEVICE", value_enum)]
+    pub(crate) device: Option<Device>,
     /// Check this many random rows of the tables against brute force in double precision
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) verify: usize,
@@ -121,7 +135,7 @@ pub(crate) struct BuildModelArgs {
 impl BuildModelArgs {
     /// What is typed with nothing but `--verify`.
     pub(crate) fn new(study: StudyArgs, verify: usize) -> Self {
-        Self { study, verify, index: None, memory: None, spill: Spill::Auto }
+        Self { study, verify, index: None, memory: None, spill: Spill::Auto, device: None }
     }
 }
 

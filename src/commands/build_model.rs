@@ -38,6 +38,9 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     if study.is_parametric() {
         return build_network::run(args, &study, &paths, printer);
     }
+    if args.device.is_some() {
+        bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
+    }
     let directory = paths.model();
     let data = study.data_to_read(&paths)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));

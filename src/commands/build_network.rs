@@ -6,6 +6,7 @@ use anyhow::bail;
 use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
+use calib_knn::ModelKind;
 use serde::Serialize;
 
 use super::{
@@ -30,7 +31,7 @@ pub(super) fn run(
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    train_model::check_available(study.model.kind)?;
+    train_model::check_available(study, args.device)?;
     if args.verify > 0 {
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
@@ -38,7 +39,7 @@ pub(super) fn run(
     printer.say(&format!("build-model: reading {}", study.data_to_read(paths)?.path.0.join(", ")));
     let dataset = partition::load(study, paths, printer)?.dataset;
     check_sensors(study, &dataset)?;
-    let key = train_model::key(&dataset.fingerprint, study)?;
+    let key = train_model::key(&dataset.fingerprint, study, paths)?;
     train_model::announce(study, &dataset, printer);
     if args.study.dry_run {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
@@ -48,8 +49,8 @@ pub(super) fn run(
     let (manifest, verb) = match existing {
         Some(manifest) => (refresh(manifest, study, &dataset, &directory)?, "up to date:"),
         None => {
-            let force = args.study.force;
-            (build(study, &dataset, key, &directory, force, clock, printer)?, "wrote")
+            let clocked = (clock, printer);
+            (build(args, (study, paths), &dataset, key, &directory, clocked)?, "wrote")
         }
     };
     if args.study.json {
@@ -58,7 +59,8 @@ pub(super) fn run(
         let elapsed = duration(clock.elapsed());
         printer.result(&format!("{verb} {} in {elapsed}", directory.display()))?;
         let transitions = count(manifest.transitions);
-        let training = manifest.training.as_ref().map(ToString::to_string).unwrap_or_default();
+        let training = manifest.training.as_ref();
+        let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
         printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
     }
     printer.say(&format!("next: {} or {}", paths.command("rollout"), paths.command("sweep")));
@@ -66,21 +68,25 @@ pub(super) fn run(
 }
 
 fn build(
-    study: &Study,
+    args: &BuildModelArgs,
+    (study, paths): (&Study, &StudyPaths),
     dataset: &Dataset,
     key: String,
     directory: &Path,
-    force: bool,
-    clock: Stopwatch,
-    printer: &Printer,
+    (clock, printer): (Stopwatch, &Printer),
 ) -> anyhow::Result<ModelManifest> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
-    if force {
+    if args.study.force {
         train_model::remove_checkpoint(directory)?;
     }
     let read = clock.elapsed();
-    let training = train_model::train(study, dataset, &key, directory, printer)?;
+    let training = if study.model.kind == ModelKind::Torchscript {
+        train_model::import(study, paths, dataset, directory)?;
+        None
+    } else {
+        Some(train_model::train(study, dataset, &key, directory, args.device, printer)?)
+    };
     let trained = clock.elapsed();
     model_files::write_states(directory, &dataset.train)?;
     model_files::write(directory, dataset, None)?;
@@ -98,8 +104,8 @@ fn build(
         normaliser: dataset.normaliser.clone(),
         search: None,
         members: vec![MemberSummary { transitions, jumps: None }],
-        training: Some(training),
-        files: fingerprints(directory, 0, train_model::FILES)?,
+        training,
+        files: fingerprints(directory, 0, train_model::files(study.model.kind))?,
     };
     let timings = Timings {
         reading_secs: read.as_secs_f64(),
@@ -124,7 +130,7 @@ fn refresh(
     let claim = Claim::new(directory, Below::Ours)?;
     manifest.study = study.clone();
     write_json(&directory.join("profile.json"), &dataset.profile)?;
-    manifest.files = fingerprints(directory, 0, train_model::FILES)?;
+    manifest.files = fingerprints(directory, 0, train_model::files(study.model.kind))?;
     claim.complete(&manifest)?;
     Ok(manifest)
 }

@@ -29,6 +29,7 @@ mod starts;
 mod sweep;
 mod sweep_plan;
 mod sweep_tables;
+mod torch;
 mod train_model;
 mod trajectory;
 

@@ -206,7 +206,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
             (Model::Knn(knn.with_context(again)?), encoder)
         }
         kind => {
-            let network = train_model::open(directory, kind).with_context(again)?;
+            let network = train_model::open(directory, kind, columns).with_context(again)?;
             (Model::Parametric(network), None)
         }
     };

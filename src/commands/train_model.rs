@@ -1,34 +1,48 @@
 //! Models that are networks: trained, stored as weights, opened.
 
-use std::{fmt, fs, io, path::Path, time::Duration};
+use std::{
+    fmt, fs,
+    io::{self, Write as _},
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Seed, Transitions};
 use calib_data::Dataset;
 use calib_dynamics::{
     Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, Trainer, TrainingRecord,
     Transitioning,
 };
-use calib_files::{Fingerprint, read_tensors, write_json, write_tensors};
+use calib_files::{
+    Fingerprint, fingerprint_file, read_tensors, write_atomically, write_json, write_tensors,
+};
 use calib_knn::ModelKind;
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Manifest as _},
     model_files::ModelManifest,
+    torch,
 };
 use crate::{
+    cli::Device,
     clock::Stopwatch,
     output::{Printer, bytes, count, significant},
-    study::Study,
+    study::{Study, StudyPaths},
 };
 
 /// The weights that are kept.
 const WEIGHTS: &str = "weights.safetensors";
+/// The user's own network.
+const SCRIPT: &str = "model.pt";
 /// Losses of every epoch.
 const TRAINING: &str = "training.json";
 /// Where interrupted training goes on; gone when it is complete.
 const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Arithmetic of this program's own.
+const NATIVE: &str = "native arithmetic";
 
 /// How a network was trained, in the manifest of its model.
 #[derive(Debug, Serialize, Deserialize)]
@@ -60,26 +74,64 @@ impl fmt::Display for TrainingSummary {
     }
 }
 
-/// Files of the model directory that only networks have.
-pub(super) const FILES: &[&str] = &[WEIGHTS, TRAINING];
-
-/// Check that this program can train and run such models, before anything is done.
-pub(super) fn check_available(kind: ModelKind) -> anyhow::Result<()> {
+/// Files of the model directory that only networks of this kind have.
+pub(super) fn files(kind: ModelKind) -> &'static [&'static str] {
     match kind {
+        ModelKind::Knn => &[],
+        ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING],
+        ModelKind::Torchscript => &[SCRIPT],
+    }
+}
+
+/// Check that this program can train such models on such a device, before anything is done.
+pub(super) fn check_available(study: &Study, device: Option<Device>) -> anyhow::Result<()> {
+    match study.model.kind {
+        ModelKind::Gru => torch::require("model.kind = \"gru\""),
+        ModelKind::Torchscript => {
+            ensure!(
+                study.dynamics.path.is_some(),
+                "model.kind = \"torchscript\" wants dynamics.path, a file that torch.jit.save wrote"
+            );
+            torch::require("model.kind = \"torchscript\"")
+        }
+        ModelKind::Knn | ModelKind::Nn if device.is_some() => torch::require("--device"),
         ModelKind::Knn | ModelKind::Nn => Ok(()),
-        ModelKind::Gru | ModelKind::Torchscript => bail!(needs_torch(kind)),
     }
 }
 
 /// Fingerprint of what a network follows from: what its kind does not use is left out.
-pub(super) fn key(data: &Fingerprint, study: &Study) -> anyhow::Result<String> {
+pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyhow::Result<String> {
+    let kind = study.model.kind;
+    if kind == ModelKind::Torchscript {
+        let script = fingerprint_file(&script_path(study, paths)?)?;
+        return artefact::key(&(ModelManifest::FORMAT, data, kind, script));
+    }
     let unused = DynamicsConfig::default();
     let mut used = DynamicsConfig { path: None, ..study.dynamics.clone() };
-    if study.model.kind == ModelKind::Nn {
+    if kind == ModelKind::Nn {
         used.sequence_length = unused.sequence_length;
         used.sequence_stride = unused.sequence_stride;
     }
-    artefact::key(&(ModelManifest::FORMAT, data, study.model.kind, used, study.seed))
+    artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed))
+}
+
+/// Where the study's TorchScript file is; relative paths start from the study file.
+fn script_path(study: &Study, paths: &StudyPaths) -> anyhow::Result<PathBuf> {
+    let path = study.dynamics.path.as_ref().context("dynamics.path is not set")?;
+    Ok(paths.study().parent().unwrap_or(Path::new("")).join(path))
+}
+
+/// Copy the study's TorchScript file to the model, once it is known to fit the states.
+pub(super) fn import(
+    study: &Study,
+    paths: &StudyPaths,
+    dataset: &Dataset,
+    directory: &Path,
+) -> anyhow::Result<()> {
+    let path = script_path(study, paths)?;
+    torch::open_script(&path, dataset.train.states().columns())?;
+    let content = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)
 }
 
 /// Say what is going to be trained.
@@ -106,6 +158,7 @@ pub(super) fn train(
     dataset: &Dataset,
     key: &str,
     directory: &Path,
+    device: Option<Device>,
     printer: &Printer,
 ) -> anyhow::Result<TrainingSummary> {
     let transitions = Transitions::new(dataset.train.segments().clone());
@@ -115,13 +168,18 @@ pub(super) fn train(
     let seed = Seed::new(study.seed).child("dynamics");
     let checkpoint = Checkpoint { path: directory.join(CHECKPOINT), key };
     let found = checkpoint.read();
-    let mut trainer: Box<dyn Trainer + '_> = match study.model.kind {
-        ModelKind::Nn => Box::new(match &found {
-            Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
-            None => FeedForwardTrainer::new(&data, config, seed),
-        }),
-        ModelKind::Gru | ModelKind::Torchscript => bail!(needs_torch(study.model.kind)),
-        ModelKind::Knn => bail!("a model of neighbours is not trained"),
+    let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
+        (ModelKind::Nn, None) => {
+            let trainer = match &found {
+                Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
+                None => FeedForwardTrainer::new(&data, config, seed),
+            };
+            (Box::new(trainer), NATIVE.to_owned())
+        }
+        (kind, device) => {
+            let device = device.unwrap_or(Device::Auto);
+            torch::trainer(kind, &data, config, seed, device, found.as_ref())?
+        }
     };
     let done = trainer.record().epochs.len();
     if done > 0 {
@@ -131,7 +189,7 @@ pub(super) fn train(
     write_tensors(&directory.join(WEIGHTS), &trainer.weights()?)?;
     write_json(&directory.join(TRAINING), trainer.record())?;
     remove_checkpoint(directory)?;
-    summary(trainer.record(), &data)
+    summary(trainer.record(), &data, backend)
 }
 
 /// All epochs that are left.
@@ -159,10 +217,14 @@ fn run_epochs(
     Ok(())
 }
 
-fn summary(record: &TrainingRecord, data: &Transitioning<'_>) -> anyhow::Result<TrainingSummary> {
+fn summary(
+    record: &TrainingRecord,
+    data: &Transitioning<'_>,
+    backend: String,
+) -> anyhow::Result<TrainingSummary> {
     let kept = record.epochs.get(record.kept.wrapping_sub(1)).context("no epoch was run")?;
     Ok(TrainingSummary {
-        backend: "native".to_owned(),
+        backend,
         epochs: record.epochs.len(),
         updates: record.updates,
         kept_epoch: record.kept,
@@ -172,20 +234,9 @@ fn summary(record: &TrainingRecord, data: &Transitioning<'_>) -> anyhow::Result<
     })
 }
 
-fn needs_torch(kind: ModelKind) -> String {
-    format!(
-        "model.kind = \"{}\" wants libtorch, and this calib was built without it; in the source tree run \
-         `bash scripts/libtorch.sh`, then build with `cargo build --release --features torch`",
-        match kind {
-            ModelKind::Gru => "gru",
-            _ => "torchscript",
-        }
-    )
-}
-
 /// Training that was put aside.
 struct Checkpoint<'a> {
-    path: std::path::PathBuf,
+    path: PathBuf,
     /// Fingerprint of what the model follows from; a checkpoint with another one is of another model.
     key: &'a str,
 }
@@ -214,13 +265,17 @@ pub(super) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Open the network in a model directory.
-pub(super) fn open(directory: &Path, kind: ModelKind) -> anyhow::Result<Box<dyn Dynamics>> {
-    let weights = read_tensors(&directory.join(WEIGHTS))?;
+/// Open the network in a model directory, for states of `columns` values.
+pub(super) fn open(
+    directory: &Path,
+    kind: ModelKind,
+    columns: usize,
+) -> anyhow::Result<Box<dyn Dynamics>> {
+    let weights = || read_tensors(&directory.join(WEIGHTS));
     Ok(match kind {
-        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights)?),
-        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights)?),
-        ModelKind::Torchscript => bail!(needs_torch(kind)),
+        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),
+        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights()?)?),
+        ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
         ModelKind::Knn => bail!("a model of neighbours has no weights"),
     })
 }

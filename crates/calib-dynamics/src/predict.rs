@@ -215,7 +215,7 @@ mod tests {
     use calib_nn::Mlp;
 
     use super::*;
-    use crate::{FeedForward, GruLayer, Recurrent};
+    use crate::{FeedForward, Recurrent};
 
     fn states(rows: usize, columns: usize) -> States {
         let mut rng = Seed::new(5).rng();
@@ -224,19 +224,7 @@ mod tests {
     }
 
     fn recurrent(columns: usize, hidden: usize) -> Recurrent {
-        let mut rng = Seed::new(9).rng();
-        let mut draw = |count: usize| -> Vec<f32> {
-            (0..count).map(|_| rng.uniform(-0.4, 0.4) as f32).collect()
-        };
-        let layers = [columns, hidden]
-            .map(|inputs| GruLayer {
-                weight_ih: draw(3 * hidden * inputs),
-                weight_hh: draw(3 * hidden * hidden),
-                bias_ih: draw(3 * hidden),
-                bias_hh: draw(3 * hidden),
-            })
-            .to_vec();
-        Recurrent::new(layers, draw(columns * hidden), draw(columns), 6).expect("valid")
+        Recurrent::random(columns, hidden, 2, 6, Seed::new(9))
     }
 
     #[test]

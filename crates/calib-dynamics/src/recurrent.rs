@@ -1,3 +1,4 @@
+use calib_core::Seed;
 use calib_nn::{Matrix, multiply};
 
 use crate::{Dynamics, DynamicsError, LANES, Walk};
@@ -64,6 +65,70 @@ impl Recurrent {
             }
         }
         Ok(Self { columns, hidden, layers, head_weight, head_bias, history })
+    }
+
+    /// A model with PyTorch's default parameters: uniform in ±1/√hidden, drawn in the order of [`Self::flat`].
+    ///
+    /// # Panics
+    /// If a size is zero.
+    pub fn random(
+        columns: usize,
+        hidden: usize,
+        layers: usize,
+        history: usize,
+        seed: Seed,
+    ) -> Self {
+        assert!(columns > 0 && hidden > 0 && layers > 0, "every layer has units");
+        let bound = 1.0 / (hidden as f64).sqrt();
+        let mut rng = seed.rng();
+        let mut draw = |count: usize| -> Vec<f32> {
+            (0..count).map(|_| rng.uniform(-bound, bound) as f32).collect()
+        };
+        let mut layer = |number: usize| {
+            let inputs = if number == 0 { columns } else { hidden };
+            GruLayer {
+                weight_ih: draw(3 * hidden * inputs),
+                weight_hh: draw(3 * hidden * hidden),
+                bias_ih: draw(3 * hidden),
+                bias_hh: draw(3 * hidden),
+            }
+        };
+        let layers = (0..layers).map(&mut layer).collect();
+        let (head_weight, head_bias) = (draw(columns * hidden), draw(columns));
+        Self { columns, hidden, layers, head_weight, head_bias, history }
+    }
+
+    /// All parameters in one vector: of each layer `weight_ih`, `weight_hh`, `bias_ih` and `bias_hh`, then weights and
+    /// biases of the output.
+    pub fn flat(&self) -> Vec<f32> {
+        let layers = self.layers.iter();
+        let layers = layers.flat_map(|of| [&of.weight_ih, &of.weight_hh, &of.bias_ih, &of.bias_hh]);
+        layers.chain([&self.head_weight, &self.head_bias]).flatten().copied().collect()
+    }
+
+    /// The same model with other parameters, in the order of [`Self::flat`].
+    ///
+    /// # Panics
+    /// If there are not as many.
+    #[must_use]
+    pub fn with_flat(&self, flat: &[f32]) -> Self {
+        let mut model = self.clone();
+        let mut rest = flat;
+        let mut fill = |values: &mut Vec<f32>| {
+            let (own, others) = rest.split_at(values.len());
+            values.copy_from_slice(own);
+            rest = others;
+        };
+        for layer in &mut model.layers {
+            fill(&mut layer.weight_ih);
+            fill(&mut layer.weight_hh);
+            fill(&mut layer.bias_ih);
+            fill(&mut layer.bias_hh);
+        }
+        fill(&mut model.head_weight);
+        fill(&mut model.head_bias);
+        assert!(rest.is_empty(), "as many parameters");
+        model
     }
 
     /// The layers, input first.
@@ -206,6 +271,17 @@ mod tests {
         walk.forget(3);
         walk.step(&vec![0.0; LANES], &mut next).expect("a step");
         assert!(next[3] != next[2] && next[2] == next[4], "only one lane forgets");
+    }
+
+    #[test]
+    fn a_flat_vector_holds_all_parameters() {
+        let model = Recurrent::random(3, 5, 2, 19, Seed::new(4));
+        let flat = model.flat();
+        assert_eq!(flat.len(), 15 * (3 + 5 + 2) + 15 * (5 + 5 + 2) + 3 * 5 + 3);
+        assert!(flat.iter().all(|value| value.abs() < 1.0 / 5.0_f32.sqrt()));
+        let other = Recurrent::random(3, 5, 2, 19, Seed::new(5));
+        assert!(other != model);
+        assert_eq!(other.with_flat(&flat), model);
     }
 
     #[test]

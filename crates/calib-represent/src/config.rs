@@ -32,7 +32,7 @@ impl Default for LossConfig {
 
 impl LossConfig {
     /// Weights of Σ (ψᵢ·ψⱼ)² and of Σ (‖ψᵢ‖² + ‖ψⱼ‖²) in the mean over pairs.
-    pub(crate) fn repulsion(&self) -> (f64, f64) {
+    pub fn repulsion(&self) -> (f64, f64) {
         match self.form {
             LossForm::A => (self.beta, self.beta * self.zeta),
             LossForm::B => (self.beta, self.zeta),

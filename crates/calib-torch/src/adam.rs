@@ -1,0 +1,57 @@
+use calib_nn::AdamRule;
+use tch::{Device, TchError, Tensor, no_grad};
+
+/// Adam over one flat vector of parameters, as [`calib_nn::Adam`] does it: one vector is few large operations, and a
+/// checkpoint is three arrays.
+pub(crate) struct Adam {
+    rule: AdamRule,
+    mean: Tensor,
+    square: Tensor,
+    powers: (f64, f64),
+}
+
+impl Adam {
+    pub(crate) fn new(rule: AdamRule, parameters: &Tensor) -> Self {
+        let (mean, square) = (parameters.detach().zeros_like(), parameters.detach().zeros_like());
+        Self { rule, mean, square, powers: (1.0, 1.0) }
+    }
+
+    pub(crate) fn from_moments(
+        rule: AdamRule,
+        mean: &[f32],
+        square: &[f32],
+        powers: (f64, f64),
+        device: Device,
+    ) -> Self {
+        let on = |values: &[f32]| Tensor::from_slice(values).to_device(device);
+        Self { rule, mean: on(mean), square: on(square), powers }
+    }
+
+    /// Means of gradients and of their squares, and (β₁ᵗ, β₂ᵗ).
+    pub(crate) fn moments(&self) -> Result<(Vec<f32>, Vec<f32>, (f64, f64)), TchError> {
+        Ok((values(&self.mean)?, values(&self.square)?, self.powers))
+    }
+
+    /// One step of `parameters` against their gradient, which is emptied.
+    pub(crate) fn step(&mut self, parameters: &mut Tensor) {
+        let AdamRule { learning_rate, beta1, beta2, epsilon, .. } = self.rule;
+        self.powers.0 *= beta1;
+        self.powers.1 *= beta2;
+        let correction = (1.0 - self.powers.1).sqrt();
+        let rate = learning_rate / (1.0 - self.powers.0);
+        no_grad(|| {
+            let mut gradient = parameters.grad();
+            let _ = self.mean.g_mul_scalar_(beta1).g_add_(&(&gradient * (1.0 - beta1)));
+            let _ =
+                self.square.g_mul_scalar_(beta2).g_add_(&(&gradient * &gradient * (1.0 - beta2)));
+            let scale = self.square.sqrt() / correction + epsilon;
+            let _ = parameters.g_sub_(&(&self.mean / scale * rate));
+            let _ = gradient.zero_();
+        });
+    }
+}
+
+/// The values of a tensor on any device.
+pub(crate) fn values(tensor: &Tensor) -> Result<Vec<f32>, TchError> {
+    Vec::<f32>::try_from(tensor.detach().to_device(Device::Cpu).contiguous().view(-1))
+}

@@ -1,0 +1,83 @@
+use std::{fmt, str::FromStr, sync::OnceLock};
+
+use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_NOW};
+use tch::{Cuda, Device};
+
+use crate::TorchError;
+
+/// Where to compute.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// On the processor.
+    Cpu,
+    /// On the first GPU.
+    Cuda,
+    /// On the first GPU if there is one.
+    #[default]
+    Auto,
+}
+
+impl FromStr for DeviceChoice {
+    type Err = TorchError;
+
+    fn from_str(text: &str) -> Result<Self, TorchError> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "cuda" => Ok(Self::Cuda),
+            "auto" => Ok(Self::Auto),
+            got => Err(TorchError::UnknownDevice { got: got.to_owned() }),
+        }
+    }
+}
+
+impl fmt::Display for DeviceChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Cuda => "cuda",
+            Self::Auto => "auto",
+        })
+    }
+}
+
+/// The device of a choice. CUDA's part of libtorch is loaded when it is first asked for: programs link only
+/// what works everywhere.
+///
+/// # Errors
+/// [`TorchError::NoCuda`] if CUDA was asked for and is not available.
+pub fn device(choice: DeviceChoice) -> Result<Device, TorchError> {
+    if choice == DeviceChoice::Cpu {
+        return Ok(Device::Cpu);
+    }
+    static LOADED: OnceLock<Result<Library, String>> = OnceLock::new();
+    let loaded = LOADED.get_or_init(|| {
+        // SAFETY: loading libtorch's CUDA part runs its initialisers, which register kernels with the libtorch that
+        // this program is linked with and is of the same installation (the run path leads there). It is never unloaded.
+        unsafe { Library::open(Some("libtorch_cuda.so"), RTLD_NOW | RTLD_GLOBAL) }
+            .map_err(|error| error.to_string())
+    });
+    match (choice, loaded) {
+        (_, Ok(_)) if Cuda::is_available() => Ok(Device::Cuda(0)),
+        (DeviceChoice::Auto, _) => Ok(Device::Cpu),
+        (_, Ok(_)) => Err(TorchError::NoCuda { reason: "no GPU was found".to_owned() }),
+        (_, Err(reason)) => Err(TorchError::NoCuda { reason: reason.clone() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_read_and_the_processor_is_always_there() {
+        for choice in [DeviceChoice::Cpu, DeviceChoice::Cuda, DeviceChoice::Auto] {
+            assert_eq!(choice.to_string().parse::<DeviceChoice>().expect("its own name"), choice);
+        }
+        assert!("gpu".parse::<DeviceChoice>().is_err());
+        assert_eq!(device(DeviceChoice::Cpu).expect("always"), Device::Cpu);
+        device(DeviceChoice::Auto).expect("always something");
+        if let Err(error) = device(DeviceChoice::Cuda) {
+            assert!(error.to_string().contains("--device cpu"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+use std::{fmt, path::Path, sync::Mutex};
+
+use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
+use tch::{CModule, Device, Kind, Tensor, no_grad};
+
+use crate::{TorchError, adam::values};
+
+/// A dynamics model of the user's, exported from PyTorch with `torch.jit.script` or `torch.jit.trace`: its `forward`
+/// takes normalised states `[n, columns]` and returns the next ones.
+pub struct Script {
+    /// Modules may keep buffers of their own, so one rollout runs at a time.
+    module: Mutex<CModule>,
+    columns: usize,
+    device: Device,
+}
+
+impl fmt::Debug for Script {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Script").field("columns", &self.columns).finish_non_exhaustive()
+    }
+}
+
+impl Script {
+    /// Open the file at `path` for states of `columns` values, and try it on zeros.
+    ///
+    /// # Errors
+    /// If it is no TorchScript file, or its `forward` does not map states to states.
+    pub fn open(path: &Path, columns: usize, device: Device) -> Result<Self, DynamicsError> {
+        let refuse = |reason: String| DynamicsError::Weights {
+            reason: format!("{}: {reason}", path.display()),
+        };
+        let mut module =
+            CModule::load_on_device(path, device).map_err(|error| refuse(first_line(&error)))?;
+        module.set_eval();
+        let script = Self { module: Mutex::new(module), columns, device };
+        let mut next = vec![0.0; LANES * columns];
+        script
+            .run(&vec![0.0; LANES * columns], &mut next)
+            .map_err(|error| refuse(error.to_string()))?;
+        Ok(script)
+    }
+
+    fn run(&self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
+        let failed = |reason: String| DynamicsError::Backend(reason);
+        let module = self.module.lock().map_err(|error| failed(error.to_string()))?;
+        no_grad(|| {
+            let shape = [LANES as i64, self.columns as i64];
+            let input = Tensor::from_slice(states).view(shape).to_device(self.device);
+            let output = module.forward_ts(&[input]).map_err(|error| failed(first_line(&error)))?;
+            if output.size() != shape {
+                let (got, columns) = (output.size(), self.columns);
+                return Err(failed(format!(
+                    "forward gives {got:?} for states [{LANES}, {columns}], expected as many"
+                )));
+            }
+            next.copy_from_slice(&values(&output.to_kind(Kind::Float)).map_err(TorchError::from)?);
+            Ok(())
+        })
+    }
+}
+
+/// libtorch's messages go on with where in its own code they come from.
+fn first_line(error: &tch::TchError) -> String {
+    error.to_string().lines().find(|line| !line.trim().is_empty()).unwrap_or_default().to_owned()
+}
+
+impl Dynamics for Script {
+    fn columns(&self) -> usize {
+        self.columns
+    }
+
+    fn history(&self) -> usize {
+        0
+    }
+
+    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+        Ok(Box::new(ScriptWalk { script: self }))
+    }
+}
+
+struct ScriptWalk<'a> {
+    script: &'a Script,
+}
+
+impl Walk for ScriptWalk<'_> {
+    fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
+        self.script.run(states, next)
+    }
+
+    fn forget(&mut self, _lane: usize) {}
+}

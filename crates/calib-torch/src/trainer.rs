@@ -1,0 +1,175 @@
+//! What training by epochs has in common, whatever the network.
+
+use std::collections::BTreeMap;
+
+use calib_core::{Monitor, Seed};
+use calib_dynamics::{DynamicsConfig, DynamicsError, EpochLoss, TrainingRecord, epoch_order};
+use calib_files::{Tensor as Array, Tensors};
+use calib_nn::AdamRule;
+use tch::{Device, Kind, TchError, Tensor, no_grad};
+
+use crate::{
+    TorchError,
+    adam::{Adam, values},
+};
+
+/// Text of a checkpoint that holds everything but arrays.
+const PROGRESS: &str = "progress";
+
+/// A network whose parameters are one flat vector.
+pub(crate) trait Network {
+    /// The mean squared error on a mini-batch of transitions or sequences, by their first ones.
+    fn loss(&self, parameters: &Tensor, states: &Tensor, batch: &[u32]) -> Tensor;
+}
+
+/// Training of a network on states; what is learnt from is named by transitions.
+pub(crate) struct Epochs<N> {
+    pub(crate) network: N,
+    config: DynamicsConfig,
+    seed: Seed,
+    states: Tensor,
+    /// Transitions, or first ones of sequences, that are learnt from, and that validate.
+    training: Vec<u32>,
+    validation: Vec<u32>,
+    parameters: Tensor,
+    adam: Adam,
+    kept: Vec<f32>,
+    pub(crate) record: TrainingRecord,
+}
+
+impl<N: Network> Epochs<N> {
+    pub(crate) fn new(
+        network: N,
+        config: &DynamicsConfig,
+        seed: Seed,
+        states: &calib_core::States,
+        parts: (Vec<u32>, Vec<u32>),
+        parameters: &[f32],
+        device: Device,
+    ) -> Self {
+        let shape = [states.rows() as i64, states.columns() as i64];
+        let states = Tensor::from_slice(states.as_slice()).view(shape).to_device(device);
+        let kept = parameters.to_vec();
+        let parameters = leaf(parameters, device);
+        let rule = rule(config);
+        let adam = Adam::new(rule, &parameters);
+        let (training, validation) = parts;
+        let record = TrainingRecord::default();
+        let config = config.clone();
+        Self { network, config, seed, states, training, validation, parameters, adam, kept, record }
+    }
+
+    pub(crate) fn resume(&mut self, checkpoint: &Tensors) -> Result<(), DynamicsError> {
+        let wrong = |reason: &str| DynamicsError::Weights { reason: reason.to_owned() };
+        let count = self.kept.len();
+        let array = |name: &str| match checkpoint.get(name) {
+            Some(found) if found.values.len() == count => Ok(&found.values),
+            _ => Err(wrong("the checkpoint is of another network")),
+        };
+        let progress = checkpoint.metadata.get(PROGRESS).map(|text| serde_json::from_str(text));
+        let Some(Ok((record, powers))) = progress else {
+            return Err(wrong("the checkpoint does not say how far it went"));
+        };
+        let device = self.parameters.device();
+        self.parameters = leaf(array("parameters")?, device);
+        let (mean, square) = (array("adam.mean")?, array("adam.square")?);
+        self.adam = Adam::from_moments(rule(&self.config), mean, square, powers, device);
+        self.kept.clone_from(array("kept")?);
+        self.record = record;
+        Ok(())
+    }
+
+    pub(crate) fn updates_per_epoch(&self) -> usize {
+        self.training.len().div_ceil(self.config.batch_size)
+    }
+
+    /// One update; the loss before it.
+    pub(crate) fn update(&mut self, batch: &[u32]) -> Result<f64, TorchError> {
+        let loss = self.loss(batch);
+        loss.f_backward()?;
+        self.adam.step(&mut self.parameters);
+        self.record.updates += 1;
+        Ok(f64::try_from(&loss.to_kind(Kind::Double))?)
+    }
+
+    fn loss(&self, batch: &[u32]) -> Tensor {
+        self.network.loss(&self.parameters, &self.states, batch)
+    }
+
+    pub(crate) fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError> {
+        let items = self.training.iter().copied();
+        let order = epoch_order(items, self.seed, self.record.epochs.len());
+        let mut sum = 0.0;
+        for batch in order.chunks(self.config.batch_size) {
+            if monitor.interrupted() {
+                return Err(DynamicsError::Interrupted);
+            }
+            sum += self.update(batch)? * batch.len() as f64;
+            monitor.advance(1);
+        }
+        let validation = no_grad(|| self.validate()).map_err(TorchError::from)?;
+        let loss = EpochLoss { training: sum / order.len() as f64, validation };
+        if self.record.push(loss, &self.config)? {
+            self.kept = values(&self.parameters).map_err(TorchError::from)?;
+        }
+        Ok(loss)
+    }
+
+    fn validate(&self) -> Result<f64, TchError> {
+        let mut sum = 0.0;
+        for batch in self.validation.chunks(self.config.batch_size) {
+            sum += f64::try_from(&self.loss(batch).to_kind(Kind::Double))? * batch.len() as f64;
+        }
+        Ok(sum / self.validation.len() as f64)
+    }
+
+    /// The parameters as they are now.
+    pub(crate) fn parameters(&self) -> Result<Vec<f32>, TorchError> {
+        Ok(values(&self.parameters)?)
+    }
+
+    /// The parameters that are kept.
+    pub(crate) fn kept(&self) -> &[f32] {
+        &self.kept
+    }
+
+    pub(crate) fn checkpoint(&self) -> Result<Tensors, DynamicsError> {
+        let (mean, square, powers) = self.adam.moments().map_err(TorchError::from)?;
+        let array = |name: &str, values: Vec<f32>| Array {
+            name: name.to_owned(),
+            shape: vec![values.len()],
+            values,
+        };
+        let progress = serde_json::json!((&self.record, powers)).to_string();
+        Ok(Tensors {
+            tensors: vec![
+                array("parameters", self.parameters()?),
+                array("kept", self.kept.clone()),
+                array("adam.mean", mean),
+                array("adam.square", square),
+            ],
+            metadata: BTreeMap::from([(PROGRESS.to_owned(), progress)]),
+        })
+    }
+}
+
+fn rule(config: &DynamicsConfig) -> AdamRule {
+    AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() }
+}
+
+/// A flat vector that gradients are taken of.
+pub(crate) fn leaf(values: &[f32], device: Device) -> Tensor {
+    Tensor::from_slice(values).to_device(device).set_requires_grad(true)
+}
+
+/// Parts of a flat vector, one after the other, each in its shape.
+pub(crate) fn parts(flat: &Tensor, shapes: &[Vec<i64>]) -> Vec<Tensor> {
+    let mut start = 0;
+    let part = |shape: &Vec<i64>| {
+        let length = shape.iter().product();
+        let part = flat.narrow(0, start, length).view(shape.as_slice());
+        start += length;
+        part
+    };
+    shapes.iter().map(part).collect()
+}

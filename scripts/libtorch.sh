@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Put libtorch into the source tree, and run a command with it:
+#
+#     bash scripts/libtorch.sh                                             # only fetch it, into .libtorch/
+#     bash scripts/libtorch.sh cargo build --release --features torch      # fetch it if need be, and build
+#
+# An installation that is there is taken instead: LIBTORCH=/path/to/libtorch (the folder with lib/ and include/), or
+# LIBTORCH_USE_PYTORCH=1 for the PyTorch of the present Python. The version must be the one below.
+set -euo pipefail
+version=2.11.0
+root=$(cd "$(dirname "$0")/.." && pwd)
+own=$root/.libtorch
+
+if [ -z "${LIBTORCH:-}" ] && [ -z "${LIBTORCH_USE_PYTORCH:-}" ]; then
+    if [ "$(cat "$own/complete" 2>/dev/null)" != "$version" ]; then
+        echo "fetching libtorch $version into $own (about 0.6 GB to load, 1.7 GB on disk)" >&2
+        rm -rf "$own"
+        mkdir -p "$own"
+        # Headers and libraries of PyTorch's package. Of CUDA it wants two libraries even where there is no GPU; the
+        # others are used if they are there.
+        python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target "$own" \
+            "torch==$version" 'nvidia-cuda-cupti==13.0.85.*' 'nvidia-cuda-runtime==13.0.96.*'
+        # What only Python needs.
+        rm -rf "$own/torch/test" "$own/torch/bin" "$own/functorch"
+        echo "$version" > "$own/complete"
+    fi
+    export LIBTORCH=$own/torch
+fi
+if [ -n "${LIBTORCH:-}" ]; then
+    test -d "$LIBTORCH/lib" || { echo "LIBTORCH=$LIBTORCH has no lib/; unset it, or set it to a libtorch" >&2; exit 2; }
+    echo "libtorch: $LIBTORCH" >&2
+fi
+if [ $# -gt 0 ]; then exec "$@"; fi
