@@ -115,13 +115,13 @@ pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyh
     artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed))
 }
 
-/// Where the study's TorchScript file is; relative paths start from the study file.
+/// Where the study's `TorchScript` file is; relative paths start from the study file.
 fn script_path(study: &Study, paths: &StudyPaths) -> anyhow::Result<PathBuf> {
     let path = study.dynamics.path.as_ref().context("dynamics.path is not set")?;
     Ok(paths.study().parent().unwrap_or(Path::new("")).join(path))
 }
 
-/// Copy the study's TorchScript file to the model, once it is known to fit the states.
+/// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
 pub(super) fn import(
     study: &Study,
     paths: &StudyPaths,

@@ -106,11 +106,51 @@ fn what_wants_libtorch_says_how_to_get_it() {
     let place = place();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results");
-    for kind in ["gru", "torchscript"] {
-        let set = format!("model.kind={kind}");
-        let error = place.calib(&["build-model", "study.toml", "--set", &set]).fails(2);
-        assert!(error.contains("bash scripts/libtorch.sh"), "{error}");
+    let script = ["--set", "dynamics.path=model.pt"];
+    let wanting: [&[&str]; 3] =
+        [&["--set", "model.kind=gru"], &["--set", "model.kind=torchscript"], &["--device", "auto"]];
+    for args in wanting {
+        let args = [&["build-model", "study.toml"], args, &script].concat();
+        let error = place.calib(&args).fails(2);
+        assert!(error.contains("bash scripts/libtorch.sh cargo build"), "{error}");
         assert!(error.contains("--features torch"), "{error}");
     }
     assert!(place.content("study-results") == before, "nothing was touched");
+}
+
+#[cfg(feature = "torch")]
+#[test]
+fn a_gru_goes_through_the_chain() {
+    let place = place();
+    let small = "dynamics.sequence_stride=7";
+    let set = ["--set", "model.kind=gru", "--set", small, "--set", "dynamics.epochs=4"];
+    let run = |command: &str| place.calib(&[&[command, "study.toml"], &set[..]].concat());
+    let built = run("build-model").succeeds();
+    assert!(built.contains("of 4, one-step validation loss"), "{built}");
+    assert!(built.contains("libtorch on the"), "{built}");
+    let rolled = run("rollout").succeeds();
+    assert!(rolled.contains("member 0: predictions"), "{rolled}");
+    run("sweep").succeeds();
+    assert!(run("evaluate").succeeds().contains("GRU ranks it"));
+    assert!(run("build-model").succeeds().contains("up to date"));
+}
+
+#[cfg(feature = "torch")]
+#[test]
+fn native_and_libtorch_training_agree_about_the_model() {
+    let place = place();
+    let build = |output: &str, more: &[&str]| {
+        let args = ["build-model", "study.toml", "--output", output];
+        place.calib(&[&args[..], more].concat()).succeeds();
+        let path = place.path().join(output).join("model/manifest.json");
+        let text = fs::read(path).expect("written");
+        serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
+    };
+    let (native, torch) = (build("native", &[]), build("torch", &["--device", "cpu"]));
+    assert_eq!(native["key"], torch["key"]);
+    let loss = |manifest: &serde_json::Value| {
+        manifest["training"]["validation_loss"].as_f64().expect("a number")
+    };
+    let (a, b) = (loss(&native), loss(&torch));
+    assert!((a - b).abs() < 0.02 * a, "{a} {b}");
 }

@@ -19,7 +19,7 @@ use crate::DynamicsError;
 /// | `sequence_stride` | 1 | transitions from one sequence's start to the next one's (our choice: every window) |
 /// | `validation_fraction` | 0.1 | last part of the training range that is not learnt from (our choice) |
 /// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
-/// | `path` | none | a TorchScript file, for `"torchscript"` |
+/// | `path` | none | a `TorchScript` file, for `"torchscript"` |
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DynamicsConfig {
@@ -41,7 +41,7 @@ pub struct DynamicsConfig {
     pub validation_fraction: f64,
     /// Which epoch's weights are kept.
     pub keep: Keep,
-    /// A TorchScript file.
+    /// A `TorchScript` file.
     pub path: Option<PathBuf>,
 }
 

@@ -70,14 +70,14 @@ impl Prediction {
 #[derive(Clone, Debug)]
 pub struct PredictedStream {
     prediction: Arc<Prediction>,
-    pieces: [Range<usize>; 1],
+    piece: Range<usize>,
 }
 
 impl PredictedStream {
     /// The stream of a prediction.
     pub fn new(prediction: Arc<Prediction>) -> Self {
-        let pieces = [0..prediction.steps() + 1];
-        Self { prediction, pieces }
+        let piece = 0..prediction.steps() + 1;
+        Self { prediction, piece }
     }
 }
 
@@ -95,7 +95,7 @@ impl Stream for PredictedStream {
     }
 
     fn pieces(&self) -> &[Range<usize>] {
-        &self.pieces
+        std::slice::from_ref(&self.piece)
     }
 }
 

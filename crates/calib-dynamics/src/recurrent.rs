@@ -19,8 +19,10 @@ pub struct GruLayer {
 /// The GRU baseline: layers of gated recurrent units (Cho et al. 2014, as PyTorch computes them) and a linear output,
 /// which is the next state.
 ///
+/// ```text
 /// r = σ(W_ir x + b_ir + W_hr h + b_hr), z = σ(W_iz x + b_iz + W_hz h + b_hz),
 /// n = tanh(W_in x + b_in + r ⊙ (W_hn h + b_hn)), h ← (1 − z) ⊙ n + z ⊙ h.
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recurrent {
     columns: usize,
@@ -56,8 +58,8 @@ impl Recurrent {
         for (number, layer) in layers.iter().enumerate() {
             let inputs = if number == 0 { columns } else { hidden };
             let expected = [3 * hidden * inputs, 3 * hidden * hidden, 3 * hidden, 3 * hidden];
-            let got = [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh]
-                .map(|values| values.len());
+            let got =
+                [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh].map(Vec::len);
             if got != expected {
                 return wrong(format!(
                     "layer {number} of {hidden} units on {inputs} values has {expected:?} weights, got {got:?}"

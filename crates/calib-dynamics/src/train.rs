@@ -147,7 +147,9 @@ impl<'a> FeedForwardTrainer<'a> {
             gradient.extend(errors);
             let squares: f64 = gradient.iter().map(|&error| f64::from(error).powi(2)).sum();
             if pass == Pass::Gradients {
-                gradient.iter_mut().for_each(|error| *error *= scale);
+                for error in gradient.iter_mut() {
+                    *error *= scale;
+                }
                 network.backward(inputs, gradient, workspace);
             }
             squares

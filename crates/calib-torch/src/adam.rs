@@ -1,6 +1,9 @@
 use calib_nn::AdamRule;
 use tch::{Device, TchError, Tensor, no_grad};
 
+/// Means of gradients and of their squares, and (β₁ᵗ, β₂ᵗ).
+type Moments = (Vec<f32>, Vec<f32>, (f64, f64));
+
 /// Adam over one flat vector of parameters, as [`calib_nn::Adam`] does it: one vector is few large operations, and a
 /// checkpoint is three arrays.
 pub(crate) struct Adam {
@@ -27,8 +30,8 @@ impl Adam {
         Self { rule, mean: on(mean), square: on(square), powers }
     }
 
-    /// Means of gradients and of their squares, and (β₁ᵗ, β₂ᵗ).
-    pub(crate) fn moments(&self) -> Result<(Vec<f32>, Vec<f32>, (f64, f64)), TchError> {
+    /// All that a checkpoint must hold, beside the parameters.
+    pub(crate) fn moments(&self) -> Result<Moments, TchError> {
         Ok((values(&self.mean)?, values(&self.square)?, self.powers))
     }
 

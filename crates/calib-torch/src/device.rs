@@ -40,6 +40,9 @@ impl fmt::Display for DeviceChoice {
     }
 }
 
+/// CUDA's part of libtorch, once it is loaded, or why it cannot be.
+static LOADED: OnceLock<Result<Library, String>> = OnceLock::new();
+
 /// The device of a choice. CUDA's part of libtorch is loaded when it is first asked for: programs link only
 /// what works everywhere.
 ///
@@ -49,7 +52,6 @@ pub fn device(choice: DeviceChoice) -> Result<Device, TorchError> {
     if choice == DeviceChoice::Cpu {
         return Ok(Device::Cpu);
     }
-    static LOADED: OnceLock<Result<Library, String>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| {
         // SAFETY: loading libtorch's CUDA part runs its initialisers, which register kernels with the libtorch that
         // this program is linked with and is of the same installation (the run path leads there). It is never unloaded.

@@ -24,7 +24,7 @@ impl Script {
     /// Open the file at `path` for states of `columns` values, and try it on zeros.
     ///
     /// # Errors
-    /// If it is no TorchScript file, or its `forward` does not map states to states.
+    /// If it is no `TorchScript` file, or its `forward` does not map states to states.
     pub fn open(path: &Path, columns: usize, device: Device) -> Result<Self, DynamicsError> {
         let refuse = |reason: String| DynamicsError::Weights {
             reason: format!("{}: {reason}", path.display()),
