@@ -1,12 +1,13 @@
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
 use calib_core::{Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
-    PredictedEnvironment, ReplayEnvironment, RolloutOptions, UnitResult, UnitStore, candidates,
+    Candidate, Completed, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions,
+    PlannedUnit, PredictedEnvironment, ReplayEnvironment, RolloutOptions, Unit, UnitResult,
+    UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +70,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    let halving = match &study.sweep.halving {
+        Some(halving) => Some((halving.keep, halving.rungs(study.sweep.member_runs)?)),
+        None => None,
+    };
     let model = model_files::open(&paths, &study)?;
     printer.say(&format!("sweep: reading {}", study.data_to_read(&paths)?.path.0.join(", ")));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
@@ -98,20 +103,23 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
     let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
+    let plan = match halving {
+        Some((keep, rungs)) => plan.halving(keep, rungs),
+        None => plan,
+    };
     let directory = paths.sweep();
     let store = unit_store(&directory);
-    let units = plan.units();
-    let mut stored = if args.force { vec![None; units.len()] } else { plan.stored(&store) };
+    let mut stored = if args.force { BTreeMap::new() } else { plan.stored(&store) };
     let shared =
-        if args.force { Vec::new() } else { from_other_models(&paths, &units, &mut stored) };
-    let missing = stored.iter().filter(|result| result.is_none()).count();
+        if args.force { Vec::new() } else { from_other_models(&paths, &plan.units(), &mut stored) };
+    let missing = plan.count() - stored.len();
     let preview = SweepPlan {
         candidates: &candidates,
-        units: units.len(),
+        units: plan.count(),
         left: missing,
         steps: lengths.steps,
         threads: rayon::current_num_threads(),
-        memory: Memory::of(&study, &dataset, &candidates, lengths.steps, [units.len(), missing]),
+        memory: Memory::of(&study, &dataset, &candidates, lengths.steps, [plan.count(), missing]),
     };
     preview.announce(&study, printer)?;
     if args.dry_run {
@@ -125,7 +133,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         remove_units(&store)?;
     }
     shared.iter().try_for_each(|result| store.put(result))?;
-    let results = plan.complete(stored, &store, &printer.progress())?;
+    let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
+    let planned =
+        |result: &UnitResult| PlannedUnit { unit: result.unit.clone(), key: result.key.clone() };
+    let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     let manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -140,14 +151,14 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         notes: [notes, lengths.notes].concat(),
     };
     sweep_tables::write(&directory, &manifest.candidates, &results)?;
-    if missing > 0 {
+    if ran > 0 {
         write_json(
             &directory.join("timings.json"),
-            &Timings { units: missing, wall_secs: clock.elapsed().as_secs_f64() },
+            &Timings { units: ran, wall_secs: clock.elapsed().as_secs_f64() },
         )?;
     }
     claim.complete(&manifest)?;
-    finish(args, &paths, &manifest, missing, clock, printer)?;
+    finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
 }
 
@@ -252,15 +263,18 @@ fn environments<'a>(
 fn from_other_models(
     paths: &StudyPaths,
     units: &[PlannedUnit],
-    stored: &mut [Option<UnitResult>],
+    stored: &mut BTreeMap<Unit, UnitResult>,
 ) -> Vec<UnitResult> {
     let stores: Vec<UnitStore> =
         paths.other_sweeps().iter().map(|directory| unit_store(directory)).collect();
     let mut shared = Vec::new();
-    for (PlannedUnit { unit, key }, result) in units.iter().zip(stored) {
-        if result.is_none() && !matches!(unit.environment, EnvironmentId::Member(_)) {
-            *result = stores.iter().find_map(|store| store.get(unit, key));
-            shared.extend(result.clone());
+    for PlannedUnit { unit, key } in units {
+        if !stored.contains_key(unit)
+            && !matches!(unit.environment, EnvironmentId::Member(_))
+            && let Some(result) = stores.iter().find_map(|store| store.get(unit, key))
+        {
+            shared.push(result.clone());
+            stored.insert(unit.clone(), result);
         }
     }
     shared

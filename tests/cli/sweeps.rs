@@ -127,3 +127,34 @@ fn a_sweep_that_does_not_fit_is_refused_with_advice() {
     let error = place.calib(&args).fails(2);
     assert!(error.contains("of memory and") && error.contains("hidden_units"), "{error}");
 }
+
+#[test]
+fn halving_drops_the_hopeless_says_so_and_resumes() {
+    let place = Place::with_study();
+    place.edit_study("member_runs = 2", "member_runs = 3\nhalving = { keep = 0.5, rungs = [1] }");
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
+    for command in ["build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let table = runs(&place);
+    let environment = table.column::<String>("environment").expect("there");
+    let candidate = table.column::<u32>("candidate").expect("there");
+    let made = |name: &str, wanted: u32| {
+        environment.iter().zip(candidate).filter(|(of, at)| *of == name && **at == wanted).count()
+    };
+    // Two sensors; the one that diverges makes its first run in each member, and all Online.
+    assert_eq!((made("member:0", 3), made("member:0", 1), made("online", 3)), (2, 6, 6));
+    let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
+    assert!(verdict.contains("halving dropped 2 of 4 values"), "{verdict}");
+    let content = place.content("study-results");
+    let units = place.path().join("study-results/sweep/units/PIT300");
+    for lost in ["member-0/run-0000.json", "member-2/run-0002.json"] {
+        std::fs::remove_file(units.join(lost)).expect("was there");
+    }
+    assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("2 units run"));
+    place.calib(&["evaluate", "study.toml"]);
+    assert!(place.content("study-results") == content, "the same bytes");
+    let refused = ["sweep", "study.toml", "--set", "sweep.halving={ rungs = [5] }"];
+    let error = place.calib(&refused).fails(2);
+    assert!(error.contains("rungs must be increasing numbers of runs from 1 to 2"), "{error}");
+}

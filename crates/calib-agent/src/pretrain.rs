@@ -120,7 +120,10 @@ pub fn pretrain(
     }
     let (train, validate) = transitions.split_at(cut);
 
-    let mut run = PretrainRun::new(training, learners, validate);
+    let decays = &first.config.traces;
+    let traced = (!decays.is_empty()).then(|| TracedStream::new(stream, decays));
+    let seen = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
+    let mut run = PretrainRun::new(Pretraining { stream: seen, ..training }, learners, validate);
     run.resume(file);
     let work = run.groups.len() as u64 * train.len() as u64;
     monitor.begin("pre-training", settings.epochs as u64 * work);

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Axis, Sampling};
+use crate::{Axis, HalvingConfig, Sampling};
 
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +27,9 @@ pub struct SweepConfig {
     pub sampling: Sampling,
     /// Combinations that `random` and `sobol` draw (default 20).
     pub samples: usize,
+    /// Drop hopeless values after a few runs of every member (default: none is dropped).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub halving: Option<HalvingConfig>,
     /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
@@ -54,6 +57,7 @@ impl Default for SweepConfig {
             curve_points: 50,
             sampling: Sampling::Grid,
             samples: 20,
+            halving: None,
             grid: BTreeMap::from([(
                 "learning_rate".to_owned(),
                 Axis::List(rates.map(Into::into).to_vec()),

@@ -83,6 +83,12 @@ pub enum SweepError {
         /// Different ones found.
         there: usize,
     },
+    /// Values cannot be dropped like this.
+    #[error("sweep.halving: {reason}")]
+    Halving {
+        /// What is wrong.
+        reason: String,
+    },
     /// A candidate is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
     Candidate {

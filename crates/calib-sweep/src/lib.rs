@@ -8,14 +8,17 @@
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
+//! - [`HalvingConfig`]: hopeless values are dropped after a few runs of every member.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: worst ranks over the ensemble, the chosen candidate, its agreement with Online.
 
 mod axis;
 mod candidate;
 mod config;
+mod dropped;
 mod environment;
 mod error;
+mod halving;
 mod kept;
 mod pass;
 mod plan;
@@ -30,13 +33,15 @@ mod verdict;
 pub use axis::Axis;
 pub use candidate::{Candidate, Role, candidates, written};
 pub use config::{Scored, SweepConfig};
+pub use dropped::Dropped;
 pub use environment::{
     Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions,
 };
 pub use error::SweepError;
+pub use halving::HalvingConfig;
 pub use kept::WORK_BETWEEN;
 pub use pass::Start;
-pub use plan::{Plan, PlanOptions};
+pub use plan::{Completed, Plan, PlanOptions};
 pub use predicted::PredictedEnvironment;
 pub use range::{Range, Scale};
 pub use sampling::Sampling;

@@ -8,7 +8,9 @@ use serde::Serialize;
 
 use crate::{
     Candidate, Environment, EnvironmentId, PlannedUnit, Role, Scored, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN, pass::Pass,
+    UnitResult, UnitStore, WORK_BETWEEN,
+    halving::{Halving, Survivors},
+    pass::Pass,
 };
 
 /// What holds for every unit of a plan.
@@ -34,6 +36,26 @@ pub struct Plan<'a> {
     starts: BTreeMap<String, Start>,
     options: PlanOptions,
     work_between: u64,
+    halving: Option<Halving>,
+}
+
+/// A sweep that is complete.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Completed {
+    /// Every result, in the order of the units.
+    pub results: Vec<UnitResult>,
+    /// Units that had to be run for it.
+    pub ran: usize,
+}
+
+/// Add what `store` has of `jobs` to `found`.
+fn read(jobs: &[Job<'_>], found: &mut BTreeMap<Unit, UnitResult>, store: &UnitStore) {
+    let read: Vec<UnitResult> = jobs
+        .par_iter()
+        .filter(|job| !found.contains_key(&job.unit))
+        .filter_map(|job| store.get(&job.unit, &job.key))
+        .collect();
+    found.extend(read.into_iter().map(|result| (result.unit.clone(), result)));
 }
 
 /// A unit with what is needed to run it.
@@ -56,7 +78,7 @@ impl<'a> Plan<'a> {
         options: PlanOptions,
     ) -> Self {
         let (starts, work_between) = (BTreeMap::new(), WORK_BETWEEN);
-        Self { candidates, environments, sensors, starts, options, work_between }
+        Self { candidates, environments, sensors, starts, options, work_between, halving: None }
     }
 
     /// The same plan for agents that start from checkpoints, one a sensor.
@@ -74,15 +96,36 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// All units with their keys: sensor by sensor, environment by environment, run by run.
-    pub fn units(&self) -> Vec<PlannedUnit> {
-        let planned = |job: Job<'_>| PlannedUnit { unit: job.unit, key: job.key };
-        self.jobs().into_iter().map(planned).collect()
+    /// The same plan that drops values after `rungs` runs of every member; see [`HalvingConfig`].
+    #[must_use]
+    pub fn halving(mut self, keep: f64, rungs: Vec<usize>) -> Self {
+        self.halving = Some(Halving { keep, rungs });
+        self
     }
 
-    /// The result that `store` has for each of [`units`](Self::units).
-    pub fn stored(&self, store: &UnitStore) -> Vec<Option<UnitResult>> {
-        self.jobs().par_iter().map(|job| store.get(&job.unit, &job.key)).collect()
+    /// Units in all.
+    pub fn count(&self) -> usize {
+        let runs: usize = self.environments.iter().map(|environment| environment.runs()).sum();
+        runs * self.sensors.len()
+    }
+
+    /// Units whose values are known before any has been run, which are all units unless values are
+    /// dropped: sensor by sensor, environment by environment, run by run.
+    pub fn units(&self) -> Vec<PlannedUnit> {
+        let planned = |job: Job<'_>| PlannedUnit { unit: job.unit, key: job.key };
+        self.jobs(&Survivors::default()).into_iter().map(planned).collect()
+    }
+
+    /// The results that `store` has.
+    pub fn stored(&self, store: &UnitStore) -> BTreeMap<Unit, UnitResult> {
+        let mut found = BTreeMap::new();
+        let mut survivors = Survivors::default();
+        loop {
+            read(&self.jobs(&survivors), &mut found, store);
+            if !self.decide(&mut survivors, &found) {
+                return found;
+            }
+        }
     }
 
     /// Run what `store` lacks; see [`complete`](Self::complete).
@@ -94,7 +137,7 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
-        self.complete(self.stored(store), store, monitor)
+        Ok(self.complete(self.stored(store), store, monitor)?.results)
     }
 
     /// Run the units that have no result in `stored`, in parallel, put their results in `store`, and return
@@ -107,66 +150,126 @@ impl<'a> Plan<'a> {
     /// The first failure, or [`SweepError::Interrupted`]; finished units stay stored.
     pub fn complete(
         &self,
-        stored: Vec<Option<UnitResult>>,
+        stored: BTreeMap<Unit, UnitResult>,
+        store: &UnitStore,
+        monitor: &dyn Monitor,
+    ) -> Result<Completed, SweepError> {
+        let (mut found, mut ran) = (stored, 0);
+        // Agents count the states of a stream: one more than its steps.
+        monitor.begin("training", self.passes(&found) * (self.options.steps as u64 + 1));
+        let mut survivors = Survivors::default();
+        loop {
+            let jobs = self.jobs(&survivors);
+            // Values of later runs were not known before; what is stored of them is not run again.
+            let before = self.passes(&found);
+            read(&jobs, &mut found, store);
+            let spared = before - self.passes(&found);
+            monitor.advance(spared * (self.options.steps as u64 + 1));
+            let trained = self.train(&jobs, &found, store, monitor)?;
+            ran += trained.len();
+            found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
+            if !self.decide(&mut survivors, &found) {
+                store.forget_unfinished();
+                let results = jobs.iter().filter_map(|job| found.remove(&job.unit)).collect();
+                return Ok(Completed { results, ran });
+            }
+        }
+    }
+
+    /// Passes over streams that are still to be made: sensors share those of a run.
+    fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> u64 {
+        let lacks = |&(environment, run): &(EnvironmentId, usize)| {
+            let unit = |sensor: &String| Unit { sensor: sensor.clone(), environment, run };
+            self.sensors.iter().any(|(sensor, _)| !found.contains_key(&unit(sensor)))
+        };
+        let runs = self
+            .environments
+            .iter()
+            .flat_map(|environment| (0..environment.runs()).map(|run| (environment.id(), run)));
+        runs.filter(lacks).count() as u64
+    }
+
+    /// Run those of `jobs` that have no result, in parallel.
+    fn train(
+        &self,
+        jobs: &[Job<'_>],
+        found: &BTreeMap<Unit, UnitResult>,
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
-        let jobs = self.jobs();
-        let mut results = stored;
-        // Sensors of one run share its stream.
-        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<usize>> = BTreeMap::new();
-        for (index, job) in jobs.iter().enumerate().filter(|&(index, _)| results[index].is_none()) {
-            missing.entry((job.unit.environment, job.unit.run)).or_default().push(index);
+        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<&Job<'_>>> = BTreeMap::new();
+        for job in jobs.iter().filter(|job| !found.contains_key(&job.unit)) {
+            missing.entry((job.unit.environment, job.unit.run)).or_default().push(job);
         }
-        // Agents count the states of a stream: one more than its steps.
-        monitor.begin("training", missing.len() as u64 * (self.options.steps as u64 + 1));
-        let missing: Vec<Vec<usize>> = missing.into_values().collect();
+        let missing: Vec<Vec<&Job<'_>>> = missing.into_values().collect();
         let trained = missing
-            .par_iter()
+            .into_par_iter()
             .with_max_len(1)
-            .map(|pass| {
+            .map(|jobs| {
                 if monitor.interrupted() {
                     return Err(SweepError::Interrupted);
                 }
-                let jobs = pass.iter().map(|&index| &jobs[index]).collect();
                 Pass { jobs, options: &self.options, work_between: self.work_between }
                     .run(store, monitor)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        for (index, result) in missing.into_iter().flatten().zip(trained.into_iter().flatten()) {
-            results[index] = Some(result);
-        }
-        store.forget_unfinished();
-        Ok(results.into_iter().flatten().collect())
+        Ok(trained.into_iter().flatten().collect())
     }
 
-    fn jobs(&self) -> Vec<Job<'_>> {
+    /// Decide what the results allow to decide; whether that was anything.
+    fn decide(&self, survivors: &mut Survivors, found: &BTreeMap<Unit, UnitResult>) -> bool {
+        let Some(halving) = &self.halving else { return false };
+        let members: Vec<usize> = self
+            .environments
+            .iter()
+            .filter_map(|environment| match environment.id() {
+                EnvironmentId::Member(member) => Some(member),
+                EnvironmentId::Online | EnvironmentId::LogReplay => None,
+            })
+            .collect();
+        let mut decided = false;
+        for (sensor, _) in &self.sensors {
+            decided |= survivors.decide(halving, sensor, &members, found);
+        }
+        decided
+    }
+
+    /// Rungs that have been passed before `run` of a member.
+    fn rungs_before(&self, environment: EnvironmentId, run: usize) -> usize {
+        match (&self.halving, environment) {
+            (Some(halving), EnvironmentId::Member(_)) => {
+                halving.rungs.iter().filter(|&&rung| rung <= run).count()
+            }
+            _ => 0,
+        }
+    }
+
+    /// The units whose values are known when `survivors` are.
+    fn jobs(&self, survivors: &Survivors) -> Vec<Job<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
-                let agents: Vec<&Candidate> = self
-                    .candidates
-                    .iter()
-                    .filter(|candidate| {
-                        candidate.role == Role::Grid || environment.id() == EnvironmentId::Online
-                    })
-                    .collect();
                 let inputs = environment.inputs();
                 for run in 0..environment.runs() {
+                    let rungs = self.rungs_before(environment.id(), run);
+                    if rungs > survivors.decided(sensor) {
+                        continue;
+                    }
+                    let agents: Vec<&Candidate> = self
+                        .candidates
+                        .iter()
+                        .filter(|candidate| {
+                            candidate.role == Role::Grid
+                                || environment.id() == EnvironmentId::Online
+                        })
+                        .filter(|candidate| survivors.contains(sensor, rungs, candidate.index))
+                        .collect();
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
                     let seed =
                         self.options.seed.child(&environment.id().to_string()).number(run as u64);
                     let start = self.starts.get(sensor);
                     let key = self.key(&unit, *column, &agents, start, seed, &inputs);
-                    jobs.push(Job {
-                        unit,
-                        environment,
-                        column: *column,
-                        agents: agents.clone(),
-                        start,
-                        seed,
-                        key,
-                    });
+                    jobs.push(Job { unit, environment, column: *column, agents, start, seed, key });
                 }
             }
         }

@@ -1,12 +1,15 @@
 use calib_stats::{
-    Direction, SMALL_MEAN_RATIO, Selection, Summary, kendall_tau_b, regret, select, spearman,
-    summarise, top_k_hit,
+    Direction, SMALL_MEAN_RATIO, Selection, Summary, kendall_tau_b, regret, spearman, summarise,
+    top_k_hit,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{Candidate, EnvironmentId, Role, RunRow, SweepError, UnitResult};
+use crate::{
+    Candidate, Dropped, EnvironmentId, Role, RunRow, SweepError, UnitResult,
+    dropped::{dropped, select_among},
+};
 
-const LOWER: Direction = Direction::LowerIsBetter;
+pub(crate) const LOWER: Direction = Direction::LowerIsBetter;
 
 /// Errors of all candidates in one environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,7 +46,10 @@ pub struct SensorVerdict {
     pub sensor: String,
     /// Worst-rank selection over the members, among the grid's candidates.
     pub selection: Selection,
-    /// Errors in each member.
+    /// Values that halving dropped, best first; they rank behind all others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dropped: Vec<Dropped>,
+    /// Errors in each member, over the runs that were made.
     pub members: Vec<EnvironmentScores>,
     /// Errors Online: the grid's candidates, then the default if it is not among them.
     pub online: Option<EnvironmentScores>,
@@ -104,7 +110,8 @@ pub fn verdict(
     let log_replay = of(EnvironmentId::LogReplay)?;
 
     let member_errors: Vec<Vec<f64>> = members.iter().map(means).collect();
-    let selection = select(&member_errors, LOWER)?;
+    let dropped = dropped(&of_sensor, grid, &member_errors);
+    let selection = select_among(&member_errors, &dropped)?;
     // Ties in the worst rank are settled as in the selection, so that the ranking that is compared
     // with Online is the one that chooses.
     let ranking = selection_order(&selection);
@@ -128,6 +135,7 @@ pub fn verdict(
         None => None,
     };
     let mut warnings = warnings(&of_sensor, &selection, grid);
+    warnings.extend(told_dropped(&dropped, candidates));
     if candidates[..grid].iter().any(|candidate| candidate.agent.gamma != candidates[0].agent.gamma)
     {
         warnings.push(
@@ -138,6 +146,7 @@ pub fn verdict(
         sensor: sensor.to_owned(),
         best_online: online.as_ref().map(|online| best(&means(online))),
         selection,
+        dropped,
         members,
         online,
         log_replay,
@@ -211,6 +220,22 @@ fn agreement(
 pub fn told_apart(selection: &Selection) -> bool {
     let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
     ranks.len() == 1 || ranks.windows(2).any(|pair| pair[0] != pair[1])
+}
+
+/// What was dropped when, for the reader.
+fn told_dropped(dropped: &[Dropped], candidates: &[Candidate]) -> Option<String> {
+    let of_runs = dropped.first()?.of_runs;
+    let each: Vec<String> = dropped
+        .iter()
+        .map(|dropped| format!("{} after {}", candidates[dropped.candidate].label(), dropped.runs))
+        .collect();
+    Some(format!(
+        "halving dropped {} of {} values before they had made all {of_runs} runs of every member ({}): they rank behind \
+         all others, which are ranked among themselves; held-out data, where there is any, has judged all values",
+        dropped.len(),
+        candidates.iter().filter(|candidate| candidate.role == Role::Grid).count(),
+        each.join("; ")
+    ))
 }
 
 fn warnings(results: &[&UnitResult], selection: &Selection, grid: usize) -> Vec<String> {

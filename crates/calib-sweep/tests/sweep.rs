@@ -70,6 +70,15 @@ impl Study {
     }
 
     fn with_plan<T>(&self, seed: u64, then: impl FnOnce(Plan<'_>) -> T) -> T {
+        self.with_halving(seed, None, then)
+    }
+
+    fn with_halving<T>(
+        &self,
+        seed: u64,
+        halving: Option<(f64, Vec<usize>)>,
+        then: impl FnOnce(Plan<'_>) -> T,
+    ) -> T {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
@@ -93,7 +102,11 @@ impl Study {
         let options =
             PlanOptions { scored: Scored::FinalQuarter, steps: 600, curve_points: 10, seed };
         let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-        then(Plan::new(&self.candidates, environments, sensors, options))
+        let plan = Plan::new(&self.candidates, environments, sensors, options);
+        match halving {
+            Some((keep, rungs)) => then(plan.halving(keep, rungs)),
+            None => then(plan),
+        }
     }
 }
 
@@ -241,4 +254,47 @@ fn agents_start_from_checkpoints() {
         assert_eq!(scratch.key == tuned.key, !of_b, "a checkpoint is an input of its sensor");
         assert_eq!(scratch.rows == tuned.rows, !of_b);
     }
+}
+
+#[test]
+fn halving_is_the_whole_sweep_with_runs_left_out() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = |name: &str| UnitStore::new(directory.path().join(name));
+    let whole = study.with_plan(1, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
+    let halved = |store: &UnitStore| {
+        let halving = Some((0.5, vec![1]));
+        study.with_halving(1, halving, |plan| plan.run(store, &Silent).expect("runs"))
+    };
+    let (one, four) = (store("one"), store("four"));
+    let alone = in_pool(1, || halved(&one));
+    assert_eq!(alone, in_pool(4, || halved(&four)));
+    assert_eq!(alone.len(), whole.len());
+
+    // Of three values two go on: the one that diverges is dropped after the first run of each member.
+    for (part, all) in alone.iter().zip(&whole) {
+        assert_eq!(part.unit, all.unit);
+        let member = matches!(part.unit.environment, EnvironmentId::Member(_));
+        let left = if member && part.unit.run >= 1 { 2 } else { all.rows.len() };
+        assert_eq!(part.rows, all.rows[..left], "{}", part.unit);
+    }
+    let judged = verdict("A", &study.candidates, &alone, 1).expect("judged");
+    let dropped: Vec<_> =
+        judged.dropped.iter().map(|of| (of.candidate, of.runs, of.of_runs)).collect();
+    assert_eq!(dropped, [(2, 1, 2)]);
+    assert_eq!(judged.selection.worst_ranks[2], 3);
+    assert_eq!(judged.selection.chosen, 1);
+    assert!(judged.warnings.iter().any(|text| text.contains("halving dropped 1 of 3 values")));
+    let of_whole = verdict("A", &study.candidates, &whole, 1).expect("judged");
+    assert!(of_whole.dropped.is_empty());
+    assert_eq!(judged.online, of_whole.online, "held-out data has judged all values");
+
+    // A unit of the first rung lost: it is run again, and nothing else.
+    let lost = one.directory().join("A/member-1/run-0000.json");
+    let later = one.directory().join("A/member-1/run-0001.json");
+    fs::remove_file(lost).expect("was there");
+    let written = || fs::metadata(&later).and_then(|of| of.modified()).expect("there");
+    let before = written();
+    assert_eq!(halved(&one), alone);
+    assert_eq!(written(), before);
 }

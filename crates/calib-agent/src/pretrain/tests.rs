@@ -172,3 +172,16 @@ fn what_cannot_be_trained_says_why() {
     let diverged = of(300, &linear(50.0));
     assert!(matches!(diverged, AgentError::PretrainingDiverged { learner: 0, .. }), "{diverged}");
 }
+
+#[test]
+fn traces_are_what_is_learnt_from_here_too() {
+    let stream = waves(600);
+    let config = AgentConfig { traces: vec![0.9], ..mlp(1e-3) };
+    let agent = run(&stream, settings(3, 0), &config, &[0], None).expect("trains").remove(0);
+    // Two columns and their traces, twelve units, two layers, one output.
+    let layers = [(4, 12), (12, 12), (12, 1)];
+    let parameters: usize = layers.iter().map(|(inputs, outputs)| (inputs + 1) * outputs).sum();
+    assert_eq!(agent.checkpoint.parameters.len(), parameters);
+    let plain = run(&stream, settings(3, 0), &mlp(1e-3), &[0], None).expect("trains").remove(0);
+    assert_ne!(agent.curve, plain.curve);
+}

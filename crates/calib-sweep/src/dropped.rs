@@ -1,0 +1,121 @@
+//! Values that halving dropped, in the verdict.
+
+use calib_stats::{Selection, StatsError, select};
+use serde::{Deserialize, Serialize};
+
+use crate::{EnvironmentId, UnitResult, unit::infinite, verdict::LOWER};
+
+/// A value that was dropped before all runs were made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Dropped {
+    /// Position of the candidate in the sweep.
+    pub candidate: usize,
+    /// Runs that it made in every member, each of all steps.
+    pub runs: usize,
+    /// Runs that the others made.
+    pub of_runs: usize,
+    /// Mean error over members of those runs.
+    #[serde(with = "infinite")]
+    pub mean_error: f64,
+}
+
+/// The dropped ones among `grid` candidates, best first: those that went on for longer, then those with the lower
+/// error. `mean_errors` is `[members, candidates]`.
+pub(crate) fn dropped(
+    results: &[&UnitResult],
+    grid: usize,
+    mean_errors: &[Vec<f64>],
+) -> Vec<Dropped> {
+    let mut runs = vec![0; grid];
+    for result in results {
+        if result.unit.environment == EnvironmentId::Member(0) {
+            for row in result.rows.iter().filter(|row| row.candidate < grid) {
+                runs[row.candidate] += 1;
+            }
+        }
+    }
+    let of_runs = runs.iter().copied().max().unwrap_or(0);
+    let mean = |candidate: usize| {
+        mean_errors.iter().map(|member| member[candidate]).sum::<f64>() / mean_errors.len() as f64
+    };
+    let mut dropped: Vec<Dropped> = (0..grid)
+        .filter(|&candidate| runs[candidate] < of_runs)
+        .map(|candidate| Dropped {
+            candidate,
+            runs: runs[candidate],
+            of_runs,
+            mean_error: mean(candidate),
+        })
+        .collect();
+    dropped.sort_by(|a, b| b.runs.cmp(&a.runs).then(a.mean_error.total_cmp(&b.mean_error)));
+    dropped
+}
+
+/// The worst-rank rule among those that made all runs; the dropped ones rank behind them in every member,
+/// in their order. Ranks of the others are ranks among themselves.
+pub(crate) fn select_among(
+    mean_errors: &[Vec<f64>],
+    dropped: &[Dropped],
+) -> Result<Selection, StatsError> {
+    if dropped.is_empty() {
+        return select(mean_errors, LOWER);
+    }
+    let grid = mean_errors.first().map_or(0, Vec::len);
+    let kept: Vec<usize> = (0..grid)
+        .filter(|&candidate| dropped.iter().all(|dropped| dropped.candidate != candidate))
+        .collect();
+    let of_kept = |member: &Vec<f64>| kept.iter().map(|&candidate| member[candidate]).collect();
+    let among: Vec<Vec<f64>> = mean_errors.iter().map(of_kept).collect();
+    let inner = select(&among, LOWER)?;
+    let mut whole = Selection {
+        chosen: kept[inner.chosen],
+        tie_set: inner.tie_set.iter().map(|&place| kept[place]).collect(),
+        worst_ranks: vec![0; grid],
+        mean_ranks: vec![0.0; grid],
+        mean_errors: vec![0.0; grid],
+        ranks: vec![vec![0; grid]; mean_errors.len()],
+    };
+    for (place, &candidate) in kept.iter().enumerate() {
+        whole.worst_ranks[candidate] = inner.worst_ranks[place];
+        whole.mean_ranks[candidate] = inner.mean_ranks[place];
+        whole.mean_errors[candidate] = inner.mean_errors[place];
+        for (ranks, of) in whole.ranks.iter_mut().zip(&inner.ranks) {
+            ranks[candidate] = of[place];
+        }
+    }
+    for (place, dropped) in dropped.iter().enumerate() {
+        let (candidate, rank) = (dropped.candidate, kept.len() + 1 + place);
+        whole.worst_ranks[candidate] = rank;
+        whole.mean_ranks[candidate] = rank as f64;
+        whole.mean_errors[candidate] = dropped.mean_error;
+        for ranks in &mut whole.ranks {
+            ranks[candidate] = rank;
+        }
+    }
+    Ok(whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_dropped_rank_behind_all_others_in_their_order() {
+        let errors = [vec![0.1, 5.0, 0.2, 4.0], vec![0.3, 0.01, 0.2, 4.0]];
+        let dropped = [(3, 2, 4.0), (1, 1, 2.5)].map(|(candidate, runs, mean_error)| Dropped {
+            candidate,
+            runs,
+            of_runs: 4,
+            mean_error,
+        });
+        let selection = select_among(&errors, &dropped).expect("selected");
+        assert_eq!(selection.ranks, [[1, 4, 2, 3], [2, 4, 1, 3]]);
+        assert_eq!(selection.worst_ranks, [2, 4, 2, 3]);
+        assert_eq!(selection.tie_set, [0, 2]);
+        assert_eq!(selection.chosen, 0, "of equal ranks and errors the first");
+        assert_eq!(selection.mean_errors[1], 2.5);
+        // Without dropping, the second value's good member would have cost the others a rank there.
+        let all = select_among(&errors, &[]).expect("selected");
+        assert_eq!(all.ranks[1], [3, 1, 2, 4]);
+    }
+}
