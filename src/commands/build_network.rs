@@ -46,12 +46,11 @@ pub(super) fn run(
         return Ok(ExitStatus::Done);
     }
     let existing = up_to_date(&directory, &key).filter(|_| !args.study.force);
-    let (manifest, verb) = match existing {
-        Some(manifest) => (refresh(manifest, study, &dataset, &directory)?, "up to date:"),
-        None => {
-            let clocked = (clock, printer);
-            (build(args, (study, paths), &dataset, key, &directory, clocked)?, "wrote")
-        }
+    let verb = if existing.is_some() { "up to date:" } else { "wrote" };
+    let manifest = if let Some(manifest) = existing {
+        refresh(manifest, study, &dataset, &directory)?
+    } else {
+        build(args, (study, paths), &dataset, key, &directory, (clock, printer))?
     };
     if args.study.json {
         printer.json(&manifest)?;

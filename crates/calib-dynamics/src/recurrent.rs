@@ -261,7 +261,7 @@ mod tests {
         let mut next = vec![0.0; LANES];
         let (mut h, sigmoid) = (0.0_f64, |x: f64| 1.0 / (1.0 + (-x).exp()));
         for x in [0.7_f64, -1.2, 0.3] {
-            walk.step(&vec![x as f32; LANES], &mut next).expect("a step");
+            walk.step(&[x as f32; LANES], &mut next).expect("a step");
             let r = sigmoid(0.5 * x + 0.01 + 0.1 * h - 0.01);
             let z = sigmoid(-0.25 * x + 0.02 + 0.2 * h + 0.04);
             let n = (x + 0.03 + r * (-0.3 * h + 0.05)).tanh();
@@ -271,7 +271,7 @@ mod tests {
             }
         }
         walk.forget(3);
-        walk.step(&vec![0.0; LANES], &mut next).expect("a step");
+        walk.step(&[0.0; LANES], &mut next).expect("a step");
         assert!(next[3] != next[2] && next[2] == next[4], "only one lane forgets");
     }
 

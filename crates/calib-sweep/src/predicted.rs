@@ -8,6 +8,9 @@ use calib_files::Fingerprint;
 
 use crate::{Environment, EnvironmentId, SweepError};
 
+/// The rollouts of runs that step together, or why there are none.
+type Predicted = Result<Vec<Arc<Prediction>>, Arc<DynamicsError>>;
+
 /// Rollouts of a parametric model, one start row a run. It is an ensemble of one: member 0.
 ///
 /// A stream ends early where predictions cease to be finite. Runs that step together are predicted once and kept,
@@ -19,7 +22,7 @@ pub struct PredictedEnvironment<'a> {
     starts: Vec<RowIndex>,
     steps: usize,
     inputs: Fingerprint,
-    together: Vec<OnceLock<Result<Vec<Arc<Prediction>>, Arc<DynamicsError>>>>,
+    together: Vec<OnceLock<Predicted>>,
 }
 
 impl<'a> PredictedEnvironment<'a> {
