@@ -2,13 +2,13 @@
 //!
 //! Everything here wants the feature `libtorch`; without it the crate is empty, and nothing of libtorch is built
 //! or linked. Weights are the same files as those of native training, and models that were trained here are rolled
-//! out without libtorch, but for [`Script`].
+//! out without libtorch, but for `Script`.
 //!
-//! - [`DeviceChoice`], [`device`]: where tensors live.
-//! - [`FeedForwardTrainer`], [`RecurrentTrainer`]: the NN and GRU baselines, as
+//! - `DeviceChoice`, `device`: where tensors live.
+//! - `FeedForwardTrainer`, `RecurrentTrainer`: the NN and GRU baselines, as
 //!   [`calib_dynamics::Trainer`]s that draw the same mini-batches as native ones.
-//! - [`LaplacianTraining`]: the Laplacian representation.
-//! - [`Script`]: a dynamics model of the user's, exported from PyTorch.
+//! - `LaplacianTraining`: the Laplacian representation.
+//! - `Script`: a dynamics model of the user's, exported from PyTorch.
 #![cfg(feature = "libtorch")]
 
 mod adam;
