@@ -21,7 +21,7 @@ pub struct Scores {
     pub dynamics_awareness: f64,
     /// Distinct ψ / distinct states, at most 1: whether different states stay different.
     pub uniqueness: f64,
-    /// Eigenvalues of the second moment E[ψψᵀ] that are at least 1 % of the greatest.
+    /// Eigenvalues of the second moment `E[ψψᵀ]` that are at least 1 % of the greatest.
     pub live_dimensions: usize,
     /// `d_succ`: mean ‖ψ(s) − ψ(s')‖ of successive states.
     pub successive_distance: f64,

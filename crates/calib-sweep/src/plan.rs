@@ -96,7 +96,7 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// The same plan that drops values after `rungs` runs of every member; see [`HalvingConfig`].
+    /// The same plan that drops values after `rungs` runs of every member; see [`HalvingConfig`](crate::HalvingConfig).
     #[must_use]
     pub fn halving(mut self, keep: f64, rungs: Vec<usize>) -> Self {
         self.halving = Some(Halving { keep, rungs });
