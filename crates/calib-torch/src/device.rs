@@ -43,12 +43,16 @@ impl fmt::Display for DeviceChoice {
 /// CUDA's part of libtorch, once it is loaded, or why it cannot be.
 static LOADED: OnceLock<Result<Library, String>> = OnceLock::new();
 
-/// The device of a choice. CUDA's part of libtorch is loaded when it is first asked for: programs link only
+/// The device of a choice.
+///
+/// On the processor libtorch works on one thread: networks of these sizes gain little from more, threads that wait for
+/// each other lose much where the machine has other work, and results do not depend on their number. CUDA's part of libtorch is loaded when it is first asked for: programs link only
 /// what works everywhere.
 ///
 /// # Errors
 /// [`TorchError::NoCuda`] if CUDA was asked for and is not available.
 pub fn device(choice: DeviceChoice) -> Result<Device, TorchError> {
+    tch::set_num_threads(1);
     if choice == DeviceChoice::Cpu {
         return Ok(Device::Cpu);
     }

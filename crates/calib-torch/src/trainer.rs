@@ -164,12 +164,7 @@ pub(crate) fn leaf(values: &[f32], device: Device) -> Tensor {
 
 /// Parts of a flat vector, one after the other, each in its shape.
 pub(crate) fn parts(flat: &Tensor, shapes: &[Vec<i64>]) -> Vec<Tensor> {
-    let mut start = 0;
-    let part = |shape: &Vec<i64>| {
-        let length = shape.iter().product();
-        let part = flat.narrow(0, start, length).view(shape.as_slice());
-        start += length;
-        part
-    };
-    shapes.iter().map(part).collect()
+    let lengths: Vec<i64> = shapes.iter().map(|shape| shape.iter().product()).collect();
+    let parts = flat.split_with_sizes(lengths.as_slice(), 0);
+    parts.iter().zip(shapes).map(|(part, shape)| part.view(shape.as_slice())).collect()
 }

@@ -12,6 +12,11 @@ use calib_torch::{
 /// Both round to 24 bits in their own order; Adam's division by small roots spreads it.
 const TOLERANCE: f32 = 2e-5;
 
+/// The processor, set up as programs do.
+fn processor() -> Device {
+    device(DeviceChoice::Cpu).expect("always there")
+}
+
 fn data() -> (States, Transitions) {
     let mut rng = Seed::new(6).rng();
     let mut values = Vec::new();
@@ -71,7 +76,7 @@ fn feed_forward_agrees(device: Device) {
 
 #[test]
 fn feed_forward_networks_agree_step_by_step() {
-    feed_forward_agrees(Device::Cpu);
+    feed_forward_agrees(processor());
 }
 
 #[test]
@@ -87,7 +92,7 @@ fn epochs_draw_the_same_batches() {
     let data = Transitioning::new(&states, &transitions, 0.1).expect("enough");
     let config = config(3);
     let mut native = calib_dynamics::FeedForwardTrainer::new(&data, &config, Seed::new(2));
-    let mut torch = FeedForwardTrainer::new(&data, &config, Seed::new(2), Device::Cpu);
+    let mut torch = FeedForwardTrainer::new(&data, &config, Seed::new(2), processor());
     assert_eq!(native.updates_per_epoch(), torch.updates_per_epoch());
     for _ in 0..3 {
         let losses =
@@ -110,7 +115,7 @@ fn a_gru_learns_and_rolls_out_natively() {
     let data = Transitioning::new(&states, &transitions, 0.1).expect("enough");
     let config = DynamicsConfig { learning_rate: 1e-2, ..config(40) };
     let mut trainer =
-        RecurrentTrainer::new(&data, &config, Seed::new(2), Device::Cpu).expect("sequences");
+        RecurrentTrainer::new(&data, &config, Seed::new(2), processor()).expect("sequences");
     // The loss of the first batch, by the native model.
     let model = trainer.present().expect("libtorch");
     let first: Vec<u32> = (0..LANES as u32).map(|lane| lane * 11).collect();
@@ -163,12 +168,12 @@ fn training_that_was_put_aside_goes_on() {
     let data = Transitioning::new(&states, &transitions, 0.1).expect("enough");
     let config = config(4);
     let seed = Seed::new(2);
-    let mut whole = RecurrentTrainer::new(&data, &config, seed, Device::Cpu).expect("sequences");
+    let mut whole = RecurrentTrainer::new(&data, &config, seed, processor()).expect("sequences");
     for _ in 0..2 {
         whole.epoch(&Silent).expect("finite");
     }
     let checkpoint = whole.checkpoint().expect("libtorch");
-    let mut resumed = RecurrentTrainer::resume(&data, &config, seed, Device::Cpu, &checkpoint)
+    let mut resumed = RecurrentTrainer::resume(&data, &config, seed, processor(), &checkpoint)
         .expect("its own checkpoint");
     for _ in 0..2 {
         whole.epoch(&Silent).expect("finite");
@@ -178,7 +183,7 @@ fn training_that_was_put_aside_goes_on() {
     let (whole, resumed) =
         (whole.present().expect("libtorch").flat(), resumed.present().expect("libtorch").flat());
     assert_close("resumed", &whole, &resumed);
-    assert!(FeedForwardTrainer::resume(&data, &config, seed, Device::Cpu, &checkpoint).is_err());
+    assert!(FeedForwardTrainer::resume(&data, &config, seed, processor(), &checkpoint).is_err());
 }
 
 fn laplacian_agrees(device: Device) {
@@ -214,7 +219,7 @@ fn laplacian_agrees(device: Device) {
 
 #[test]
 fn laplacian_encoders_agree_step_by_step() {
-    laplacian_agrees(Device::Cpu);
+    laplacian_agrees(processor());
 }
 
 #[test]
