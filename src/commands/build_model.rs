@@ -210,9 +210,7 @@ fn refresh(
         (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
     manifest.study = study.clone();
     let claim = Claim::new(directory, Below::Ours)?;
-    // The profile tells of the held-out range, which the tables do not depend on.
-    write_json(&directory.join("profile.json"), &dataset.profile)?;
-    manifest.files.extend(fingerprints(directory, knn.members(), &[])?);
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
     claim.complete(&manifest)?;
     Ok(manifest)
 }
@@ -264,11 +262,12 @@ fn check_against_brute_force(
     let model = model_files::open(paths, study)?;
     let Model::Knn(knn) = &model.model else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");
-    for (name, fingerprint) in fingerprints(&paths.model(), knn.members(), &[])? {
-        if model.manifest.files.get(&name) != Some(&fingerprint) {
+    for (name, written) in &model.manifest.files {
+        let path = paths.model().join(name);
+        if fingerprint_file(&path)? != *written {
             bail!(
                 "{} is not what was written; run `{} --force`",
-                paths.model().join(name).display(),
+                path.display(),
                 paths.command("build-model")
             );
         }

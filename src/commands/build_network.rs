@@ -128,8 +128,7 @@ fn refresh(
     }
     let claim = Claim::new(directory, Below::Ours)?;
     manifest.study = study.clone();
-    write_json(&directory.join("profile.json"), &dataset.profile)?;
-    manifest.files = fingerprints(directory, 0, train_model::files(study.model.kind))?;
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
     claim.complete(&manifest)?;
     Ok(manifest)
 }

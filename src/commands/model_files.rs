@@ -10,7 +10,7 @@ use calib_data::{
     Dataset, Profile,
     table::{Table, read_parquet_columns},
 };
-use calib_files::{Fingerprint, map_npy, read_json, write_json, write_npy};
+use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
 use calib_knn::{KnnModel, ModelConfig, ModelKind};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
@@ -27,6 +27,9 @@ use crate::study::{Study, StudyPaths};
 
 /// The states of a model, in its directory.
 const STATES: &str = "states.npy";
+
+/// What the data of a model looked like, in its directory.
+const PROFILE: &str = "profile.json";
 
 /// `manifest.json` of a model directory.
 #[derive(Debug, Serialize, Deserialize)]
@@ -140,8 +143,21 @@ pub(super) fn write(
 ) -> anyhow::Result<()> {
     let frames = &dataset.train;
     rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
-    write_json(&directory.join("profile.json"), &dataset.profile)?;
+    write_json(&directory.join(PROFILE), &dataset.profile)?;
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
+}
+
+/// Write the profile again: it tells of the held-out range, which the model does not follow from. The fingerprints
+/// of all other files stay, so that what was damaged since is still told from what was written.
+pub(super) fn rewrite_profile(
+    directory: &Path,
+    dataset: &Dataset,
+    files: &mut BTreeMap<String, Fingerprint>,
+) -> anyhow::Result<()> {
+    let path = directory.join(PROFILE);
+    write_json(&path, &dataset.profile)?;
+    files.insert(PROFILE.to_owned(), fingerprint_file(&path)?);
+    Ok(())
 }
 
 /// Row → timestamp, segment and, for neighbours, block.
@@ -163,6 +179,15 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     table.with_optional("block", (0..frames.rows()).map(block).collect())
 }
 
+/// Whether a model's files follow from the seed: weights do, of the model or of ψ; tables over the states do not.
+fn follows_from_seed(study: &Study) -> bool {
+    match study.model.kind {
+        ModelKind::Knn => study.representation.kind != RepresentationKind::None,
+        ModelKind::Nn | ModelKind::Gru => true,
+        ModelKind::Torchscript => false,
+    }
+}
+
 /// Open the model of `study`; tables and states are mapped, and checked.
 pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenModel> {
     let directory = &paths.model();
@@ -176,6 +201,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
         ("[data]", made.data == study.data),
         ("[preprocess]", made.preprocess == study.preprocess),
         ("[pretrain]", made.pretrain.partition() == study.pretrain.partition()),
+        ("seed", !follows_from_seed(study) || made.seed == study.seed),
     ];
     if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
         bail!(
@@ -233,7 +259,7 @@ pub(super) fn check_data(
 
 /// The profile of the data that the model was built from.
 pub(super) fn read_profile(directory: &Path) -> anyhow::Result<Profile> {
-    Ok(read_json(&directory.join("profile.json"))?)
+    Ok(read_json(&directory.join(PROFILE))?)
 }
 
 /// The column of a sensor in the states, or why it has none.

@@ -52,6 +52,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let width = parts.dataset.train.states().columns();
     let file = state_file(&directory, &missing)?;
     if args.force {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        claim.begin()?;
         file.remove();
     }
     let trained = missing.len();

@@ -55,7 +55,7 @@ pub(super) struct MemberRollouts {
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 2;
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -168,7 +168,8 @@ fn roll_out(
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
     let collapse = collapse::of(model, &all, sensors)?;
-    let comparison = compare(model, &all, sensors, directory, config.dtw_steps, printer)?;
+    let comparison =
+        compare(model, &all, sensors, directory, config.dtw_steps.min(config.steps), printer)?;
     let members = all.iter().enumerate();
     let members = members
         .map(|(member, rollouts)| MemberRollouts {

@@ -24,7 +24,7 @@ impl Study {
         model: Option<&str>,
     ) -> anyhow::Result<(Self, StudyPaths)> {
         let mut table = read(path, overrides)?;
-        models::check(&models::names(&table)).with_context(|| path.display().to_string())?;
+        models::check(&table).with_context(|| path.display().to_string())?;
         models::choose(&mut table, model).with_context(|| path.display().to_string())?;
         let with = || with_overrides(path, overrides, model);
         let study = Self::deserialize(Value::Table(table))

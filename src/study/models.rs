@@ -3,6 +3,10 @@
 use anyhow::bail;
 use toml::{Table, Value};
 
+/// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
+/// their results could not stand beside each other.
+const SECTIONS: [&str; 3] = ["representation", "model", "dynamics"];
+
 /// The key under which they lie.
 const KEY: &str = "models";
 
@@ -46,8 +50,24 @@ fn lay_over(table: &mut Table, own: Table) {
     }
 }
 
-/// Whether a name can be that of a directory.
-pub(super) fn check(names: &[String]) -> anyhow::Result<()> {
+/// Whether every name can be that of a directory, and the models differ only in what makes a model.
+pub(super) fn check(table: &Table) -> anyhow::Result<()> {
+    check_names(&names(table))?;
+    let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
+    for (name, own) in models {
+        let keys = own.as_table().into_iter().flat_map(Table::keys);
+        if let Some(key) = keys.into_iter().find(|key| !SECTIONS.contains(&key.as_str())) {
+            bail!(
+                "[{KEY}.{name}]: {key} cannot differ from model to model, only {} can; \
+                 set {key} for the whole study, or give this model a study of its own",
+                SECTIONS.join(", ")
+            );
+        }
+    }
+    Ok(())
+}
+
+fn check_names(names: &[String]) -> anyhow::Result<()> {
     let fine = |name: &&String| {
         !name.is_empty()
             && name.chars().all(|of| of.is_ascii_alphanumeric() || of == '-' || of == '_')
@@ -86,7 +106,16 @@ mod tests {
         assert_eq!(error, "--model c: the study's models are a, b");
         let error = choose(&mut Table::new(), Some("c")).expect_err("unknown").to_string();
         assert!(error.contains("has no [models.c]"), "{error}");
-        assert!(check(&["a-1_B".to_owned()]).is_ok());
-        assert!(check(&["a/b".to_owned()]).is_err());
+        assert!(check_names(&["a-1_B".to_owned()]).is_ok());
+        assert!(check_names(&["a/b".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn models_differ_in_nothing_but_the_model() {
+        check(&table()).expect("model and representation");
+        let mut study = table();
+        study["models"]["a"]["sweep"] = Value::Table(Table::new());
+        let error = check(&study).expect_err("sweeps must agree").to_string();
+        assert!(error.starts_with("[models.a]: sweep cannot differ"), "{error}");
     }
 }

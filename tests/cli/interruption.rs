@@ -60,6 +60,28 @@ fn a_killed_training_goes_on() {
     assert!(place.content("whole") == place.content("killed"));
 }
 
+#[test]
+fn a_killed_training_by_force_is_not_up_to_date() {
+    let place = Place::with_study();
+    place.edit_study("[model]", &LAPLACIAN.replace("steps = 300", "steps = 4000"));
+    let args = ["represent", "study.toml"];
+    place.calib(&args).succeeds();
+    let whole = place.content("study-results");
+    let manifest = place.path().join("study-results/representation/manifest.json");
+    let mut child = place.command(&[&args[..], &["--force"]].concat()).spawn().expect("calib runs");
+    for _ in 0..2000 {
+        if !manifest.exists() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("it runs");
+    child.wait().expect("a status");
+    assert!(!manifest.exists(), "what is made again does not count meanwhile");
+    assert!(place.calib(&args).succeeds().contains("wrote"));
+    assert!(place.content("study-results") == whole);
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {

@@ -2,6 +2,8 @@
 
 use std::{fs, thread, time::Duration};
 
+use calib_files::{read_tensors, write_tensors};
+
 use crate::harness::Place;
 
 /// The study of the other tests with a small network for a model.
@@ -40,6 +42,35 @@ fn a_network_goes_through_the_chain() {
     assert!(verdict.contains("NN ranks it"), "{verdict}");
     assert!(place.path().join("study-results/report.html").is_file());
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
+}
+
+#[test]
+fn another_seed_is_another_network() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.edit_study("seed = ", "seed = 1");
+    for command in ["rollout", "sweep"] {
+        let refused = place.calib(&[command, "study.toml"]).fails(2);
+        assert!(refused.contains("built with another seed; run `calib build-model"), "{refused}");
+    }
+    assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("wrote"));
+    place.calib(&["rollout", "study.toml"]).succeeds();
+}
+
+#[test]
+fn rollouts_that_end_at_once_are_left_out_and_told() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let path = place.path().join("study-results/model/weights.safetensors");
+    let mut weights = read_tensors(&path).expect("weights");
+    for tensor in &mut weights.tensors {
+        tensor.values.iter_mut().for_each(|value| *value = 1e30);
+    }
+    write_tensors(&path, &weights).expect("written");
+    let told = place.calib(&["rollout", "study.toml"]).succeeds();
+    assert!(told.contains("2 of 2 rollouts not compared: they ended before"), "{told}");
+    let comparison = &json(&place, "rollout/manifest.json")["comparison"];
+    assert_eq!((&comparison["rollouts"], &comparison["ended_early"]), (&0.into(), &2.into()));
 }
 
 #[test]

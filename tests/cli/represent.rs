@@ -61,6 +61,24 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     let verified = place.calib(&["build-model", "study.toml", "--verify", "20"]);
     verified.succeeds();
     assert!(verified.stderr().contains("verified: 60 rows agree"), "{}", verified.stderr());
+    // What is damaged later is found, also when the study changes in what the model does not follow from.
+    let encoder = results.join("model/encoder.safetensors");
+    let good = std::fs::read(&encoder).expect("an encoder");
+    let mut damaged = good.clone();
+    *damaged.last_mut().expect("bytes") ^= 1;
+    std::fs::write(&encoder, &damaged).expect("written");
+    place.calib(&["build-model", "study.toml", "--set", "rollout.steps=60"]).succeeds();
+    let found = place.calib(&["build-model", "study.toml", "--verify", "20"]).fails(2);
+    assert!(found.contains("encoder.safetensors is not what was written"), "{found}");
+    std::fs::write(&encoder, &good).expect("written");
+    let representation = results.join("representation/representation.npy");
+    let good = std::fs::read(&representation).expect("ψ");
+    let mut damaged = good.clone();
+    *damaged.last_mut().expect("bytes") ^= 1;
+    std::fs::write(&representation, &damaged).expect("written");
+    let found = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(found.contains("representation.npy is not what was written"), "{found}");
+    std::fs::write(&representation, &good).expect("written");
     let (states, psi) = ("model/states.npy", "model/representation.npy");
     let states = map_npy::<f32>(&results.join(states)).expect("states");
     let psi = map_npy::<f32>(&results.join(psi)).expect("ψ");

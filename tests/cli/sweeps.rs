@@ -91,8 +91,8 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
     assert_eq!(plan["candidates"].as_array().map(Vec::len), Some(5), "{plan}");
     assert!(plan["memory"]["total"].as_u64() > plan["memory"]["data"].as_u64());
     let other = place.calib(&[&sampled[..], &["--set", "seed=4"]].concat());
-    // Another seed wants another model; the values are drawn before that is found out.
-    assert!(other.stderr().contains("seed") || other.succeeds() != listed.stdout());
+    // Tables over the states do not follow from the seed, so the model is still good; the values do.
+    assert!(other.succeeds() != listed.stdout());
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub struct PairSampler {
 }
 
 impl PairSampler {
-    /// A sampler over the first `rows.end` − `rows.start` … rows of `segments` that lie in `rows`.
+    /// A sampler over the rows of `segments` that lie in `rows`.
     ///
     /// `None` if no segment has two rows there.
     ///
@@ -53,13 +53,8 @@ impl PairSampler {
     }
 
     /// Number of states that may begin a pair.
-    pub fn len(&self) -> usize {
+    pub fn beginnings(&self) -> usize {
         self.pairs
-    }
-
-    /// Whether there are none; never true.
-    pub fn is_empty(&self) -> bool {
-        self.pairs == 0
     }
 
     /// Number of states in all.
@@ -107,7 +102,7 @@ mod tests {
     fn pairs_stay_inside_segments_and_range() {
         let segments = Segments::from_lengths([4, 1, 30, 9]).expect("valid");
         let sampler = PairSampler::new(&segments, 2..40, 0.9, 6).expect("has pairs");
-        assert_eq!((sampler.len(), sampler.rows()), (1 + 29 + 4, 38));
+        assert_eq!((sampler.beginnings(), sampler.rows()), (1 + 29 + 4, 38));
         let mut rng = Seed::new(1).rng();
         let mut seen = [0_u32; 44];
         for _ in 0..50_000 {

@@ -33,6 +33,9 @@ pub(super) struct Comparison {
     pub(super) rollouts: usize,
     /// Rollouts that were left out, because what was recorded after their start ends too soon.
     pub(super) left_out: usize,
+    /// Rollouts that were left out, because they ended (their next state would not have been finite) before the
+    /// steps to compare did: distances over the few steps that are there would flatter the model.
+    pub(super) ended_early: usize,
     /// Fewest and most steps that were compared; 0 if nothing was.
     pub(super) fewest_steps: usize,
     pub(super) most_steps: usize,
@@ -90,7 +93,7 @@ struct Job<'a> {
     recorded: Vec<RowIndex>,
 }
 
-/// Compare the first `steps` steps of every rollout with the recorded ones, sensor by sensor.
+/// Compare the first `steps` steps of every rollout, or as many as were recorded, sensor by sensor.
 pub(super) fn compare(
     model: &OpenModel,
     all: &[Vec<Trajectory>],
@@ -99,7 +102,7 @@ pub(super) fn compare(
     printer: &Printer,
 ) -> anyhow::Result<Compared> {
     let set = PatternSet::new(step_patterns()?, Settings::default());
-    let jobs = jobs(model, all, steps);
+    let (jobs, ended_early) = jobs(model, all, steps);
     let pairs: Vec<(&Job<'_>, usize)> =
         jobs.iter().flat_map(|job| (0..sensors.len()).map(move |sensor| (job, sensor))).collect();
     let progress = printer.progress();
@@ -124,8 +127,9 @@ pub(super) fn compare(
             Ok(Pair { member, rollout, sensor, steps: query.len() - 1, distances, measures })
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let rollouts = all.iter().map(Vec::len).sum();
-    let summary = summary(&pairs, sensors, rollouts, jobs.len())?;
+    let rollouts: usize = all.iter().map(Vec::len).sum();
+    let left_out = rollouts - jobs.len() - ended_early;
+    let summary = summary(&pairs, sensors, jobs.len(), [left_out, ended_early])?;
     Ok(Compared { pairs, summary })
 }
 
@@ -133,25 +137,31 @@ fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
     STEP_PATTERNS.iter().map(|name| Ok(name.parse()?)).collect()
 }
 
-fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Trajectory>], steps: usize) -> Vec<Job<'a>> {
-    let mut jobs = Vec::new();
+/// What is compared, and how many rollouts ended too early for that.
+fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Trajectory>], steps: usize) -> (Vec<Job<'a>>, usize) {
+    let (mut jobs, mut ended_early) = (Vec::new(), 0);
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
-            let steps = steps.min(rollout.steps());
+            // The same stretch for every model, however far its own rollout gets.
             let recorded = recorded(model, rollout.start(), steps);
-            if recorded.len() > FEWEST_STEPS.min(steps) {
+            if recorded.len() <= FEWEST_STEPS.min(steps) {
+                continue;
+            }
+            if rollout.steps() + 1 < recorded.len() {
+                ended_early += 1;
+            } else {
                 jobs.push(Job { member, rollout: number, trajectory: rollout, recorded });
             }
         }
     }
-    jobs
+    (jobs, ended_early)
 }
 
 fn summary(
     pairs: &[Pair],
     sensors: &[(String, usize)],
     rollouts: usize,
-    compared: usize,
+    [left_out, ended_early]: [usize; 2],
 ) -> anyhow::Result<Comparison> {
     let steps = || pairs.iter().map(|pair| pair.steps);
     let of_sensor = |(sensor, (name, _)): (usize, &(String, usize))| {
@@ -160,8 +170,9 @@ fn summary(
     };
     let sensors = if pairs.is_empty() { &[] } else { sensors };
     Ok(Comparison {
-        rollouts: compared,
-        left_out: rollouts - compared,
+        rollouts,
+        left_out,
+        ended_early,
         fewest_steps: steps().min().unwrap_or(0),
         most_steps: steps().max().unwrap_or(0),
         sensors: sensors.iter().enumerate().map(of_sensor).collect::<anyhow::Result<_>>()?,

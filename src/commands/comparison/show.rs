@@ -14,12 +14,9 @@ const LISTED: usize = 12;
 
 /// Print means over rollouts: warping distances, then the other measures.
 pub(in crate::commands) fn show(comparison: &Comparison, printer: &Printer) -> anyhow::Result<()> {
-    if comparison.left_out > 0 {
-        printer.result(&format!(
-            "  {} of {} rollouts not compared: what was recorded after their start ends too soon",
-            comparison.left_out,
-            comparison.left_out + comparison.rollouts,
-        ))?;
+    for (number, why) in left_out(comparison) {
+        let all = comparison.rollouts + comparison.left_out + comparison.ended_early;
+        printer.result(&format!("  {number} of {all} rollouts not compared: {why}"))?;
     }
     if comparison.sensors.is_empty() {
         return Ok(());
@@ -40,6 +37,15 @@ pub(in crate::commands) fn show(comparison: &Comparison, printer: &Printer) -> a
         of.map(mean_and_half).collect::<Vec<_>>()
     };
     list(comparison, &header, others, printer)
+}
+
+/// How many rollouts were left out for each reason there is.
+fn left_out(comparison: &Comparison) -> impl Iterator<Item = (usize, &'static str)> {
+    let reasons = [
+        (comparison.left_out, "what was recorded after their start ends too soon"),
+        (comparison.ended_early, "they ended before the steps to compare did"),
+    ];
+    reasons.into_iter().filter(|(number, _)| *number > 0)
 }
 
 fn list(
@@ -81,33 +87,44 @@ fn mean_and_half(summary: Option<&Summary>) -> String {
 
 /// Tables for the report: for each model its means, the best of a row in bold where there are several.
 pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<Table> {
-    let Some((_, first)) = models.first().filter(|(_, first)| !first.sensors.is_empty()) else {
+    // A model of which nothing could be compared has empty columns beside those of others.
+    let Some((_, first)) = models.iter().find(|(_, of)| !of.sensors.is_empty()) else {
         return Vec::new();
     };
-    let left_out = match first.left_out {
-        0 => String::new(),
-        number => format!(
-            " {number} rollouts are left out: what was recorded after their start ends too soon."
-        ),
+    let several = models.len() > 1;
+    let left_out: String = models
+        .iter()
+        .flat_map(|(name, of)| left_out(of).map(move |(number, why)| (name, number, why)))
+        .map(|(name, number, why)| {
+            let whose = if several { format!(" of {name}") } else { String::new() };
+            format!(" {number} rollouts{whose} are left out: {why}.")
+        })
+        .collect();
+    let basis = if several {
+        let of_each = models.iter().filter(|(_, of)| !of.sensors.is_empty());
+        let of_each = of_each.map(|(name, of)| format!("{name}: {}", basis(of)));
+        of_each.collect::<Vec<_>>().join("; ")
+    } else {
+        basis(first)
     };
-    let basis = basis(first);
     let columns = |leading: &[&str]| {
         let models = models.iter().flat_map(|(name, _)| [(*name).to_owned(), "95 %".to_owned()]);
         leading.iter().map(|&name| name.to_owned()).chain(models).collect::<Vec<String>>()
     };
-    let best = (models.len() > 1).then_some(Best::OfRow(Direction::LowerIsBetter));
-    let of_models = |number: usize, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
-        let sensors = models.iter().map(|(_, comparison)| comparison.sensors.get(number));
+    let best = several.then_some(Best::OfRow(Direction::LowerIsBetter));
+    let of_models = |name: &str, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
+        let own = |of: &'_ &Comparison| of.sensors.iter().position(|of| of.sensor == name);
+        let sensors = models.iter().map(|(_, of)| own(of).map(|place| &of.sensors[place]));
         sensors.flat_map(|sensor| cells(sensor.and_then(of))).collect::<Vec<Cell>>()
     };
     let (mut warping, mut others) = (Vec::new(), Vec::new());
-    for (number, sensor) in first.sensors.iter().enumerate() {
+    for sensor in &first.sensors {
         let name = Cell::Text(sensor.sensor.clone());
         for (position, pattern) in STEP_PATTERNS.iter().enumerate() {
             let row = |kind: &str, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
                 let leading =
                     [name.clone(), Cell::Text((*pattern).to_owned()), Cell::Text(kind.to_owned())];
-                [leading.to_vec(), of_models(number, of)].concat()
+                [leading.to_vec(), of_models(&sensor.sensor, of)].concat()
             };
             warping.push(row("normalised", &|sensor| {
                 sensor.dtw.get(position)?.normalized_distance.as_ref()
@@ -116,7 +133,8 @@ pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<
         }
         for (position, measure) in MEASURES.iter().enumerate() {
             let leading = vec![name.clone(), Cell::Text(measure.label.to_owned())];
-            let values = of_models(number, &|sensor| sensor.measures.get(position)?.value.as_ref());
+            let values =
+                of_models(&sensor.sensor, &|sensor| sensor.measures.get(position)?.value.as_ref());
             others.push([leading, values].concat());
         }
     }

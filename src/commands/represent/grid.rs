@@ -1,7 +1,8 @@
 //! Training of a grid of representations, several side by side, each on one core.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, fs, io, path::Path};
 
+use anyhow::Context as _;
 use calib_core::{Monitor as _, Seed};
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
@@ -16,12 +17,11 @@ use serde::{Deserialize, Serialize};
 use super::{Candidate, ENCODER};
 use crate::{commands::artefact, output::Printer, study::Study};
 
-/// What happens to candidates that are trained already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stored {
-    Keep,
-    Redo,
-}
+/// Version of the training: greater when the same configuration and seed lead to other weights.
+const TRAINING: u32 = 1;
+
+/// Where the candidates are, below the directory of the representation.
+const CANDIDATES: &str = "candidates";
 
 /// `training.json` of a candidate: written last.
 #[derive(Debug, Serialize, Deserialize)]
@@ -41,21 +41,18 @@ pub(super) fn train(
     split: &Split,
     seed: Seed,
     directory: &Path,
-    stored: Stored,
     printer: &Printer,
 ) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
     let (states, segments) = (dataset.train.states(), dataset.train.segments());
     let task = Task { states, segments, split, seed };
     let keyed = |config: LaplacianConfig| {
-        Ok((artefact::key(&(&dataset.fingerprint, &config, study.seed))?, config))
+        Ok((artefact::key(&(TRAINING, &dataset.fingerprint, &config, study.seed))?, config))
     };
     let grid = study.representation.candidates().into_iter().map(keyed);
     let grid = grid.collect::<anyhow::Result<Vec<(String, LaplacianConfig)>>>()?;
-    let at = |key: &str| directory.join("candidates").join(short(key));
-    let missing: Vec<&(String, LaplacianConfig)> = grid
-        .iter()
-        .filter(|(key, _)| stored == Stored::Redo || read(&at(key), key).is_none())
-        .collect();
+    let at = |key: &str| directory.join(CANDIDATES).join(short(key));
+    let missing: Vec<&(String, LaplacianConfig)> =
+        grid.iter().filter(|(key, _)| read(&at(key), key).is_none()).collect();
     let progress = printer.progress();
     progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
     missing.into_par_iter().try_for_each(|(key, config)| -> anyhow::Result<()> {
@@ -75,6 +72,17 @@ pub(super) fn train(
     })?;
     drop(progress);
     grid.iter().map(|(key, _)| finished(&at(key), key)).collect()
+}
+
+/// Forget every candidate and every training that was put aside.
+pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
+    let path = directory.join(CANDIDATES);
+    match fs::remove_dir_all(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.

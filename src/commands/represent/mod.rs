@@ -6,7 +6,7 @@ mod table;
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use calib_core::{Seed, States};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
@@ -169,6 +169,10 @@ fn make(
     let split = Split::in_time(dataset.train.segments())?;
     let claim = Claim::new(&directory, Below::Ours)?;
     claim.begin()?;
+    if args.force {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        grid::remove(&directory)?;
+    }
     let seed = Seed::new(study.seed).child("representation");
     let score_of = |psi: &States| {
         let (states, segments) = (dataset.train.states(), dataset.train.segments());
@@ -183,8 +187,7 @@ fn make(
         let chosen = select(&[scores]);
         (vec![candidate], chosen, chosen.map(|_| psi))
     } else {
-        let redo = if args.force { grid::Stored::Redo } else { grid::Stored::Keep };
-        let trained = grid::train(study, dataset, &split, seed, &directory, redo, printer)?;
+        let trained = grid::train(study, dataset, &split, seed, &directory, printer)?;
         let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
         let candidates: Vec<Candidate> = trained
             .iter()
@@ -256,6 +259,15 @@ pub(super) fn open(
         bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
     }
     let again = || format!("{} is damaged; run `{command} --force`", directory.display());
+    for name in [PSI, ENCODER] {
+        let Some(written) = manifest.files.get(name) else { continue };
+        let path = directory.join(name);
+        ensure!(
+            fingerprint_file(&path).with_context(again)? == *written,
+            "{} is not what was written; run `{command} --force`",
+            path.display()
+        );
+    }
     let psi = mapped(&directory.join(PSI)).with_context(again)?;
     let encoder = manifest
         .files

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_data::table::Table;
 use calib_report::{Best, Cell, Table as ReportTable};
-use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig};
+use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
 use calib_stats::Direction;
 
 use super::{Candidate, RepresentationManifest};
@@ -173,12 +173,15 @@ pub(in crate::commands) fn report_table(manifest: &RepresentationManifest) -> Re
         row.push(Cell::Text(verdict(number, of, manifest.chosen)));
         row
     });
+    let imported = manifest.study.representation.kind == RepresentationKind::Import;
     ReportTable {
         title: "Representations".to_owned(),
         caption: format!(
-            "Scored on the last {} training states, which they were not trained on. Of those with a uniqueness \
+            "Scored on the last {} training states{}. Of those with a uniqueness \
              above {LEAST_UNIQUENESS} the one with the highest dynamics awareness is used.",
-            calib_report::count(manifest.validation_rows as u64)
+            calib_report::count(manifest.validation_rows as u64),
+            // What an imported one was trained on is not known.
+            if imported { "" } else { ", which they were not trained on" },
         ),
         columns: columns.map(str::to_owned).collect(),
         rows: rows.collect(),
