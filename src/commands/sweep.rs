@@ -1,13 +1,14 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_core::{Period, Seed};
+use calib_agent::AgentConfig;
+use calib_core::{Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Completed, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions,
-    PlannedUnit, PredictedEnvironment, ReplayEnvironment, RolloutOptions, Unit, UnitResult,
-    UnitStore, candidates,
+    Candidate, Completed, Environment, EnvironmentId, MemberEnvironment, NotFinite, Plan,
+    PlanOptions, PlannedUnit, PredictedEnvironment, ReplayEnvironment, RolloutOptions, Unit,
+    UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +20,7 @@ use super::{
     partition::{self, Parts},
     pretrain_files,
     starts::{start_rows, starts, starts_from_held_out},
-    sweep_plan::{Memory, SweepPlan},
+    sweep_plan::{Memory, Sizes, SweepPlan},
     sweep_tables,
 };
 use crate::{
@@ -113,13 +114,16 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let shared =
         if args.force { Vec::new() } else { from_other_models(&paths, &plan.units(), &mut stored) };
     let missing = plan.count() - stored.len();
+    let agents: Vec<AgentConfig> =
+        candidates.iter().map(|candidate| candidate.agent.clone()).collect();
+    let sizes = Sizes::of(&study, &dataset, lengths.steps, [plan.count(), plan.passes(&stored)]);
     let preview = SweepPlan {
         candidates: &candidates,
         units: plan.count(),
         left: missing,
         steps: lengths.steps,
         threads: rayon::current_num_threads(),
-        memory: Memory::of(&study, &dataset, &candidates, lengths.steps, [plan.count(), missing]),
+        memory: Memory::of(&sizes, &agents, rayon::current_num_threads()),
     };
     preview.announce(&study, printer)?;
     if args.dry_run {
@@ -137,6 +141,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let planned =
         |result: &UnitResult| PlannedUnit { unit: result.unit.clone(), key: result.key.clone() };
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
+    let failed = failed_rollouts(&results, &dataset.normaliser);
+    for note in &failed {
+        printer.warn(note);
+    }
     let manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -148,7 +156,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         steps: lengths.steps,
         candidates,
         units,
-        notes: [notes, lengths.notes].concat(),
+        notes: [notes, lengths.notes, failed].concat(),
     };
     sweep_tables::write(&directory, &manifest.candidates, &results)?;
     if ran > 0 {
@@ -160,6 +168,27 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// The runs of each environment whose rollout left the finite numbers, and where.
+fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<String> {
+    let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
+    for result in results {
+        if let Some(not_finite) = result.not_finite {
+            let runs = environments.entry(result.unit.environment).or_default();
+            runs.insert(result.unit.run, not_finite);
+        }
+    }
+    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
+        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
+            format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
+        };
+        format!(
+            "the model's rollout left the finite numbers in {environment}: {}; every value has an infinite error there",
+            runs.iter().map(told).collect::<Vec<_>>().join(", ")
+        )
+    };
+    environments.into_iter().map(note).collect()
 }
 
 #[derive(Serialize)]

@@ -17,7 +17,7 @@ use crate::{
 pub(super) struct SweepPlan<'a> {
     /// Every value, in the order of the results.
     pub(super) candidates: &'a [Candidate],
-    /// Units (environment, run) in all.
+    /// Units (sensor, environment, run) in all.
     pub(super) units: usize,
     /// Units that have no result yet.
     pub(super) left: usize,
@@ -36,6 +36,8 @@ pub(super) struct Memory {
     pub(super) data: u64,
     /// One stream with its agents, on each thread that has a unit to run.
     pub(super) thread: u64,
+    /// Rollouts of a network, which are kept because every sensor sees them: all states of all runs.
+    pub(super) predictions: u64,
     /// Results and learning curves of all units.
     pub(super) results: u64,
     /// All of it.
@@ -44,38 +46,72 @@ pub(super) struct Memory {
     pub(super) available: Option<u64>,
 }
 
-impl Memory {
-    /// Of a sweep of `candidates` over `units` units of `steps` steps, of which `left` are still to be run.
+/// What the memory of a sweep depends on.
+pub(super) struct Sizes {
+    /// Recorded states: of the training range, once more of the model, and held out.
+    rows: usize,
+    /// Values in a state.
+    width: usize,
+    /// Steps of every stream.
+    steps: usize,
+    sensors: usize,
+    curve_points: usize,
+    /// Units in all: one a sensor, environment and run.
+    units: usize,
+    /// Passes over streams that are left, each for all sensors.
+    passes: usize,
+    /// Runs of a model whose rollouts are kept.
+    predicted_runs: usize,
+}
+
+impl Sizes {
+    /// Of a sweep of `units` units of `steps` steps, of which `passes` passes over streams are still to be made.
     pub(super) fn of(
         study: &Study,
         dataset: &Dataset,
-        candidates: &[Candidate],
         steps: usize,
-        [units, left]: [usize; 2],
+        [units, passes]: [usize; 2],
     ) -> Self {
-        let width = dataset.train.states().columns();
         let held_out = dataset.held_out.as_ref().map_or(0, calib_core::Frames::rows);
-        // The model keeps the training states of its own; states are f32, timestamps 8 bytes.
-        let rows = 2 * dataset.train.rows() + held_out;
+        Self {
+            rows: 2 * dataset.train.rows() + held_out,
+            width: dataset.train.states().columns(),
+            steps,
+            sensors: study.sweep.sensors.len(),
+            curve_points: study.sweep.curve_points,
+            units,
+            passes,
+            predicted_runs: if study.is_parametric() { study.sweep.member_runs } else { 0 },
+        }
+    }
+}
+
+impl Memory {
+    /// Of a sweep of `agents` on so many threads.
+    pub(super) fn of(sizes: &Sizes, agents: &[AgentConfig], threads: usize) -> Self {
+        let &Sizes { rows, width, steps, sensors, curve_points, units, passes, predicted_runs } =
+            sizes;
+        // States are f32, timestamps 8 bytes.
         let data = (rows * (4 * width + 8)) as u64;
-        let agents: Vec<AgentConfig> =
-            candidates.iter().map(|candidate| candidate.agent.clone()).collect();
-        let sensors = study.sweep.sensors.len();
         // A stream is a list of row numbers.
-        let thread = 4 * (steps as u64 + 1) + training_bytes(&agents, sensors, width, steps + 1);
-        let row = 200 + 24 * study.sweep.curve_points as u64;
-        let results = (units * candidates.len() * sensors) as u64 * row;
-        let threads = rayon::current_num_threads().min(left) as u64;
-        let total = data + threads * thread + results;
-        Self { data, thread, results, total, available: memory::available() }
+        let thread = 4 * (steps as u64 + 1) + training_bytes(agents, sensors, width, steps + 1);
+        let predictions = 4 * (predicted_runs * (steps + 1) * width) as u64;
+        let row = 200 + 24 * curve_points as u64;
+        let results = (units * agents.len()) as u64 * row;
+        let total = data + threads.min(passes) as u64 * thread + predictions + results;
+        Self { data, thread, predictions, results, total, available: memory::available() }
     }
 
     fn text(&self) -> String {
         let available = self
             .available
             .map_or_else(String::new, |available| format!("; {} are available", bytes(available)));
+        let predictions = match self.predictions {
+            0 => String::new(),
+            predictions => format!(", {} of predicted states", bytes(predictions)),
+        };
         format!(
-            "memory: up to {} ({} of data, {} a thread, {} of results){available}",
+            "memory: up to {} ({} of data, {} a thread{predictions}, {} of results){available}",
             bytes(self.total),
             bytes(self.data),
             bytes(self.thread),
@@ -104,7 +140,7 @@ impl SweepPlan<'_> {
         let Some(available) = memory.available.filter(|&available| memory.total > available) else {
             return Ok(());
         };
-        let shared = memory.data + memory.results;
+        let shared = memory.data + memory.predictions + memory.results;
         let fit = available.saturating_sub(shared) / memory.thread.max(1);
         let advice = if fit > 0 {
             format!("use --threads {fit}, or fewer or smaller values")
@@ -140,5 +176,36 @@ impl SweepPlan<'_> {
             })
             .collect();
         printer.result(&table(&["value", "candidate", ""], &rows))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_array_counts_once() {
+        let sizes = Sizes {
+            rows: 1000,
+            width: 10,
+            steps: 99,
+            sensors: 3,
+            curve_points: 50,
+            units: 60,
+            passes: 20,
+            predicted_runs: 16,
+        };
+        let agents =
+            [AgentConfig::default(), AgentConfig { learning_rate: 0.5, ..AgentConfig::default() }];
+        let memory = Memory::of(&sizes, &agents, 4);
+        assert_eq!(memory.data, 1000 * 48);
+        assert_eq!(memory.predictions, 16 * 100 * 10 * 4);
+        // One row a unit and value: units are of one sensor already.
+        assert_eq!(memory.results, 60 * 2 * (200 + 24 * 50));
+        assert_eq!(memory.thread, 4 * 100 + training_bytes(&agents, 3, 10, 100));
+        assert_eq!(memory.total, 48_000 + 4 * memory.thread + 64_000 + 168_000);
+        // Two passes keep no more than two threads busy, however many units they make.
+        let few = Memory::of(&Sizes { passes: 2, predicted_runs: 0, ..sizes }, &agents, 4);
+        assert_eq!(few.total, 48_000 + 2 * memory.thread + 168_000);
     }
 }

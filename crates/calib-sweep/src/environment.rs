@@ -30,6 +30,32 @@ impl fmt::Display for EnvironmentId {
     }
 }
 
+/// The stream of a run.
+pub struct RunStream {
+    /// The states; they end where the rollout did.
+    pub stream: Box<dyn Stream>,
+    /// The row that it starts from.
+    pub start_row: RowIndex,
+    /// Where the rollout left the finite numbers, if it did. Such a run trains nothing: the error of every value is +∞.
+    pub not_finite: Option<NotFinite>,
+}
+
+impl RunStream {
+    /// A stream of all steps that were asked for.
+    pub fn complete(stream: impl Stream + 'static, start_row: RowIndex) -> Self {
+        Self { stream: Box::new(stream), start_row, not_finite: None }
+    }
+}
+
+/// Where a model's rollout left the finite numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NotFinite {
+    /// The step that could not be taken, counted from 1.
+    pub step: usize,
+    /// The first column of its state that is not finite.
+    pub column: usize,
+}
+
 /// A source of streams. The stream of a run depends on the run alone, never on the agent,
 /// so that all candidates see the same one.
 pub trait Environment: Sync {
@@ -42,11 +68,11 @@ pub trait Environment: Sync {
     /// Fingerprint of what the streams are made from.
     fn inputs(&self) -> Fingerprint;
 
-    /// The stream of `run`, and the row that it starts from.
+    /// The stream of `run`.
     ///
     /// # Errors
     /// If no stream can be made, such as from a start state that the model lacks.
-    fn stream(&self, run: usize) -> Result<(Box<dyn Stream>, RowIndex), SweepError>;
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError>;
 }
 
 /// Recorded rows in time order, across segments but never through a gap.
@@ -110,7 +136,7 @@ impl Environment for ReplayEnvironment<'_> {
         self.inputs.clone()
     }
 
-    fn stream(&self, run: usize) -> Result<(Box<dyn Stream>, RowIndex), SweepError> {
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         if self.length() < 2 {
             return Err(SweepError::TooShort { steps: self.length().saturating_sub(1) });
         }
@@ -118,7 +144,7 @@ impl Environment for ReplayEnvironment<'_> {
         let window = start..start + self.length();
         let stream =
             RowStream::window(self.frames.states().clone(), self.frames.segments(), window);
-        Ok((Box::new(stream), RowIndex::new(start)))
+        Ok(RunStream::complete(stream, RowIndex::new(start)))
     }
 }
 
@@ -169,10 +195,10 @@ impl Environment for MemberEnvironment<'_> {
         self.options.inputs.clone()
     }
 
-    fn stream(&self, run: usize) -> Result<(Box<dyn Stream>, RowIndex), SweepError> {
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         let RolloutOptions { steps, weights, seed, .. } = &self.options;
         let seed = rollout_seed(*seed, self.member.number(), run);
         let rollout = rollout(&self.member, &self.starts[run], *steps, *weights, seed);
-        Ok((Box::new(rollout.stream(self.states)), rollout.rows()[0]))
+        Ok(RunStream::complete(rollout.stream(self.states), rollout.rows()[0]))
     }
 }

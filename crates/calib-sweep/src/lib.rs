@@ -35,7 +35,8 @@ pub use candidate::{Candidate, Role, candidates, written};
 pub use config::{Scored, SweepConfig};
 pub use dropped::Dropped;
 pub use environment::{
-    Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions,
+    Environment, EnvironmentId, MemberEnvironment, NotFinite, ReplayEnvironment, RolloutOptions,
+    RunStream,
 };
 pub use error::SweepError;
 pub use halving::HalvingConfig;

@@ -3,7 +3,8 @@ use calib_core::Monitor;
 use calib_files::Fingerprint;
 
 use crate::{
-    PlanOptions, RunRow, Scored, SweepError, UnitResult, UnitStore, kept::KeptRun, plan::Job,
+    PlanOptions, RunRow, RunStream, Scored, SweepError, UnitResult, UnitStore, kept::KeptRun,
+    plan::Job,
 };
 
 /// What the agents of one sensor start from.
@@ -33,7 +34,12 @@ impl Pass<'_, '_> {
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
         let first = self.jobs[0];
-        let (stream, start_row) = first.environment.stream(first.unit.run)?;
+        let streamed = first.environment.stream(first.unit.run)?;
+        if streamed.not_finite.is_some() {
+            monitor.advance(self.options.steps as u64 + 1);
+            return self.put(store, &streamed, |candidate, steps| RunRow::failed(candidate, steps));
+        }
+        let stream = &streamed.stream;
         let learners: Vec<Learner<'_>> = self
             .jobs
             .iter()
@@ -46,7 +52,7 @@ impl Pass<'_, '_> {
             })
             .collect();
         let run = Run {
-            stream: &*stream,
+            stream: &**stream,
             scoring: match self.options.scored {
                 Scored::WholeRun => Scoring::WholeRun,
                 Scored::FinalQuarter => Scoring::Final(0.25),
@@ -60,9 +66,25 @@ impl Pass<'_, '_> {
                 AgentError::Interrupted => SweepError::Interrupted,
                 source => SweepError::Agent { unit: first.unit.clone(), source },
             })?;
+        let mut outcomes = outcomes.into_iter();
+        let results = self.put(store, &streamed, |candidate, steps| {
+            let outcome = outcomes.next().unwrap_or_else(|| unreachable!("one a learner"));
+            RunRow::new(candidate, steps, outcome)
+        })?;
+        kept.forget();
+        Ok(results)
+    }
+
+    /// Store the results of all jobs, whose rows `row` makes of a candidate's position and the steps of the stream,
+    /// in the order of the jobs and their agents.
+    fn put(
+        &self,
+        store: &UnitStore,
+        RunStream { stream, start_row, not_finite }: &RunStream,
+        mut row: impl FnMut(usize, usize) -> RunRow,
+    ) -> Result<Vec<UnitResult>, SweepError> {
         // A piece of n states has n - 1 steps.
         let steps = stream.len() - stream.pieces().len();
-        let mut outcomes = outcomes.into_iter();
         let results: Vec<UnitResult> = self
             .jobs
             .iter()
@@ -71,16 +93,11 @@ impl Pass<'_, '_> {
                 unit: job.unit.clone(),
                 seed: job.seed.get(),
                 start_row: start_row.0,
-                rows: job
-                    .agents
-                    .iter()
-                    .zip(outcomes.by_ref())
-                    .map(|(candidate, outcome)| RunRow::new(candidate.index, steps, outcome))
-                    .collect(),
+                not_finite: *not_finite,
+                rows: job.agents.iter().map(|candidate| row(candidate.index, steps)).collect(),
             })
             .collect();
         results.iter().try_for_each(|result| store.put(result))?;
-        kept.forget();
         Ok(results)
     }
 }

@@ -156,7 +156,7 @@ impl<'a> Plan<'a> {
     ) -> Result<Completed, SweepError> {
         let (mut found, mut ran) = (stored, 0);
         // Agents count the states of a stream: one more than its steps.
-        monitor.begin("training", self.passes(&found) * (self.options.steps as u64 + 1));
+        monitor.begin("training", (self.passes(&found) * (self.options.steps + 1)) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
@@ -164,7 +164,7 @@ impl<'a> Plan<'a> {
             let before = self.passes(&found);
             read(&jobs, &mut found, store);
             let spared = before - self.passes(&found);
-            monitor.advance(spared * (self.options.steps as u64 + 1));
+            monitor.advance((spared * (self.options.steps + 1)) as u64);
             let trained = self.train(&jobs, &found, store, monitor)?;
             ran += trained.len();
             found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
@@ -176,8 +176,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Passes over streams that are still to be made: sensors share those of a run.
-    fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> u64 {
+    /// Passes over streams that are still to be made beside `found`: sensors share those of a run.
+    pub fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> usize {
         let lacks = |&(environment, run): &(EnvironmentId, usize)| {
             let unit = |sensor: &String| Unit { sensor: sensor.clone(), environment, run };
             self.sensors.iter().any(|(sensor, _)| !found.contains_key(&unit(sensor)))
@@ -186,7 +186,7 @@ impl<'a> Plan<'a> {
             .environments
             .iter()
             .flat_map(|environment| (0..environment.runs()).map(|run| (environment.id(), run)));
-        runs.filter(lacks).count() as u64
+        runs.filter(lacks).count()
     }
 
     /// Run those of `jobs` that have no result, in parallel.
@@ -301,7 +301,7 @@ impl<'a> Plan<'a> {
             start: Option<&'k Fingerprint>,
         }
         let key = Key {
-            format: 2,
+            format: 3,
             unit,
             column,
             agents: agents.iter().map(|agent| (agent.index, &agent.agent)).collect(),

@@ -1,19 +1,19 @@
 use std::sync::{Arc, OnceLock};
 
-use calib_core::{Frames, RowIndex, Silent, Stream};
+use calib_core::{Frames, RowIndex, Silent};
 use calib_dynamics::{
-    Dynamics, DynamicsError, LANES, PredictedStream, Prediction, predict_in_lockstep,
+    Dynamics, DynamicsError, Ended, LANES, PredictedStream, Prediction, predict_in_lockstep,
 };
 use calib_files::Fingerprint;
 
-use crate::{Environment, EnvironmentId, SweepError};
+use crate::{Environment, EnvironmentId, NotFinite, RunStream, SweepError};
 
 /// The rollouts of runs that step together, or why there are none.
 type Predicted = Result<Vec<Arc<Prediction>>, Arc<DynamicsError>>;
 
 /// Rollouts of a parametric model, one start row a run. It is an ensemble of one: member 0.
 ///
-/// A stream ends early where predictions cease to be finite. Runs that step together are predicted once and kept,
+/// A stream ends early where predictions cease to be finite, and says so. Runs that step together are predicted once and kept,
 /// because every sensor sees the same streams.
 #[derive(Debug)]
 pub struct PredictedEnvironment<'a> {
@@ -61,7 +61,7 @@ impl Environment for PredictedEnvironment<'_> {
         self.inputs.clone()
     }
 
-    fn stream(&self, run: usize) -> Result<(Box<dyn Stream>, RowIndex), SweepError> {
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         let lockstep = run / LANES;
         // On this thread alone: work that waits here must not wait for the pool that waits for it.
         let predicted = self.together[lockstep].get_or_init(|| {
@@ -73,8 +73,13 @@ impl Environment for PredictedEnvironment<'_> {
                 .map_err(Arc::new)
         });
         let predicted = predicted.as_ref().map_err(|error| SweepError::Dynamics(error.clone()))?;
-        let stream = PredictedStream::new(predicted[run % LANES].clone());
-        Ok((Box::new(stream), self.starts[run]))
+        let prediction = predicted[run % LANES].clone();
+        let not_finite = match prediction.ended() {
+            Ended::Complete => None,
+            Ended::NotFinite { step, column } => Some(NotFinite { step, column }),
+        };
+        let stream = Box::new(PredictedStream::new(prediction));
+        Ok(RunStream { stream, start_row: self.starts[run], not_finite })
     }
 }
 
@@ -107,7 +112,9 @@ mod tests {
         let expected = predict(&model, &states, &segments, &starts, 30, &Silent).expect("it runs");
         assert_eq!((environment.runs(), environment.id()), (20, EnvironmentId::Member(0)));
         for run in [19, 0, 7, 19] {
-            let (stream, start) = environment.stream(run).expect("it runs");
+            let RunStream { stream, start_row: start, not_finite } =
+                environment.stream(run).expect("it runs");
+            assert_eq!(not_finite, None);
             assert_eq!((stream.len(), start), (31, starts[run]));
             assert_eq!(stream.state(30), expected[run].state(30));
         }

@@ -52,9 +52,13 @@ impl Range {
         let Self { from, to, .. } = *self;
         let span = Span { from, to, scale: self.scale()?, whole };
         span.check()?;
-        let most = |count: usize| match count {
-            2..=MANY_VALUES => Ok(count),
-            _ => Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}")),
+        // Compared before it is cast: quotients of numbers far apart are infinite.
+        let most = |count: f64| {
+            if (2.0..=MANY_VALUES as f64).contains(&count) {
+                Ok(count as usize)
+            } else {
+                Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}"))
+            }
         };
         let values: Vec<f64> = match (self.per_decade, self.count, self.step) {
             (None, None, None) => return Ok(Points::Continuous(span)),
@@ -62,12 +66,12 @@ impl Range {
             (Some(per_decade), None, None) => {
                 let per_decade = per_decade as f64;
                 let steps = ((to / from).log10() * per_decade + SLACK).floor();
-                let steps = most(steps as usize + 1)? - 1;
+                let steps = most(steps + 1.0)? - 1;
                 let value = |i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade));
                 (0..=steps).map(value).collect()
             }
             (None, Some(count), None) => {
-                let last = (most(count)? - 1) as f64;
+                let last = (most(count as f64)? - 1) as f64;
                 (0..count).map(|i| span.rounded(span.at(i as f64 / last))).collect()
             }
             (None, None, Some(step)) => {
@@ -75,7 +79,7 @@ impl Range {
                     let kind = if whole { "a whole number above 0" } else { "above 0" };
                     return Err(format!("step must be {kind}, got {step}"));
                 }
-                let steps = most(((to - from) / step + SLACK).floor() as usize + 1)? - 1;
+                let steps = most(((to - from) / step + SLACK).floor() + 1.0)? - 1;
                 let value = |i: usize| decimals(from + i as f64 * step, step).clamp(from, to);
                 (0..=steps).map(value).collect()
             }

@@ -100,6 +100,7 @@ mod tests {
             unit: unit.clone(),
             seed: 1,
             start_row: 2,
+            not_finite: None,
             rows: vec![],
         };
         store.put(&result).expect("written");

@@ -3,7 +3,7 @@ use std::fmt;
 use calib_agent::RunOutcome;
 use serde::{Deserialize, Serialize};
 
-use crate::EnvironmentId;
+use crate::{EnvironmentId, NotFinite};
 
 /// One unit of a sweep: all candidates trained to predict one sensor on one stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -42,6 +42,9 @@ pub struct UnitResult {
     pub seed: u64,
     /// Row of the training data (or of the held-out data) that the stream starts from.
     pub start_row: u32,
+    /// Where the model's rollout left the finite numbers, if it did: nothing was trained, and all errors are infinite.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_finite: Option<NotFinite>,
     /// One row a candidate, in the order of the candidates that were trained.
     pub rows: Vec<RunRow>,
 }
@@ -70,7 +73,7 @@ pub struct RunRow {
     pub mean_return: f64,
     /// Standard deviation of the returns over the scored steps.
     pub return_std: f64,
-    /// Step at which a value ceased to be finite.
+    /// Step at which a value ceased to be finite: of the agent, or of the rollout that it should have learnt from.
     pub diverged_at: Option<usize>,
     /// The learning curve.
     pub curve: Vec<CurvePoint>,
@@ -101,6 +104,23 @@ pub(crate) mod infinite {
 }
 
 impl RunRow {
+    /// Of a run whose rollout left the finite numbers after `steps` steps: there is nothing to hold an agent to.
+    pub(crate) fn failed(candidate: usize, steps: usize) -> Self {
+        Self {
+            candidate,
+            steps,
+            scored_steps: 0,
+            updates: 0,
+            rmse: f64::INFINITY,
+            nrmse: f64::INFINITY,
+            rmse_over_std: f64::INFINITY,
+            mean_return: 0.0,
+            return_std: 0.0,
+            diverged_at: Some(steps),
+            curve: Vec::new(),
+        }
+    }
+
     pub(crate) fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
         let point =
             |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };

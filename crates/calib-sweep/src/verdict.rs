@@ -255,7 +255,17 @@ fn warnings(results: &[&UnitResult], selection: &Selection, grid: usize) -> Vec<
             "some runs made no update: the stream is shorter than batch_size, so nothing was learnt".to_owned(),
         );
     }
-    let diverged = rows.iter().filter(|row| row.diverged_at.is_some()).count();
+    let not_finite = results.iter().filter(|result| result.not_finite.is_some());
+    let (failed, without) =
+        not_finite.fold((0, 0), |(runs, rows), result| (runs + 1, rows + result.rows.len()));
+    if failed > 0 {
+        warnings.push(format!(
+            "the model's rollout left the finite numbers in {failed} of {} runs: every value has an infinite error \
+             there, so the member cannot tell values apart",
+            results.len()
+        ));
+    }
+    let diverged = rows.iter().filter(|row| row.diverged_at.is_some()).count() - without;
     if diverged > 0 {
         warnings.push(format!("{diverged} of {} runs diverged; they rank last", rows.len()));
     }

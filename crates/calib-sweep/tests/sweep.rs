@@ -7,14 +7,17 @@ use std::{
 };
 
 use calib_agent::{AgentConfig, Checkpoint, ValueFunction};
-use calib_core::{Frames, Monitor, Seed, Segments, Silent, States, Timestamp, Transitions};
+use calib_core::{
+    Frames, Monitor, RowIndex, Seed, Segments, Silent, States, Timestamp, Transitions,
+};
+use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
 use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{StartSource, start_states};
 use calib_sweep::{
-    Candidate, Environment, EnvironmentId, MemberEnvironment, Plan, PlanOptions, PlannedUnit,
-    ReplayEnvironment, Role, RolloutOptions, Scored, Start, SweepConfig, SweepError, UnitStore,
-    candidates, verdict,
+    Candidate, Environment, EnvironmentId, MemberEnvironment, NotFinite, Plan, PlanOptions,
+    PlannedUnit, PredictedEnvironment, ReplayEnvironment, Role, RolloutOptions, Scored, Start,
+    SweepConfig, SweepError, UnitStore, candidates, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -185,14 +188,15 @@ fn log_replay_windows_differ_and_online_ones_do_not() {
     let train = frames(900);
     let inputs = Fingerprint::of(b"data");
     let replay = ReplayEnvironment::log_replay(&train, 300, 4, Seed::new(3), inputs.clone());
-    let start =
-        |environment: &ReplayEnvironment<'_>, run| environment.stream(run).expect("a stream").1;
+    let start = |environment: &ReplayEnvironment<'_>, run| {
+        environment.stream(run).expect("a stream").start_row
+    };
     let starts: Vec<_> = (0..4).map(|run| start(&replay, run)).collect();
     assert!(starts.windows(2).any(|pair| pair[0] != pair[1]), "{starts:?}");
     assert!(starts.iter().all(|row| row.get() + 301 <= 900));
     let online = ReplayEnvironment::online(&train, 5000, 2, inputs);
     assert_eq!(start(&online, 0), start(&online, 1));
-    let (stream, _) = online.stream(0).expect("a stream");
+    let stream = online.stream(0).expect("a stream").stream;
     assert_eq!((stream.len(), stream.pieces()), (900, &[0..300, 300..900][..]));
     assert_eq!(online.id(), EnvironmentId::Online);
 }
@@ -297,4 +301,73 @@ fn halving_is_the_whole_sweep_with_runs_left_out() {
     let before = written();
     assert_eq!(halved(&one), alone);
     assert_eq!(written(), before);
+}
+
+/// Multiplies states by 10 where the first sensor is above one half, and leaves others as they are.
+#[derive(Debug)]
+struct Tenfold;
+
+impl Dynamics for Tenfold {
+    fn columns(&self) -> usize {
+        2
+    }
+
+    fn history(&self) -> usize {
+        0
+    }
+
+    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+        Ok(Box::new(Self))
+    }
+}
+
+impl Walk for Tenfold {
+    fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
+        assert_eq!(states.len(), 2 * LANES);
+        for (state, next) in states.chunks(2).zip(next.chunks_mut(2)) {
+            let factor = if state[0] > 0.5 { 10.0 } else { 1.0 };
+            next.copy_from_slice(&[factor * state[0], factor * state[1]]);
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self, _lane: usize) {}
+}
+
+#[test]
+fn a_rollout_that_is_not_finite_is_a_flagged_result() {
+    let study = Study::new();
+    // 0.9 at its peak, 0.1 at its trough.
+    let starts = vec![RowIndex::new(6), RowIndex::new(18)];
+    let inputs = Fingerprint::of(b"model");
+    let environment =
+        PredictedEnvironment::new(&Tenfold, &study.train, starts, 600, inputs).expect("fits");
+    let options =
+        PlanOptions { scored: Scored::WholeRun, steps: 600, curve_points: 10, seed: Seed::new(1) };
+    let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
+    let plan = Plan::new(&study.candidates, vec![&environment], sensors, options);
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = UnitStore::new(directory.path().to_owned());
+    let results = plan.run(&store, &Silent).expect("the sweep goes on");
+    assert_eq!(results.len(), 4, "two sensors, two runs");
+    for result in &results {
+        let failed = result.unit.run == 0;
+        // 9e37 at step 38.
+        let expected = failed.then_some(NotFinite { step: 39, column: 0 });
+        assert_eq!(result.not_finite, expected, "{}", result.unit);
+        assert_eq!(result.rows.len(), 3, "all values of the grid");
+        let infinite = result.rows.iter().filter(|row| row.nrmse.is_infinite()).count();
+        // The third value diverges by itself.
+        assert_eq!(infinite, if failed { 3 } else { 1 }, "{}", result.unit);
+        assert!(result.rows.iter().all(|row| row.steps == if failed { 38 } else { 600 }));
+    }
+    assert_eq!(plan.run(&store, &Silent).expect("stored"), results, "the reason is kept");
+    let verdict = verdict("A", &study.candidates, &results, 1).expect("judged");
+    assert!(verdict.selection.mean_errors.iter().all(|error| error.is_infinite()));
+    assert!(
+        verdict.warnings.iter().any(|told| told.contains("left the finite numbers in 1 of 2 runs")),
+        "{:?}",
+        verdict.warnings
+    );
+    assert!(verdict.warnings.iter().any(|told| told.contains("1 of 6 runs diverged")));
 }
