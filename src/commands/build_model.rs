@@ -47,7 +47,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
     let config =
         ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..study.model };
-    let plan = BuildPlan::new(&surveyed, &config, args)?;
+    let plan = BuildPlan::new(&surveyed, &config, represent::width(&study, &paths), args)?;
     printer.say(&plan.sentence());
     if args.study.dry_run {
         if args.study.json {

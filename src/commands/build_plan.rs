@@ -36,17 +36,21 @@ pub(super) struct BuildPlan {
 }
 
 impl BuildPlan {
-    /// The plan for a log.
+    /// The plan for a log; `representation` is the number of coordinates of ψ, where neighbours are searched in it.
     ///
     /// # Errors
     /// If there is too little memory.
     pub(super) fn new(
         data: &Surveyed,
         model: &ModelConfig,
+        representation: Option<usize>,
         args: &BuildModelArgs,
     ) -> anyhow::Result<Self> {
         let (rows, columns) = (data.rows(), data.columns());
-        let need = MemoryNeed::predict(rows, columns, model);
+        // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
+        let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model);
+        need.states = 4 * (rows * columns) as u64;
+        let copy = 4 * (rows * representation.unwrap_or(0)) as u64;
         let held_out = 4 * (data.held_out_rows() * columns) as u64;
         let reading = need.states + held_out + READING + READING_A_ROW * data.log_rows() as u64;
         let in_memory = reading.max(need.peak());
@@ -84,7 +88,7 @@ impl BuildPlan {
             spill,
             memory_bytes,
             available_bytes: available,
-            disk_bytes: need.states + 2 * tables + working,
+            disk_bytes: need.states + copy + 2 * tables + working,
         })
     }
 

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, io::Write as _};
 
 use calib_files::{write_atomically, write_json};
-use calib_report::{Report, Verdict};
+use calib_report::{LearningCurves, Report, Verdict};
 use serde::Serialize;
 
 use super::{
@@ -11,7 +11,7 @@ use super::{
     collapse,
     comparison::{self, Comparison},
     evaluate::{Judged, Summary, judge, print, told},
-    load_study, report,
+    learning, load_study, report,
     rollout::RolloutManifest,
 };
 use crate::{
@@ -92,14 +92,20 @@ pub(super) fn run(
 
 fn model(args: &StudyArgs, name: &str) -> anyhow::Result<Model> {
     let judged = judge(args)?;
-    let Judged { study, paths, manifest, summary, results } = &judged;
-    let mut report = report::assemble(study, paths, manifest, summary, results)?;
+    let Judged { study, paths, manifest, .. } = &judged;
+    let mut report = report::assemble(&judged)?;
     // In one report with others a model is called what the study calls it.
     let renamed = |text: &mut String| *text = text.replace(study.model_name(), name);
     report.verdicts.iter_mut().for_each(|verdict| renamed(&mut verdict.model));
     report.jumps.iter_mut().for_each(|jumps| renamed(&mut jumps.model));
     let ranks = report.sensitivities.iter_mut().flat_map(|of| &mut of.worst_ranks);
     ranks.for_each(|curve| renamed(&mut curve.label));
+    for curves in report.learning.iter_mut().filter(|of| !learning::is_shared(of)) {
+        curves.environment = format!("{} of {name}", curves.environment);
+    }
+    for rollout in &mut report.rollouts {
+        rollout.sensor = format!("{}, {name}", rollout.sensor);
+    }
     let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
         .filter(|rollouts| rollouts.model == manifest.model);
     Ok(Model { name: name.to_owned(), judged, report, rollouts })
@@ -114,7 +120,16 @@ fn whole(study: &Study, paths: &StudyPaths, args: &StudyArgs, models: &[Model]) 
         let all = models.iter().flat_map(|model| &model.report.verdicts);
         all.filter(|verdict| verdict.sensor == *sensor).cloned().collect()
     };
-    whole.verdicts = sensors.flat_map(of_sensor).collect();
+    whole.verdicts = sensors.clone().flat_map(of_sensor).collect();
+    // What is run once for all models is the first one's; every other curve is that of a model.
+    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
+        let all = models.iter().enumerate().flat_map(|(number, model)| {
+            model.report.learning.iter().filter(move |of| number == 0 || !learning::is_shared(of))
+        });
+        all.filter(|of| of.sensor == *sensor).cloned().collect()
+    };
+    whole.learning = sensors.flat_map(of_sensor).collect();
+    whole.rollouts = models.iter().flat_map(|model| model.report.rollouts.clone()).collect();
     for Model { report, .. } in &models[1..] {
         for sensitivity in &mut whole.sensitivities {
             let same = report.sensitivities.iter().find(|of| of.sensor == sensitivity.sensor);
@@ -143,18 +158,18 @@ fn whole(study: &Study, paths: &StudyPaths, args: &StudyArgs, models: &[Model]) 
             table
         }));
     }
-    whole.reproduction.command = ["represent", "build-model", "rollout", "sweep", "evaluate"]
-        .map(|command| paths.command(command))
-        .join("\n");
+    let studies: Vec<&Study> = models.iter().map(|model| &model.judged.study).collect();
+    whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
     whole
 }
 
 /// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
 fn show(models: &[Model]) -> String {
     let mut rows = Vec::new();
-    for (number, first) in models[0].report.verdicts.iter().enumerate() {
+    for first in &models[0].report.verdicts {
         for model in models {
-            let Some(verdict) = model.report.verdicts.get(number) else { continue };
+            let own = model.report.verdicts.iter().find(|of| of.sensor == first.sensor);
+            let Some(verdict) = own else { continue };
             let online = verdict.online.as_ref();
             let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
             let distances = model.comparison().map_or(&[][..], |of| &of.sensors);

@@ -33,6 +33,8 @@ pub(super) struct Summary {
 /// A finished sweep, and what follows from it.
 pub(super) struct Judged {
     pub(super) study: Study,
+    /// The study as it was written: with all its models, where `study` is that of one.
+    pub(super) written: Study,
     pub(super) paths: StudyPaths,
     pub(super) manifest: SweepManifest,
     pub(super) results: Vec<UnitResult>,
@@ -42,12 +44,12 @@ pub(super) struct Judged {
 /// Judge a finished sweep and write the report.
 pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let judged = judge(args)?;
-    let Judged { study, paths, manifest, results, summary } = &judged;
+    let Judged { paths, summary, .. } = &judged;
     if args.dry_run {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
-    let report = report::assemble(study, paths, manifest, summary, results)?;
+    let report = report::assemble(&judged)?;
     report::write(paths, &report, summary)?;
     if args.json {
         printer.json(summary)?;
@@ -92,7 +94,8 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         verdicts,
         notes: manifest.notes.clone(),
     };
-    Ok(Judged { study, paths, manifest, results, summary })
+    let (written, _) = load_study(&StudyArgs { model: None, ..args.clone() })?;
+    Ok(Judged { study, written, paths, manifest, results, summary })
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.

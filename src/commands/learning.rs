@@ -53,12 +53,20 @@ pub(super) fn curves(
     Ok(figures)
 }
 
+const ONLINE: &str = "Online";
+const LOG_REPLAY: &str = "log replay";
+
 fn name(environment: EnvironmentId) -> String {
     match environment {
-        EnvironmentId::Online => "Online".to_owned(),
+        EnvironmentId::Online => ONLINE.to_owned(),
         EnvironmentId::Member(member) => format!("member {member}"),
-        EnvironmentId::LogReplay => "log replay".to_owned(),
+        EnvironmentId::LogReplay => LOG_REPLAY.to_owned(),
     }
+}
+
+/// Whether the curves are the same for all models of a study.
+pub(super) fn is_shared(curves: &LearningCurves) -> bool {
+    [ONLINE, LOG_REPLAY].contains(&curves.environment.as_str())
 }
 
 /// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve

@@ -11,12 +11,12 @@ use calib_report::{
 };
 use calib_represent::RepresentationKind;
 use calib_stats::Summary as ScoreSummary;
-use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict, UnitResult};
+use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
 
 use super::{
     artefact::{self, Below, Claim},
     collapse, comparison,
-    evaluate::Summary,
+    evaluate::{Judged, Summary},
     figures, jumps as jump_text, learning,
     model_files::{self, ModelManifest},
     represent::{self, RepresentationManifest},
@@ -47,13 +47,8 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
 }
 
 /// Everything that is known of a finished sweep and its model.
-pub(super) fn assemble(
-    study: &Study,
-    paths: &StudyPaths,
-    sweep: &SweepManifest,
-    summary: &Summary,
-    results: &[UnitResult],
-) -> anyhow::Result<Report> {
+pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
+    let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
     let profile = model_files::read_profile(&paths.model())?;
@@ -82,7 +77,7 @@ pub(super) fn assemble(
         jumps: jumps(&model),
         tables: tables(study, paths, rollouts.as_ref()),
         data: Some(data_profile(&profile, &model)),
-        reproduction: reproduction(study, paths, sweep)?,
+        reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
 }
 
@@ -285,22 +280,37 @@ fn channel(of: &ChannelProfile) -> Channel {
     }
 }
 
+/// The commands that make the report of studies that differ in their models only.
+pub(super) fn commands(models: &[&Study]) -> Vec<&'static str> {
+    let represented = |study: &&Study| {
+        !study.is_parametric() && study.representation.kind != RepresentationKind::None
+    };
+    let pretrained =
+        |study: &&Study| study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none();
+    let needed = [
+        ("pretrain", models.iter().any(pretrained)),
+        ("represent", models.iter().any(represented)),
+    ];
+    let needed = needed.into_iter().filter(|(_, needed)| *needed).map(|(command, _)| command);
+    needed.chain(["build-model", "rollout", "sweep", "evaluate"]).collect()
+}
+
 fn reproduction(
-    study: &Study,
+    written: &Study,
     paths: &StudyPaths,
+    commands: &[&str],
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
     Ok(Reproduction {
-        command: (study.pretrain.epochs > 0)
-            .then_some("pretrain")
-            .into_iter()
-            .chain(["build-model", "rollout", "sweep", "evaluate"])
-            .map(|command| paths.command(command))
-            .collect::<Vec<_>>()
-            .join("\n"),
-        study_toml: toml::to_string(study)?,
+        command: command_lines(paths, commands),
+        study_toml: toml::to_string(written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
-        seeds: vec![("study".to_owned(), study.seed)],
+        seeds: vec![("study".to_owned(), written.seed)],
         fingerprint: sweep.data.to_string(),
     })
+}
+
+/// What to type, one command a line.
+pub(super) fn command_lines(paths: &StudyPaths, commands: &[&str]) -> String {
+    commands.iter().map(|command| paths.command(command)).collect::<Vec<_>>().join("\n")
 }

@@ -31,7 +31,7 @@ pub struct Study {
     pub output: Option<PathBuf>,
     /// Where the log is, and which part of it is training and which is held out.
     pub data: DataConfig,
-    /// How models that are to be compared differ from the rest of the study, by name; empty in the study of one of them.
+    /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub models: BTreeMap<String, toml::Table>,
     /// From log to states.

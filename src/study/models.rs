@@ -18,11 +18,11 @@ pub(super) fn names(table: &Table) -> Vec<String> {
     names
 }
 
-/// Leave the one model called `name` in the study, or none.
+/// Leave the one model called `name` in the study; without a name they stay beside it.
 pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<()> {
+    let Some(name) = name else { return Ok(()) };
     let names = names(table);
     let models = table.remove(KEY);
-    let Some(name) = name else { return Ok(()) };
     match models {
         Some(Value::Table(mut models)) if models.contains_key(name) => {
             let Some(Value::Table(own)) = models.remove(name) else {
@@ -97,7 +97,7 @@ mod tests {
         assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
         let mut study = table();
         choose(&mut study, None).expect("none");
-        assert!(!study.contains_key("models") && study["model"]["neighbors"] == Value::from(2));
+        assert_eq!(study, table(), "all models stay");
     }
 
     #[test]

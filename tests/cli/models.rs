@@ -41,6 +41,21 @@ fn models_are_compared_in_one_report() {
     let report = std::fs::read_to_string(results.join("report.html")).expect("readable");
     assert!(report.contains("Representations of laplacian"));
     assert!(report.contains("euclidean, worst rank") && report.contains("laplacian, worst rank"));
+    // No model is preferred but for what held-out data says, and curves say whose they are.
+    assert!(
+        report.contains("smallest regret on held-out data is that of")
+            || report.contains("equally good")
+    );
+    assert!(report.contains("member 0 of laplacian") && report.contains("PIT300, euclidean"));
+    // The commands and the study that made it, with all its models.
+    assert!(
+        report.contains("calib represent study.toml\ncalib build-model study.toml\ncalib rollout")
+    );
+    assert!(report.contains("[models.laplacian.representation]"), "the study has all models");
+    let own =
+        std::fs::read_to_string(results.join("models/laplacian/report.html")).expect("readable");
+    assert!(own.contains("calib represent study.toml --model laplacian"));
+    assert!(own.contains("[models.laplacian.representation]"), "the study has all models");
     let json = place.calib(&["evaluate", "study.toml", "--json", "-q"]).stdout();
     let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
     assert_eq!(summary["models"]["laplacian"]["verdicts"].as_array().expect("a list").len(), 2);
@@ -68,7 +83,14 @@ fn a_model_is_chosen_by_name() {
     place.edit_study("dimension = 8", "dimensions = 8");
     let key = place.calib(&["represent", "study.toml"]).fails(2);
     assert!(key.contains("did you mean `dimension`"), "{key}");
-    place.edit_study("[models.euclidean]", "[models.\"a/b\"]");
+    place.edit_study("dimensions = 8", "dimension = 8");
+    place.edit_study("[models.euclidean]", "[models.euclidean]\nseed = 9");
+    let other = place.calib(&["represent", "study.toml"]).fails(2);
+    assert!(
+        other.contains("[models.euclidean]: seed cannot differ from model to model"),
+        "{other}"
+    );
+    place.edit_study("[models.euclidean]\nseed = 9", "[models.\"a/b\"]");
     let name = place.calib(&["represent", "study.toml"]).fails(2);
     assert!(name.contains("names have ASCII letters"), "{name}");
 }

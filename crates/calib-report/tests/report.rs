@@ -180,3 +180,18 @@ fn a_long_report_stays_small() {
     let bytes = report.html().unwrap().len();
     assert!(bytes < 1_000_000, "{bytes} bytes");
 }
+
+#[test]
+fn several_models_stand_beside_each_other() {
+    let mut report = report();
+    let mut other = report.verdicts[0].clone();
+    other.model = "other".to_owned();
+    other.online.as_mut().unwrap().regret = Some(0.9);
+    // The order of models is no preference.
+    report.verdicts.insert(0, other);
+    let html = report.html().unwrap();
+    assert!(html.contains("<h3>other: "), "each model has its card");
+    let better = html.split("The smallest regret on held-out data is that of ").nth(1).unwrap();
+    assert!(!better.starts_with("other"), "the other one's is larger");
+    assert_balanced(&html);
+}

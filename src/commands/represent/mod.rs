@@ -278,6 +278,13 @@ pub(super) fn open(
     Ok(Some(Representation { key: manifest.key, psi, encoder }))
 }
 
+/// Coordinates of the study's ψ, if there is one already.
+pub(super) fn width(study: &Study, paths: &StudyPaths) -> Option<usize> {
+    let searched = study.representation.kind != RepresentationKind::None;
+    let file = searched.then(|| paths.representation().join(PSI))?;
+    map_npy::<f32>(&file).ok().map(|psi| psi.columns())
+}
+
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
 pub(super) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
     let Representation { psi, encoder, .. } = of;

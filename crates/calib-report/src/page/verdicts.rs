@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::tables::table;
 use crate::number::{number, percent};
-use crate::report::{recommendations, summary};
+use crate::report::{are_of_several_models, summary};
 use crate::{Alternative, Cell, Report, Setting, Table, Verdict};
 
 /// One card for each sensor, warnings, and a table of all verdicts.
@@ -15,7 +15,7 @@ pub(super) fn verdicts(report: &Report) -> Markup {
         }
         @if let Some(summary) = summary(report) { p.summary { (unbroken(&summary)) } }
         div.cards {
-            @for verdict in recommendations(&report.verdicts) { (card(verdict, report)) }
+            @for verdict in &report.verdicts { (card(verdict, report)) }
         }
         @if !report.warnings.is_empty() {
             div.warnings role="note" {
@@ -37,7 +37,10 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
     html! {
         article class={ "card " (grade.class()) } {
             p.badge { (grade.label()) }
-            h3 { (verdict.headline()) }
+            h3 {
+                @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
+                (verdict.headline())
+            }
             ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
             dl.costs {
                 @if let Some(regret) = verdict.online.as_ref().and_then(|online| online.regret) {
@@ -97,8 +100,7 @@ fn comparison(report: &Report) -> Table {
         title: "All verdicts".to_owned(),
         caption: format!(
             "Online is the mean {} of the choice on held-out data. Regret is how much worse that is than the best value \
-             of the grid; the columns Default and Log replay show it for these two other ways to choose. \
-             The first model of each sensor is the recommendation.",
+             of the grid; the columns Default and Log replay show it for these two other ways to choose.",
             report.score.name
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),

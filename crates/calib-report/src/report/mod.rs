@@ -7,7 +7,7 @@ mod table;
 mod verdict;
 
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
-pub(crate) use summary::{recommendations, summary};
+pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
 pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
 
@@ -22,8 +22,8 @@ pub struct Report {
     pub subtitle: Option<String>,
     /// What runs are judged by.
     pub score: Score,
-    /// What to deploy. The first verdict of each sensor is the recommendation;
-    /// further ones of the same sensor, from other models, are compared with it in a table.
+    /// What to deploy, sensor by sensor. Several on one sensor, from several models, stand beside each other:
+    /// which of them had the smallest regret is told, and no other preference.
     pub verdicts: Vec<Verdict>,
     /// What the reader must know before trusting the verdict.
     pub warnings: Vec<String>,

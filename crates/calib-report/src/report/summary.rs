@@ -4,18 +4,21 @@ use super::sentence::listed;
 use super::{Grade, Report, Verdict};
 use crate::number::percent;
 
-/// The first verdict of each sensor.
-pub(crate) fn recommendations(verdicts: &[Verdict]) -> Vec<&Verdict> {
-    let is_first = |place: usize| {
-        !verdicts[..place].iter().any(|before| before.sensor == verdicts[place].sensor)
+/// Whether there are verdicts of several models on the same sensor.
+pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
+    let has_other = |verdict: &Verdict| {
+        verdicts.iter().any(|of| of.sensor == verdict.sensor && of.model != verdict.model)
     };
-    (0..verdicts.len()).filter(|&place| is_first(place)).map(|place| &verdicts[place]).collect()
+    verdicts.iter().any(has_other)
 }
 
-/// What to do for all sensors, what it costs, and what the alternatives would have cost.
-/// `None` for fewer than two sensors, where the one verdict says it all.
+/// What to do for all sensors, what it costs, and what the alternatives would have cost; what each model says where
+/// there are several. `None` for a single verdict, which says it all.
 pub(crate) fn summary(report: &Report) -> Option<String> {
-    let verdicts = recommendations(&report.verdicts);
+    if are_of_several_models(&report.verdicts) {
+        return Some(choices_of_models(&report.verdicts));
+    }
+    let verdicts: Vec<&Verdict> = report.verdicts.iter().collect();
     if verdicts.len() < 2 {
         return None;
     }
@@ -37,6 +40,49 @@ pub(crate) fn summary(report: &Report) -> Option<String> {
         sentences.push(costs);
     }
     Some(sentences.join(" "))
+}
+
+/// Sensor by sensor what each model chooses, and whose choice is best on held-out data. No model is preferred to
+/// another before such data tells them apart.
+fn choices_of_models(verdicts: &[Verdict]) -> String {
+    let mut sensors: Vec<&str> = Vec::new();
+    for verdict in verdicts {
+        if !sensors.contains(&verdict.sensor.as_str()) {
+            sensors.push(&verdict.sensor);
+        }
+    }
+    let mut sentences: Vec<String> = Vec::new();
+    for sensor in sensors {
+        let own: Vec<&Verdict> = verdicts.iter().filter(|of| of.sensor == sensor).collect();
+        let choice = |verdict: &&Verdict| {
+            let Verdict { model, field, chosen, .. } = verdict;
+            let regret = regret(verdict)
+                .map_or_else(String::new, |regret| format!(" ({} regret)", percent(regret)));
+            format!("{model} chooses {field} = {chosen}{regret}")
+        };
+        let all: Vec<String> = own.iter().map(choice).collect();
+        sentences.push(format!("{sensor}: {}.", listed(&all)));
+        let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
+        if let Some(smallest) = smallest {
+            let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
+            let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
+            sentences.push(if best.len() == own.len() {
+                "On held-out data these choices are equally good.".to_owned()
+            } else {
+                format!("The smallest regret on held-out data is that of {}.", listed(&best))
+            });
+        }
+    }
+    if verdicts.iter().all(|verdict| regret(verdict).is_none()) {
+        sentences.push(
+            "No data was held out, so nothing here says which of the models to trust.".to_owned(),
+        );
+    }
+    sentences.join(" ")
+}
+
+fn regret(verdict: &Verdict) -> Option<f64> {
+    verdict.online.as_ref().and_then(|online| online.regret)
 }
 
 /// "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".
