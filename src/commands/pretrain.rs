@@ -2,8 +2,8 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail};
 use calib_agent::{
-    AgentConfig, AgentError, Epoch, Learner, Pretrained, Pretraining, StateFile, parameter_count,
-    pretrain,
+    AgentConfig, Epoch, Learner, Pretrained, Pretraining, PretrainingDiverged, StateFile,
+    parameter_count, pretrain,
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
@@ -59,7 +59,15 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let trained = missing.len();
     let pretrained = train(&study, &parts, &missing, &file, printer)?;
     claim.begin()?;
+    let mut diverged = BTreeMap::new();
     for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
+        let pretrained = match pretrained {
+            Ok(pretrained) => pretrained,
+            Err(PretrainingDiverged { epoch }) => {
+                diverged.insert(sensor.clone(), epoch);
+                continue;
+            }
+        };
         let config = study.pretrain.agent(&study.agent);
         let agent =
             write_agent(&directory, (sensor, *column), key.clone(), config, width, pretrained)?;
@@ -76,6 +84,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         period: parts.dataset.period,
         normaliser: parts.dataset.normaliser.clone(),
         agents,
+        diverged,
     };
     pretrain_files::curves(&manifest.agents).write_parquet(&directory.join("curves.parquet"))?;
     if trained > 0 {
@@ -85,7 +94,14 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     claim.complete(&manifest)?;
     file.remove();
     finish(args, &paths, &manifest, trained, clock, printer)?;
-    Ok(ExitStatus::Done)
+    for (sensor, epoch) in &manifest.diverged {
+        printer.error(&format!(
+            "pre-training for {sensor} diverged in epoch {epoch}, and there is no agent for it; \
+             use a smaller pretrain.learning_rate than {}",
+            study.pretrain.agent(&study.agent).learning_rate
+        ));
+    }
+    Ok(if manifest.diverged.is_empty() { ExitStatus::Done } else { ExitStatus::Negative })
 }
 
 #[derive(Serialize)]
@@ -179,7 +195,7 @@ fn train(
     missing: &[&Wanted],
     file: &StateFile,
     printer: &Printer,
-) -> anyhow::Result<Vec<Pretrained>> {
+) -> anyhow::Result<Vec<Result<Pretrained, PretrainingDiverged>>> {
     let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
     let stream = RowStream::replay(frames.states().clone(), frames.segments());
     let config: AgentConfig = study.pretrain.agent(&study.agent);
@@ -191,14 +207,7 @@ fn train(
         settings: study.pretrain.settings(),
         seed: Seed::new(study.seed).child("pretrain"),
     };
-    pretrain(training, &learners, Some(file), &printer.progress()).map_err(|error| match error {
-        AgentError::PretrainingDiverged { learner, epoch } => anyhow::anyhow!(
-            "pre-training for {} diverged in epoch {epoch}; use a smaller pretrain.learning_rate than {}",
-            missing[learner].sensor,
-            config.learning_rate
-        ),
-        other => anyhow::Error::new(other).context("pre-training"),
-    })
+    pretrain(training, &learners, Some(file), &printer.progress()).context("pre-training")
 }
 
 fn finish(

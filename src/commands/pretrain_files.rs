@@ -37,6 +37,9 @@ pub(super) struct PretrainManifest {
     /// The columns of the states, fitted on the whole training range.
     pub(super) normaliser: Normaliser,
     pub(super) agents: Vec<PretrainedAgent>,
+    /// Sensors whose agents diverged, and the epoch in which they did: they have no agent.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) diverged: BTreeMap<String, usize>,
 }
 
 impl Manifest for PretrainManifest {
@@ -262,6 +265,13 @@ pub(super) fn starts(
         }
         for candidate in candidates {
             check_candidate(&directory, agent, candidate, dataset.train.states().columns())?;
+            ensure!(
+                study.pretrain.moments == MomentsRule::Reset
+                    || candidate.agent.optimiser == agent.agent.optimiser,
+                "pretrain.moments = \"keep\" wants the optimiser that the agent for {sensor} was pre-trained with, and \
+                 {} has another; sweep one optimiser, or use pretrain.moments = \"reset\"",
+                candidate.label()
+            );
         }
         let checkpoint = read_agent(&directory, agent, study.pretrain.moments)
             .with_context(|| format!("the agent for {sensor} in {}", directory.display()))?;

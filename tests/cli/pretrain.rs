@@ -113,7 +113,11 @@ fn what_does_not_fit_is_refused() {
     let none = place.calib(&["pretrain", "study.toml", "--set", "pretrain.epochs=0"]).fails(2);
     assert!(none.contains("pretrain.epochs is 0"), "{none}");
     let diverged = ["pretrain", "study.toml", "--set", "pretrain.learning_rate=1e38"];
-    assert_snapshot!("diverged", place.calib(&diverged).fails(2));
+    let told = place.calib(&diverged).fails(1);
+    for sensor in ["PIT300", "TIT101"] {
+        let expected = format!("pre-training for {sensor} diverged in epoch 1");
+        assert!(told.contains(&expected), "{told}");
+    }
 }
 
 #[test]

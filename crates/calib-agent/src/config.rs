@@ -68,7 +68,7 @@ pub struct AgentConfig {
     /// Transitions the buffer keeps, `batch_size` to 2³². Default 1,000,000.
     pub replay_capacity: usize,
     /// Transitions of a mini-batch, ≥ 1. Default 256. Updates begin when the buffer holds as many.
-    /// Without replay it has no meaning.
+    /// Without replay it has no meaning for learning along a stream; pre-training always learns from mini-batches.
     pub batch_size: usize,
     /// Updates after each step, ≥ 1. Default 1.
     pub updates_per_step: usize,

@@ -73,16 +73,6 @@ pub enum AgentError {
         /// Transitions of one mini-batch.
         expected: usize,
     },
-    /// An agent's values left the finite numbers.
-    #[error(
-        "pre-training of agent {learner} diverged in epoch {epoch}; use a smaller learning rate"
-    )]
-    PretrainingDiverged {
-        /// Its position.
-        learner: usize,
-        /// The epoch, from 1.
-        epoch: usize,
-    },
     /// The state of a long run could not be kept.
     #[error("cannot keep the state of a run: {0}")]
     Keep(String),

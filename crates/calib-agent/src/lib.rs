@@ -50,7 +50,9 @@ pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
 pub use memory::training_bytes;
 pub use outcome::RunOutcome;
-pub use pretrain::{Epoch, PretrainSettings, Pretrained, Pretraining, pretrain};
+pub use pretrain::{
+    Epoch, PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain,
+};
 pub use returns::{discounted_returns, truncation_horizon};
 pub use scoring::Scoring;
 pub use state_file::StateFile;

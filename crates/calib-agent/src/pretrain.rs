@@ -67,6 +67,14 @@ pub struct Pretrained {
     pub curve: Vec<Epoch>,
 }
 
+/// An agent whose values left the finite numbers; nothing is kept of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("pre-training diverged in epoch {epoch}; use a smaller learning rate")]
+pub struct PretrainingDiverged {
+    /// The epoch, from 1.
+    pub epoch: usize,
+}
+
 /// One agent between two epochs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Course {
@@ -74,6 +82,9 @@ struct Course {
     /// The epoch with the smallest validation error; 0 before the first.
     best: usize,
     stopped: bool,
+    /// The epoch in which it diverged, which is not in the curve.
+    #[serde(default)]
+    diverged: Option<usize>,
 }
 
 /// Pre-train `learners`, which differ in the sensor they predict, by TD(0) over shuffled transitions.
@@ -87,9 +98,11 @@ struct Course {
 /// With a `file` the state is written there after each epoch that took long enough to be worth it, so that a
 /// killed training goes on to the same result.
 ///
+/// An agent that diverges stops there and costs nothing further; the others go on.
+///
 /// # Errors
-/// If hyperparameters or checkpoints do not fit, there are too few transitions, an agent diverges, the state cannot
-/// be written, or the monitor is interrupted.
+/// If hyperparameters or checkpoints do not fit, there are too few transitions, the state cannot be written, or the
+/// monitor is interrupted. Divergence is an outcome of one agent.
 ///
 /// # Panics
 /// If the learners differ in other settings than their sensors.
@@ -98,7 +111,7 @@ pub fn pretrain(
     learners: &[Learner<'_>],
     file: Option<&StateFile>,
     monitor: &dyn Monitor,
-) -> Result<Vec<Pretrained>, AgentError> {
+) -> Result<Vec<Result<Pretrained, PretrainingDiverged>>, AgentError> {
     let Pretraining { stream, settings, seed } = training;
     let Some(first) = learners.first() else { return Ok(vec![]) };
     for learner in learners {
@@ -107,6 +120,7 @@ pub fn pretrain(
         assert!(can_share(first.config, learner.config), "learners differ in their sensors only");
     }
     let decays = &first.config.traces;
+    let sensors = stream.width();
     let traced = (!decays.is_empty()).then(|| TracedStream::new(stream, decays));
     let stream = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
     let training = Pretraining { stream, ..training };
@@ -120,10 +134,7 @@ pub fn pretrain(
     }
     let (train, validate) = transitions.split_at(cut);
 
-    let decays = &first.config.traces;
-    let traced = (!decays.is_empty()).then(|| TracedStream::new(stream, decays));
-    let seen = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
-    let mut run = PretrainRun::new(Pretraining { stream: seen, ..training }, learners, validate);
+    let mut run = PretrainRun::new(training, learners, validate);
     run.resume(file);
     let work = run.groups.len() as u64 * train.len() as u64;
     monitor.begin("pre-training", settings.epochs as u64 * work);
@@ -131,7 +142,7 @@ pub fn pretrain(
     let mut unkept = 0;
     let work_per_epoch: u64 = learners
         .iter()
-        .map(|learner| learner.work_per_step(stream.width()))
+        .map(|learner| learner.work_per_step(sensors))
         .sum::<u64>()
         .saturating_mul((train.len() / batch) as u64);
     while run.epochs < settings.epochs && run.courses.iter().any(|course| !course.stopped) {
@@ -209,7 +220,7 @@ impl<'a> PretrainRun<'a> {
     ) -> Result<(), AgentError> {
         let (stream, number) = (self.training.stream, self.epochs + 1);
         let (courses, validations) = (&self.courses, &self.validations);
-        let epochs: Vec<Vec<(usize, Epoch)>> = self
+        let epochs: Vec<Vec<(usize, Option<Epoch>)>> = self
             .groups
             .par_iter_mut()
             .map(|Group { values, members }| {
@@ -237,18 +248,20 @@ impl<'a> PretrainRun<'a> {
                         validations[learner].epoch(number, training_loss, stream, |steps, out| {
                             values.predict_all(agent, stream, steps, out);
                         });
-                    let finite = epoch.training_loss.is_finite() && epoch.error().is_finite();
-                    if finite {
-                        Ok((learner, epoch))
-                    } else {
-                        Err(AgentError::PretrainingDiverged { learner, epoch: number })
-                    }
+                    let losses = [training_loss, epoch.validation_loss, epoch.error()];
+                    (learner, losses.iter().all(|loss| loss.is_finite()).then_some(epoch))
                 };
-                live.iter().zip(losses).map(epoch).collect()
+                Ok(live.iter().zip(losses).map(epoch).collect())
             })
             .collect::<Result<_, _>>()?;
         for (learner, epoch) in epochs.into_iter().flatten() {
-            self.settle(learner, epoch);
+            match epoch {
+                Some(epoch) => self.settle(learner, epoch),
+                None => {
+                    let course = &mut self.courses[learner];
+                    (course.stopped, course.diverged) = (true, Some(number));
+                }
+            }
         }
         self.epochs = number;
         Ok(())
@@ -319,12 +332,15 @@ impl<'a> PretrainRun<'a> {
         }
     }
 
-    fn finish(mut self) -> Vec<Pretrained> {
+    fn finish(mut self) -> Vec<Result<Pretrained, PretrainingDiverged>> {
         let last: Vec<Checkpoint> =
             (0..self.courses.len()).map(|learner| self.state(learner).checkpoint).collect();
         let of = |((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
+            if let Some(epoch) = course.diverged {
+                return Err(PretrainingDiverged { epoch });
+            }
             let epoch = if best.is_some() { course.best } else { course.curve.len() };
-            Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve }
+            Ok(Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve })
         };
         let courses = std::mem::take(&mut self.courses).into_iter();
         courses.zip(last).zip(self.best).map(of).collect()
