@@ -47,7 +47,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
     let config =
         ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..study.model };
-    let plan = BuildPlan::new(&surveyed, &config, represent::width(&study, &paths), args)?;
+    let model_rows = partition::model_rows(&study, &surveyed.timestamps())?;
+    let plan = BuildPlan::new(&surveyed, model_rows, &config, represent::width(&study, &paths), args)?;
     printer.say(&plan.sentence());
     if args.study.dry_run {
         if args.study.json {
@@ -58,7 +59,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     }
     let partition::Parts { dataset, pretrain } =
         partition::parts(&study, surveyed.load(&printer.progress())?)?;
-    if let Some(part) = &pretrain {
+    // Taken apart here: states that nobody holds any more can be mapped from files.
+    if let Some(part) = pretrain {
         printer.say(&format!(
             "the model is built from {}; {} is for pre-training",
             span(&dataset.train)?,
@@ -169,6 +171,7 @@ fn build(
         rows: dataset.train.rows(),
         transitions: knn.transitions().len(),
         segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
         search: Some(choice.to_string()),
         members,

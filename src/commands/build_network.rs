@@ -100,6 +100,7 @@ fn build(
         rows: dataset.train.rows(),
         transitions,
         segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
         search: None,
         members: vec![MemberSummary { transitions, jumps: None }],

@@ -1,5 +1,7 @@
 //! What building a model will take, and whether there is as much.
 
+use std::ops::Range;
+
 use anyhow::bail;
 use calib_data::Surveyed;
 use calib_knn::{IndexKind, MemoryNeed, ModelConfig};
@@ -36,24 +38,29 @@ pub(super) struct BuildPlan {
 }
 
 impl BuildPlan {
-    /// The plan for a log; `representation` is the number of coordinates of ψ, where neighbours are searched in it.
+    /// The plan for a log of which `part` are the training states that the model is built from. The others are read
+    /// with them, and stay in memory while the model is built unless the states are mapped from files. `representation`
+    /// is the number of coordinates of ψ, where neighbours are searched in it.
     ///
     /// # Errors
     /// If there is too little memory.
     pub(super) fn new(
         data: &Surveyed,
+        part: Range<usize>,
         model: &ModelConfig,
         representation: Option<usize>,
         args: &BuildModelArgs,
     ) -> anyhow::Result<Self> {
-        let (rows, columns) = (data.rows(), data.columns());
+        let (rows, columns) = (part.len(), data.columns());
         // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
         let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model);
         need.states = 4 * (rows * columns) as u64;
         let copy = 4 * (rows * representation.unwrap_or(0)) as u64;
         let held_out = 4 * (data.held_out_rows() * columns) as u64;
-        let reading = need.states + held_out + READING + READING_A_ROW * data.log_rows() as u64;
-        let in_memory = reading.max(need.peak());
+        let others = 4 * ((data.rows() - rows) * columns) as u64;
+        let reading =
+            need.states + others + held_out + READING + READING_A_ROW * data.log_rows() as u64;
+        let in_memory = reading.max(need.peak() + others);
         let spilled = reading.max(need.least);
         let available = args.memory.map(|size| size.0).or_else(memory::available);
         let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
@@ -70,18 +77,19 @@ impl BuildPlan {
                  or say with --memory SIZE that there is more",
                 bytes(memory_bytes),
                 bytes(reading),
-                count(rows),
+                count(data.rows()),
                 columns,
                 bytes(available),
                 if spill { "" } else { ", let it work on disk with --spill auto" },
             );
         }
+        let segments = data.segment_rows().iter().map(|segment| segment.rows());
         let tables = (8 * rows * model.neighbors * model.members) as u64;
         let working = if spill { need.working } else { 0 };
         Ok(Self {
             rows,
             columns,
-            segments: data.segments(),
+            segments: segments.filter(|of| of.start < part.end && part.start < of.end).count(),
             members: model.members,
             neighbors: model.neighbors,
             index: model.index,

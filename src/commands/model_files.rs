@@ -7,7 +7,7 @@ use calib_core::{
     Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions,
 };
 use calib_data::{
-    Dataset, Profile,
+    Dataset, Profile, format_time,
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
@@ -46,6 +46,9 @@ pub(super) struct ModelManifest {
     pub(super) rows: usize,
     pub(super) transitions: usize,
     pub(super) segments: usize,
+    /// Times of the first and the last row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) times: Option<[String; 2]>,
     pub(super) normaliser: Normaliser,
     /// The search structure that found the tables, and why it was taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -56,6 +59,12 @@ pub(super) struct ModelManifest {
     pub(super) training: Option<TrainingSummary>,
     /// Fingerprint of every other file.
     pub(super) files: BTreeMap<String, Fingerprint>,
+}
+
+/// Times of the first and the last row, as people read them.
+pub(super) fn first_and_last(frames: &Frames) -> Option<[String; 2]> {
+    let times = frames.timestamps();
+    Some([format_time(*times.first()?), format_time(*times.last()?)])
 }
 
 /// One member of the ensemble.

@@ -46,6 +46,14 @@ pub(super) fn parts(study: &Study, mut dataset: Dataset) -> anyhow::Result<Parts
     Ok(Parts { dataset, pretrain: Some(PretrainPart { frames, fingerprint }) })
 }
 
+/// The training states of a log that are for the model, which are all unless agents are pre-trained.
+pub(super) fn model_rows(study: &Study, times: &[Timestamp]) -> anyhow::Result<Range<usize>> {
+    match study.pretrain.partition() {
+        Some(partition) => Ok(divide(&partition, times)?.1),
+        None => Ok(0..times.len()),
+    }
+}
+
 /// Rows for pre-training and rows for the model.
 fn divide(
     partition: &Partition,

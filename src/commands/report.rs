@@ -255,12 +255,15 @@ fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
         let range = format!("{} to {}", format_time(held_out.start), format_time(held_out.end));
         facts.push(("held-out range".to_owned(), range));
     }
+    // Of what the model was built from: agents may be pre-trained on the rest of the training range.
+    let [first, last] =
+        model.times.clone().unwrap_or_else(|| [train.start, train.end].map(format_time));
     DataProfile {
-        rows: train.rows,
-        segments: train.segments,
+        rows: model.rows as u64,
+        segments: model.segments as u64,
         period_secs: model.period.as_secs(),
-        first: format_time(train.start),
-        last: format_time(train.end),
+        first,
+        last,
         facts,
         channels: profile.channels.iter().map(channel).collect(),
     }

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use calib_core::{
-    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, Physical, States,
-    StatesError, Timestamp,
+    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, Physical,
+    Segments, States, StatesError, Timestamp,
 };
 use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
@@ -97,14 +97,19 @@ impl Surveyed {
         self.survey.train.samples.rows()
     }
 
+    /// Time of each training state.
+    pub fn timestamps(&self) -> Vec<Timestamp> {
+        self.survey.train.samples.timestamps(&self.survey.log.rows.timestamps)
+    }
+
+    /// The runs of training states without a gap.
+    pub fn segment_rows(&self) -> &Segments {
+        &self.survey.train.samples.segments
+    }
+
     /// Number of held-out states.
     pub fn held_out_rows(&self) -> usize {
         self.survey.held_out.as_ref().map_or(0, |part| part.samples.rows())
-    }
-
-    /// Number of segments of the training range.
-    pub fn segments(&self) -> usize {
-        self.survey.train.samples.segments.len()
     }
 
     /// Number of columns of the states.
