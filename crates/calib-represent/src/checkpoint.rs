@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, fs, io, path::PathBuf};
 use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
 use serde::{Deserialize, Serialize};
 
-use crate::{Point, RepresentError, Training};
+use crate::{Point, RepresentError, Stepper};
 
 /// What a checkpoint holds beside parameters and moments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -54,19 +54,19 @@ impl Checkpoint {
 /// Write all that `training` needs to go on.
 pub(crate) fn write(
     Checkpoint { path, key }: &Checkpoint,
-    training: &Training,
+    training: &dyn Stepper,
     progress: &Progress,
 ) -> Result<(), RepresentError> {
-    let (mean, square, powers) = training.adam.moments();
+    let (mean, square, powers) = training.moments()?;
     let flat = |name: &str, values: &[f32]| Tensor {
         name: name.to_owned(),
         shape: vec![values.len()],
         values: values.to_vec(),
     };
     let tensors = vec![
-        flat("mean", mean),
-        flat("parameters", training.encoder.parameters()),
-        flat("square", square),
+        flat("mean", &mean),
+        flat("parameters", training.encoder()?.parameters()),
+        flat("square", &square),
     ];
     let progress = Progress { key: key.clone(), done: training.done(), powers, ..progress.clone() };
     let text = serde_json::to_string(&progress).map_err(io::Error::from);
@@ -78,7 +78,7 @@ pub(crate) fn write(
 /// Put `training` where the checkpoint at `path` stopped. `None` if there is no file.
 pub(crate) fn read(
     Checkpoint { path, key }: &Checkpoint,
-    training: &mut Training,
+    training: &mut dyn Stepper,
 ) -> Result<Option<Progress>, RepresentError> {
     if !path.exists() {
         return Ok(None);
@@ -92,12 +92,12 @@ pub(crate) fn read(
         // Of another study or other data: training begins anew and replaces it.
         return Ok(None);
     }
+    let expected = training.encoder()?.parameter_count();
     let values = |name: &str| {
-        let expected = training.encoder.parameter_count();
         let found = content.get(name).filter(|tensor| tensor.values.len() == expected);
         found.map(|tensor| tensor.values.clone()).ok_or_else(|| refuse(format!("`{name}`")))
     };
     let (parameters, mean, square) = (values("parameters")?, values("mean")?, values("square")?);
-    training.restore(&parameters, mean, square, progress.powers, progress.done);
+    training.restore(&parameters, (mean, square, progress.powers), progress.done);
     Ok(Some(progress))
 }

@@ -35,6 +35,9 @@ pub enum RepresentError {
         /// What does not fit.
         reason: String,
     },
+    /// Arithmetic that another library does failed.
+    #[error("{0}")]
+    Backend(String),
     /// The user asked to stop.
     #[error("interrupted")]
     Interrupted,

@@ -8,7 +8,8 @@
 //! - [`Split`]: which states are trained on, and which later ones are scored.
 //! - [`PairSampler`]: pairs of states a truncated-geometric time apart.
 //! - [`laplacian_loss`]: both published forms, and the gradient by hand.
-//! - [`Training`]: one update; [`train`]: all of them, with a learning curve, checkpoints and divergence.
+//! - [`Training`]: one update; [`train`]: all of them, with a learning curve, checkpoints and divergence;
+//!   [`Stepper`], [`train_with`]: the same with updates that something else does.
 //! - [`encode`], [`write_encoder`], [`read_encoder`]: ψ of every state; weights as PyTorch reads them.
 //! - [`score`], [`select`]: dynamics awareness, uniqueness, live dimensions; the rule of choice.
 //!
@@ -44,6 +45,7 @@ mod scores;
 mod section;
 mod selection;
 mod split;
+mod stepper;
 mod train;
 mod training;
 
@@ -59,5 +61,6 @@ pub use scores::{MOST_DISTINCT, Scores, TOLERANCE, score};
 pub use section::{RepresentationConfig, RepresentationKind};
 pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;
-pub use train::{Divergence, Point, Task, Trained, train};
+pub use stepper::{Moments, Stepper};
+pub use train::{Divergence, Point, Task, Trained, train, train_with};
 pub use training::{Batch, Training};

@@ -5,7 +5,7 @@ use calib_nn::Mlp;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Checkpoint, LaplacianConfig, RepresentError, Scores, Split, Training,
+    Checkpoint, LaplacianConfig, RepresentError, Scores, Split, Stepper, Training,
     checkpoint::{self, Progress},
     encoder::encode_here,
     score,
@@ -99,22 +99,37 @@ pub fn train(
 ) -> Result<Trained, RepresentError> {
     let Task { states, segments, split, seed } = task;
     let mut training = Training::new(config, states, segments, split, seed)?;
-    let restored = checkpoint.map(|checkpoint| checkpoint::read(checkpoint, &mut training));
+    train_with(&mut training, config, task, checkpoint, monitor)
+}
+
+/// As [`train`], by something that does the updates.
+///
+/// # Errors
+/// As [`train`], and those of `training`.
+pub fn train_with(
+    training: &mut dyn Stepper,
+    config: &LaplacianConfig,
+    task: Task<'_>,
+    checkpoint: Option<&Checkpoint>,
+    monitor: &dyn Monitor,
+) -> Result<Trained, RepresentError> {
+    let Task { states, segments, split, seed } = task;
+    let restored = checkpoint.map(|checkpoint| checkpoint::read(checkpoint, training));
     let mut progress = restored.transpose()?.flatten().unwrap_or_default();
     monitor.advance(training.done() as u64);
     let sample = Sample::new(states, segments, split);
     let every = config.steps.div_ceil(POINTS);
-    let keep = |training: &Training, progress: &Progress| match checkpoint {
+    let keep = |training: &dyn Stepper, progress: &Progress| match checkpoint {
         Some(checkpoint) => checkpoint::write(checkpoint, training, progress),
         None => Ok(()),
     };
     let mut divergence = None;
     while training.done() < config.steps && divergence.is_none() {
         if monitor.interrupted() {
-            keep(&training, &progress)?;
+            keep(training, &progress)?;
             return Err(RepresentError::Interrupted);
         }
-        let loss = training.step().total;
+        let loss = training.step()?;
         monitor.advance(1);
         let step = training.done();
         let first = *progress.first_loss.get_or_insert(loss);
@@ -122,12 +137,12 @@ pub fn train(
         progress.sum += loss;
         progress.count += 1;
         if divergence.is_none() && (step.is_multiple_of(every) || step == config.steps) {
-            match sample.score(training.encoder(), seed) {
+            match sample.score(&training.encoder()?, seed) {
                 Some(scores) => {
                     let loss = progress.sum / progress.count as f64;
                     progress.points.push(Point { step, loss, scores });
                     (progress.sum, progress.count) = (0.0, 0);
-                    keep(&training, &progress)?;
+                    keep(training, &progress)?;
                 }
                 None => divergence = Some(Divergence::NotFinite { step }),
             }
@@ -135,7 +150,7 @@ pub fn train(
     }
     let rest = config.steps - training.done();
     monitor.advance(rest as u64);
-    Ok(Trained { encoder: training.encoder().clone(), points: progress.points, divergence })
+    Ok(Trained { encoder: training.encoder()?, points: progress.points, divergence })
 }
 
 fn diverged(config: &LaplacianConfig, step: usize, loss: f64, first: f64) -> Option<Divergence> {

@@ -122,7 +122,12 @@ impl Training {
 
     /// The rows of the next step's batch.
     pub fn draw(&self, batch: &mut Batch) {
-        let mut rng = self.draws.number(self.done as u64).rng();
+        self.draw_at(self.done, batch);
+    }
+
+    /// The rows of the batch of the step after `done` updates.
+    pub fn draw_at(&self, done: usize, batch: &mut Batch) {
+        let mut rng = self.draws.number(done as u64).rng();
         batch.u.clear();
         batch.v.clear();
         batch.x.clear();

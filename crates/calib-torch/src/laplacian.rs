@@ -1,33 +1,48 @@
-use calib_core::States;
 use calib_nn::{AdamRule, Mlp};
-use calib_represent::{Batch, LaplacianConfig};
+use calib_represent::{Batch, LaplacianConfig, Moments, RepresentError, Stepper, Task, Training};
 use tch::{Device, Kind, Tensor};
 
-use crate::{TorchError, adam::Adam, feed_forward::Layers, trainer::leaf};
+use crate::{
+    TorchError,
+    adam::{Adam, values},
+    feed_forward::Layers,
+    trainer::leaf,
+};
 
-/// Trains an encoder with the graph-drawing loss through libtorch, on batches that the caller draws.
+/// Trains an encoder with the graph-drawing loss through libtorch, from the same parameters and on the same batches as
+/// [`calib_represent::Training`].
 ///
 /// It is the loss of [`calib_represent::laplacian_loss`], with the pairs of independent states written out; the
 /// gradient is libtorch's.
 pub struct LaplacianTraining {
     config: LaplacianConfig,
+    /// Draws the batches, and has the first parameters.
+    native: Training,
     layers: Layers,
-    start: Mlp,
     states: Tensor,
     parameters: Tensor,
     adam: Adam,
+    done: usize,
 }
 
 impl LaplacianTraining {
-    /// Training of `encoder` on rows of `states`.
-    pub fn new(config: &LaplacianConfig, states: &States, encoder: Mlp, device: Device) -> Self {
+    /// A fresh encoder.
+    ///
+    /// # Errors
+    /// As [`Training::new`].
+    pub fn new(
+        config: &LaplacianConfig,
+        task: Task<'_>,
+        device: Device,
+    ) -> Result<Self, RepresentError> {
+        let Task { states, segments, split, seed } = task;
+        let native = Training::new(config, states, segments, split, seed)?;
         let shape = [states.rows() as i64, states.columns() as i64];
         let states = Tensor::from_slice(states.as_slice()).view(shape).to_device(device);
-        let parameters = leaf(encoder.parameters(), device);
-        let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
-        let adam = Adam::new(rule, &parameters);
-        let layers = Layers::of(&encoder);
-        Self { config: *config, layers, start: encoder, states, parameters, adam }
+        let parameters = leaf(native.encoder().parameters(), device);
+        let adam = Adam::new(rule(config), &parameters);
+        let layers = Layers::of(native.encoder());
+        Ok(Self { config: *config, native, layers, states, parameters, adam, done: 0 })
     }
 
     /// One update on these rows; the loss before it.
@@ -38,6 +53,7 @@ impl LaplacianTraining {
         let loss = self.loss(batch);
         loss.f_backward()?;
         self.adam.step(&mut self.parameters);
+        self.done += 1;
         Ok(f64::try_from(&loss.to_kind(Kind::Double))?)
     }
 
@@ -58,14 +74,42 @@ impl LaplacianTraining {
         attraction * self.config.loss.attraction + pairs * quartic
             - norms.mean(Kind::Float) * (2.0 * quadratic)
     }
+}
 
-    /// The encoder as it is now.
-    ///
-    /// # Errors
-    /// If libtorch fails.
-    pub fn encoder(&self) -> Result<Mlp, TorchError> {
-        let mut encoder = self.start.clone();
-        encoder.parameters_mut().copy_from_slice(&crate::adam::values(&self.parameters)?);
+fn rule(config: &LaplacianConfig) -> AdamRule {
+    AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() }
+}
+
+fn failed(error: &impl ToString) -> RepresentError {
+    RepresentError::Backend(error.to_string())
+}
+
+impl Stepper for LaplacianTraining {
+    fn step(&mut self) -> Result<f64, RepresentError> {
+        let mut batch = Batch::default();
+        self.native.draw_at(self.done, &mut batch);
+        self.step_on(&batch).map_err(|error| failed(&error))
+    }
+
+    fn done(&self) -> usize {
+        self.done
+    }
+
+    fn encoder(&self) -> Result<Mlp, RepresentError> {
+        let mut encoder = self.native.encoder().clone();
+        let parameters = values(&self.parameters).map_err(|error| failed(&error))?;
+        encoder.parameters_mut().copy_from_slice(&parameters);
         Ok(encoder)
+    }
+
+    fn moments(&self) -> Result<Moments, RepresentError> {
+        self.adam.moments().map_err(|error| failed(&error))
+    }
+
+    fn restore(&mut self, parameters: &[f32], (mean, square, powers): Moments, done: usize) {
+        let device = self.parameters.device();
+        self.parameters = leaf(parameters, device);
+        self.adam = Adam::from_moments(rule(&self.config), &mean, &square, powers, device);
+        self.done = done;
     }
 }

@@ -3,8 +3,10 @@
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_dynamics::{Dynamics as _, DynamicsConfig, LANES, Recurrent, Trainer, Transitioning};
-use calib_nn::Mlp;
-use calib_represent::{Batch, LaplacianConfig, LossConfig, LossForm, Split, Training};
+use calib_represent::{
+    Batch, LaplacianConfig, LossConfig, LossForm, Split, Stepper as _, Task, Training, train,
+    train_with,
+};
 use calib_torch::{
     Device, DeviceChoice, FeedForwardTrainer, LaplacianTraining, RecurrentTrainer, device,
 };
@@ -202,12 +204,12 @@ fn laplacian_agrees(device: Device) {
         let split = Split::in_time(segments).expect("long enough");
         let mut native =
             Training::new(&config, &states, segments, &split, Seed::new(3)).expect("valid");
-        let start: Mlp = native.encoder().clone();
-        let mut torch = LaplacianTraining::new(&config, &states, start, device);
+        let task = Task { states: &states, segments, split: &split, seed: Seed::new(3) };
+        let mut torch = LaplacianTraining::new(&config, task, device).expect("valid");
         let mut batch = Batch::default();
         for step in 0..60 {
             native.draw(&mut batch);
-            let losses = (native.step_on(&batch).total, torch.step_on(&batch).expect("libtorch"));
+            let losses = (native.step_on(&batch).total, torch.step().expect("libtorch"));
             let scale = losses.0.abs().max(1e-2);
             assert!((losses.0 - losses.1).abs() < 1e-4 * scale, "step {step}: {losses:?}");
             let encoder = torch.encoder().expect("libtorch");
@@ -226,5 +228,39 @@ fn laplacian_encoders_agree_step_by_step() {
 fn laplacian_encoders_agree_on_a_gpu() {
     if let Some(device) = gpu() {
         laplacian_agrees(device);
+    }
+}
+
+#[test]
+fn a_representation_is_trained_and_resumed_through_libtorch() {
+    let (states, transitions) = data();
+    let segments = transitions.segments();
+    let split = Split::in_time(segments).expect("long enough");
+    let task = Task { states: &states, segments, split: &split, seed: Seed::new(3) };
+    let config = LaplacianConfig {
+        dimension: 4,
+        hidden_units: 24,
+        batch_size: 32,
+        learning_rate: 3e-3,
+        steps: 200,
+        ..LaplacianConfig::default()
+    };
+    let native = train(&config, task, None, &Silent).expect("trains");
+    let fresh = || LaplacianTraining::new(&config, task, processor()).expect("valid");
+    let whole = train_with(&mut fresh(), &config, task, None, &Silent).expect("trains");
+    assert_eq!(whole.points.len(), native.points.len());
+    let (a, b) = (whole.points[19].loss, native.points[19].loss);
+    assert!((a - b).abs() < 0.01 * b.abs(), "{a} {b}");
+
+    let mut first = fresh();
+    for _ in 0..120 {
+        first.step().expect("libtorch");
+    }
+    let mut second = fresh();
+    let encoder = first.encoder().expect("libtorch");
+    second.restore(encoder.parameters(), first.moments().expect("libtorch"), first.done());
+    for _ in 0..20 {
+        let losses = (first.step().expect("libtorch"), second.step().expect("libtorch"));
+        assert!((losses.0 - losses.1).abs() < 1e-6, "{losses:?}");
     }
 }
