@@ -18,6 +18,8 @@ pub(crate) struct Groups {
     transitions: Vec<u32>,
     /// Start of each group in `transitions`, and the end of the last.
     starts: Vec<u32>,
+    /// A row of each state: that of its first transition. Kept here so that a search reads it beside the start.
+    rows: Vec<u32>,
 }
 
 impl Groups {
@@ -74,12 +76,38 @@ impl Groups {
         }
         starts.push(named.len() as u32);
         let transitions = named.iter().map(|&(_, transition)| transition).collect();
-        Ok(Self { transitions, starts })
+        Ok(Self::with_rows(transitions, starts, rows))
     }
 
-    /// Each of `count` transitions by itself, where nothing is gained from knowing equal states.
-    pub(crate) fn singletons(count: usize) -> Self {
-        Self { transitions: (0..count as u32).collect(), starts: (0..=count as u32).collect() }
+    /// Each transition by itself, where nothing is gained from knowing equal states.
+    pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
+        let count = sources.len() as u32;
+        Self::with_rows(
+            (0..count).collect(),
+            (0..=count).collect(),
+            sources.transitions().sources(),
+        )
+    }
+
+    fn with_rows(transitions: Vec<u32>, starts: Vec<u32>, sources: &[u32]) -> Self {
+        let firsts = starts[..starts.len() - 1].iter();
+        let rows = firsts.map(|&start| sources[transitions[start as usize] as usize]).collect();
+        Self { transitions, starts, rows }
+    }
+
+    /// The same groups in another order, so that those that are searched together lie together.
+    pub(crate) fn in_order(&self, order: &[u32]) -> Self {
+        let mut sorted = Self {
+            transitions: Vec::with_capacity(self.transitions.len()),
+            starts: Vec::with_capacity(self.starts.len()),
+            rows: order.iter().map(|&group| self.rows[group as usize]).collect(),
+        };
+        for &group in order {
+            sorted.starts.push(sorted.transitions.len() as u32);
+            sorted.transitions.extend(self.transitions(group as usize));
+        }
+        sorted.starts.push(sorted.transitions.len() as u32);
+        sorted
     }
 
     /// Number of different states.
@@ -92,9 +120,9 @@ impl Groups {
         &self.transitions[self.starts[group] as usize..self.starts[group + 1] as usize]
     }
 
-    /// The first transition that starts from state `group`.
-    pub(crate) fn first(&self, group: usize) -> u32 {
-        self.transitions[self.starts[group] as usize]
+    /// A row of state `group`.
+    pub(crate) fn row(&self, group: usize) -> usize {
+        self.rows[group] as usize
     }
 
     /// Offer the transitions of `group`, all at distance `squared`, outside `forbidden`.
@@ -173,6 +201,11 @@ mod tests {
         let groups = Groups::new(&sources, &Silent).expect("not interrupted");
         let all: Vec<&[u32]> = (0..groups.len()).map(|g| groups.transitions(g)).collect();
         assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
+        assert_eq!([groups.row(0), groups.row(1), groups.row(2)], [0, 1, 3]);
+        let sorted = groups.in_order(&[2, 0, 1]);
+        let all: Vec<&[u32]> = (0..3).map(|g| sorted.transitions(g)).collect();
+        assert_eq!(all, [&[3][..], &[0, 2], &[1, 4, 5]]);
+        assert_eq!([sorted.row(0), sorted.row(1), sorted.row(2)], [3, 0, 1]);
     }
 
     #[test]

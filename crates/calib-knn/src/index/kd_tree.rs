@@ -55,14 +55,13 @@ impl<'a> KdTree<'a> {
         let blocks = self.sources.blocks();
         let state = queries.states().row(queries.row(query));
         let forbidden = queries.forbidden(query);
-        let rows = self.sources.transitions().sources();
         let mut lists = MemberLists::new(blocks.members(), k);
         let mut asked = k + 1;
         loop {
             lists.reset(queries.wanted(query));
             let found = self.tree.nearest(state, asked);
             for &(_, group) in &found {
-                let source = rows[self.groups.first(group as usize) as usize] as usize;
+                let source = self.groups.row(group as usize);
                 let squared = squared(state, self.sources.states().row(source));
                 self.groups.offer(group as usize, squared, &forbidden, &mut lists, &self.sources);
             }
@@ -116,10 +115,8 @@ impl<const K: usize> Fixed<K> {
     where
         Self: Tree + 'static,
     {
-        let rows = sources.transitions().sources();
-        let points: Vec<[f32; K]> = (0..groups.len())
-            .map(|group| pad(sources.states().row(rows[groups.first(group) as usize] as usize)))
-            .collect();
+        let points: Vec<[f32; K]> =
+            (0..groups.len()).map(|group| pad(sources.states().row(groups.row(group)))).collect();
         let tree = ImmutableKdTree::new_from_slice(&points)
             .expect("different points can be split, and transitions are counted in 32 bits");
         Box::new(Self(tree))

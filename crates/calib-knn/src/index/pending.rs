@@ -44,6 +44,14 @@ pub(super) struct Pool<'a> {
     pub(super) margin: Margin,
 }
 
+impl<'a> Pool<'a> {
+    /// The state of a group.
+    #[inline(always)]
+    fn state(&self, group: u32) -> &'a [f32] {
+        self.sources.states().row(self.groups.row(group as usize))
+    }
+}
+
 impl<'a> Pending<'a> {
     /// A query that has met its neighbours in time.
     #[inline(always)]
@@ -101,7 +109,7 @@ impl<'a> Pending<'a> {
             return false;
         }
         self.looked += 1;
-        let distance = state_distance(simd, self.state, pool.sources.state(transitions[0]));
+        let distance = state_distance(simd, self.state, pool.state(group));
         if distance > self.threshold {
             return false;
         }
@@ -120,7 +128,7 @@ impl<'a> Pending<'a> {
     pub(super) fn finish(mut self, pool: Pool<'_>, queries: &Queries<'_>) -> MemberLists {
         self.lists.reset(queries.wanted(self.query));
         self.met.retain(|&(distance, _)| distance <= self.threshold);
-        let state = |group: u32| pool.sources.state(pool.groups.first(group as usize));
+        let state = |group: u32| pool.state(group);
         for four in self.met.chunks(4) {
             let states = [0, 1, 2, 3].map(|i: usize| state(four[i.min(four.len() - 1)].1));
             for (&(_, group), squared) in four.iter().zip(squared_of_four(self.state, states)) {

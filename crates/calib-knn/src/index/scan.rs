@@ -19,7 +19,7 @@ const QUERIES: usize = 256;
 /// Sources of a tile.
 const TILE: usize = 512;
 /// Sources that are looked at together.
-const STRIP: usize = 64;
+const STRIP: usize = 128;
 /// Beyond this squared distance from the centre f32 products could overflow.
 const FARTHEST: f64 = 1e30;
 
@@ -39,7 +39,7 @@ pub struct Scan<'a> {
 impl<'a> Scan<'a> {
     /// A scan of these sources.
     pub fn new(sources: Sources<'a>) -> Self {
-        let groups = Groups::singletons(sources.len());
+        let groups = Groups::singletons(&sources);
         let centre = centre(&sources);
         let margin = Margin::new(sources.columns());
         Self { sources, groups, centre, margin }

@@ -35,6 +35,8 @@ pub(super) struct Band<'a> {
     /// The leaf and the queries of each block, at most [`QUERIES`] of them.
     pub(super) blocks: &'a [(usize, &'a [u32])],
     pub(super) k: usize,
+    /// Work after which the search is given up, for judging; its lists are then useless.
+    pub(super) limit: Option<u64>,
 }
 
 /// What is known about the queries of a block while leaves are visited.
@@ -114,7 +116,8 @@ impl WithSimd for Band<'_> {
         let mut open = BinaryHeap::new();
         open.push((Reverse(0), Reverse(0)));
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
-            if f32::from_bits(bound) > reach {
+            let given_up = self.limit.is_some_and(|limit| self.work(&blocks) > limit);
+            if f32::from_bits(bound) > reach || given_up {
                 break;
             }
             match tree.below(node) {
@@ -138,17 +141,21 @@ impl WithSimd for Band<'_> {
                 }
             }
         }
-        let (pool, columns) = (self.join.pool(), self.join.sources.columns() as u64);
-        let ones = blocks.iter().flat_map(|block| &block.one);
-        let looked: u64 = ones.map(|one| one.pending.looked()).sum();
-        let work: u64 = blocks.iter().map(|block| block.work).sum();
+        let (pool, work) = (self.join.pool(), self.work(&blocks));
         let ones = blocks.into_iter().flat_map(|block| block.one);
         let lists = ones.map(|one| one.pending.finish(pool, self.queries)).collect();
-        Searched { lists, work: work + looked * STATE_COST * columns }
+        Searched { lists, work }
     }
 }
 
 impl<'a> Band<'a> {
+    fn work(&self, blocks: &[Block<'_>]) -> u64 {
+        let ones = blocks.iter().flat_map(|block| &block.one);
+        let looked: u64 = ones.map(|one| one.pending.looked()).sum();
+        let states = looked * STATE_COST * self.join.sources.columns() as u64;
+        states + blocks.iter().map(|block| block.work).sum::<u64>()
+    }
+
     /// The queries with their images and first radii.
     #[inline(always)]
     fn begin<S: Simd>(&self, simd: S, leaf: usize, order: &[u32]) -> Block<'a> {
@@ -224,7 +231,7 @@ impl<'a> Band<'a> {
         one: &mut One<'_>,
         threshold: &mut f32,
     ) {
-        for (&group, &distance) in self.join.tree.images(leaf).iter().zip(distances) {
+        for (group, &distance) in self.join.tree.places(leaf).zip(distances) {
             if distance <= *threshold && one.pending.meet(simd, self.join.pool(), group) {
                 *threshold = self.threshold(one);
             }

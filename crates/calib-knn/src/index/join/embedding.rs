@@ -42,12 +42,11 @@ impl Embedding {
     /// An embedding that suits the sources.
     pub(super) fn new(sources: &Sources<'_>, groups: &Groups) -> Self {
         let columns = sources.columns();
-        let rows = sources.transitions().sources();
         let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(4 * columns);
         let stride = groups.len().div_ceil(most).max(1);
         let sample: Vec<&[f32]> = (0..groups.len())
             .step_by(stride)
-            .map(|group| sources.states().row(rows[groups.first(group) as usize] as usize))
+            .map(|group| sources.states().row(groups.row(group)))
             .collect();
         let (mean, covariance) = covariance(&sample, columns);
         let spans = columns <= MOST;

@@ -34,6 +34,7 @@ const FARTHEST: f64 = 1e15;
 #[derive(Debug)]
 pub struct Join<'a> {
     sources: Sources<'a>,
+    /// Different states, in the order of the tree.
     groups: Groups,
     embedding: Embedding,
     tree: Tree,
@@ -71,7 +72,7 @@ impl<'a> Join<'a> {
                 let images = chunk.chunks_exact_mut(width);
                 let count = images.len() as u64;
                 let norm = (number * CHUNK..).zip(images).fold(0.0, |norm: f64, (group, image)| {
-                    norm.max(embedding.map(sources.state(groups.first(group)), image))
+                    norm.max(embedding.map(sources.states().row(groups.row(group)), image))
                 });
                 monitor.advance(count);
                 norm
@@ -81,11 +82,13 @@ impl<'a> Join<'a> {
         if norm > FARTHEST {
             return Ok(None);
         }
-        let tree = Tree::new(&images, width, place, monitor)?;
+        let (tree, order) = Tree::new(&images, width, place, monitor)?;
         drop(images);
+        let groups = groups.in_order(&order);
+        drop(order);
         let mut place_of = vec![0; sources.len()];
-        for (place, &group) in tree.order().iter().enumerate() {
-            for &transition in groups.transitions(group as usize) {
+        for place in 0..groups.len() {
+            for &transition in groups.transitions(place) {
                 place_of[transition as usize] = place as u32;
             }
         }
@@ -136,23 +139,24 @@ impl<'a> Join<'a> {
         bands
     }
 
-    /// The work of the join as a share of that of a scan, judged by a few of the queries.
+    /// The work of the join as a share of that of a scan, judged by a few of the queries; it is not looked into how
+    /// much more than twice the work the join would be.
     pub(super) fn share_of_scan(&self, queries: &Queries<'_>, order: &[u32], k: usize) -> f64 {
         let bands = self.bands(queries, order);
         let stride = bands.len().div_ceil(SAMPLE).max(1);
-        let sample: Vec<_> =
-            bands.iter().step_by(stride).map(|band| &band[..band.len().min(2)]).collect();
+        let sample: Vec<_> = bands.iter().step_by(stride).map(|band| &band[..1]).collect();
         let arch = Arch::new();
+        let scan = |queries: usize| (queries * self.sources.len() * self.sources.columns()) as u64;
         let (work, sampled) = sample
             .par_iter()
             .map(|blocks| {
-                let band = Band { join: self, queries, blocks, k };
-                let count: usize = blocks.iter().map(|(_, order)| order.len()).sum();
-                (arch.dispatch(band).work, count as u64)
+                let count = blocks[0].1.len();
+                let limit = Some(2 * scan(count));
+                let band = Band { join: self, queries, blocks, k, limit };
+                (arch.dispatch(band).work, count)
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let scan = sampled * (self.sources.len() * self.sources.columns()) as u64;
-        work as f64 / scan.max(1) as f64
+        work as f64 / scan(sampled).max(1) as f64
     }
 
     /// Write the image of a query; returns a bound on its distance from the mean.
@@ -195,7 +199,7 @@ impl NeighborIndex for Join<'_> {
             if monitor.interrupted() {
                 return;
             }
-            let searched = arch.dispatch(Band { join: self, queries, blocks, k });
+            let searched = arch.dispatch(Band { join: self, queries, blocks, k, limit: None });
             for (place, lists) in searched.lists.iter().enumerate() {
                 piece.store(place, lists);
             }

@@ -26,9 +26,9 @@ struct Node {
 #[derive(Debug)]
 pub(super) struct Tree {
     width: usize,
-    /// Which image lies where, leaf by leaf.
-    order: Vec<u32>,
-    /// Start of each leaf in `order`, and the end of the last.
+    /// Number of images.
+    count: usize,
+    /// Start of each leaf in the order of the tree, and the end of the last.
     starts: Vec<u32>,
     /// Coordinates `[leaf, coordinate, lane]`; lanes without an image are zero.
     lanes: Scratch<f32>,
@@ -40,7 +40,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Sort `images`, `[n, width]`, into leaves. Progress counts each image twice.
+    /// Sort `images`, `[n, width]`, into leaves; returns which image lies in which place. Progress counts each image twice.
     ///
     /// # Errors
     /// If there is no place for the sorted images, or the monitor interrupts.
@@ -49,7 +49,7 @@ impl Tree {
         width: usize,
         place: &ScratchPlace,
         monitor: &dyn Monitor,
-    ) -> Result<Self, KnnError> {
+    ) -> Result<(Self, Vec<u32>), KnnError> {
         let count = images.len() / width;
         let leaves = count.div_ceil(LEAF).max(1);
         let mut order: Vec<u32> = (0..count as u32).collect();
@@ -59,21 +59,21 @@ impl Tree {
         going_on(monitor)?;
         let mut tree = Self {
             width,
+            count,
             lanes: Scratch::zeroed(leaves * width * LEAF, place)?,
-            order,
             starts,
             nodes: Vec::with_capacity(2 * leaves),
             boxes: Vec::new(),
             leaf_nodes: vec![0; leaves],
         };
-        tree.fill_lanes(images, monitor);
+        tree.fill_lanes(images, &order, monitor);
         going_on(monitor)?;
-        tree.add_node(images, 0..leaves as u32);
-        Ok(tree)
+        tree.add_node(images, &order, 0..leaves as u32);
+        Ok((tree, order))
     }
 
-    fn fill_lanes(&mut self, images: &[f32], monitor: &dyn Monitor) {
-        let (order, starts, width) = (&self.order, &self.starts, self.width);
+    fn fill_lanes(&mut self, images: &[f32], order: &[u32], monitor: &dyn Monitor) {
+        let (starts, width) = (&self.starts, self.width);
         self.lanes.par_chunks_exact_mut(width * LEAF).enumerate().for_each(|(leaf, lanes)| {
             if monitor.interrupted() {
                 return;
@@ -90,7 +90,7 @@ impl Tree {
     }
 
     /// Append the node over `leaves` and all nodes below it; its box is known once they are.
-    fn add_node(&mut self, images: &[f32], leaves: Range<u32>) -> usize {
+    fn add_node(&mut self, images: &[f32], order: &[u32], leaves: Range<u32>) -> usize {
         let (number, width) = (self.nodes.len(), self.width);
         self.nodes.push(Node { leaves: leaves.clone(), second: 0 });
         self.boxes.extend(std::iter::repeat_n(f32::INFINITY, width));
@@ -100,7 +100,7 @@ impl Tree {
             let bounds = &mut self.boxes[2 * number * width..];
             let (lower, upper) = bounds.split_at_mut(width);
             let leaf = leaves.start as usize;
-            for &image in &self.order[self.starts[leaf] as usize..self.starts[leaf + 1] as usize] {
+            for &image in &order[self.starts[leaf] as usize..self.starts[leaf + 1] as usize] {
                 let image = &images[image as usize * width..][..width];
                 for ((lower, upper), &value) in lower.iter_mut().zip(&mut *upper).zip(image) {
                     *lower = lower.min(value);
@@ -110,8 +110,8 @@ impl Tree {
             return number;
         }
         let middle = leaves.start + (leaves.len() / 2) as u32;
-        let first = self.add_node(images, leaves.start..middle);
-        let second = self.add_node(images, middle..leaves.end);
+        let first = self.add_node(images, order, leaves.start..middle);
+        let second = self.add_node(images, order, middle..leaves.end);
         self.nodes[number].second = second as u32;
         for child in [first, second] {
             let (above, below) = self.boxes.split_at_mut(2 * child * width);
@@ -135,19 +135,14 @@ impl Tree {
     /// The leaf that holds position `place` of the order, and the lane there.
     pub(super) fn leaf_of(&self, place: usize) -> (usize, usize) {
         // The last leaf whose boundary is not past the place.
-        let (count, leaves) = (self.order.len() as u64, self.leaves() as u64);
+        let (count, leaves) = (self.count as u64, self.leaves() as u64);
         let leaf = (((place as u64 + 1) * leaves).div_ceil(count) - 1) as usize;
         (leaf, place - self.starts[leaf] as usize)
     }
 
-    /// Which image lies where, leaf by leaf.
-    pub(super) fn order(&self) -> &[u32] {
-        &self.order
-    }
-
-    /// The images in a leaf.
-    pub(super) fn images(&self, leaf: usize) -> &[u32] {
-        &self.order[self.starts[leaf] as usize..self.starts[leaf + 1] as usize]
+    /// The places of a leaf.
+    pub(super) fn places(&self, leaf: usize) -> Range<u32> {
+        self.starts[leaf]..self.starts[leaf + 1]
     }
 
     /// Coordinates of a leaf, `[coordinate, lane]`.
@@ -272,7 +267,8 @@ mod tests {
         let (count, width) = (1000, 16);
         let mut rng = Seed::new(5).rng();
         let images: Vec<f32> = (0..count * width).map(|_| rng.normal() as f32).collect();
-        let tree = Tree::new(&images, width, &ScratchPlace::Memory, &Silent).expect("built");
+        let (tree, order) =
+            Tree::new(&images, width, &ScratchPlace::Memory, &Silent).expect("built");
         assert_eq!(tree.leaves(), 8);
         let mut seen = vec![false; count];
         let mut open = vec![(0, Vec::new())];
@@ -282,10 +278,10 @@ mod tests {
                 Below::Nodes(children) => open.extend(children.map(|child| (child, above.clone()))),
                 Below::Leaf(leaf) => {
                     assert_eq!(tree.node_of(leaf), node);
-                    assert!(tree.images(leaf).len() <= LEAF);
-                    for (lane, &image) in tree.images(leaf).iter().enumerate() {
-                        let place = tree.order().iter().position(|&i| i == image);
-                        assert_eq!(tree.leaf_of(place.expect("it is there")), (leaf, lane));
+                    assert!(tree.places(leaf).len() <= LEAF);
+                    for (lane, place) in tree.places(leaf).enumerate() {
+                        let image = order[place as usize];
+                        assert_eq!(tree.leaf_of(place as usize), (leaf, lane));
                         assert!(!std::mem::replace(&mut seen[image as usize], true));
                         let image = &images[image as usize * width..][..width];
                         for (c, &value) in image.iter().enumerate() {
@@ -304,8 +300,9 @@ mod tests {
 
     #[test]
     fn one_image_is_one_leaf() {
-        let tree = Tree::new(&[0.5; 16], 16, &ScratchPlace::Memory, &Silent).expect("built");
-        assert_eq!((tree.leaves(), tree.images(0)), (1, &[0][..]));
+        let (tree, order) =
+            Tree::new(&[0.5; 16], 16, &ScratchPlace::Memory, &Silent).expect("built");
+        assert_eq!((tree.leaves(), tree.places(0), order), (1, 0..1, vec![0]));
         assert!(matches!(tree.below(0), Below::Leaf(0)));
     }
 }
