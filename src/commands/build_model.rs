@@ -4,14 +4,14 @@ use anyhow::{Context as _, bail};
 use calib_core::{Seed, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
-use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, verify};
+use calib_knn::{KnnModel, ModelConfig, Parts, Recall, Workplace, recall, verify};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
     build_network,
-    build_plan::BuildPlan,
+    build_plan::{BuildPlan, Spilled},
     jumps, load_study,
     model::Model,
     model_files::{self, MemberSummary, ModelManifest, model_key},
@@ -28,6 +28,8 @@ use crate::{
 
 /// Where a build keeps what it has found until the tables are written, below the model's directory.
 const PARTIAL: &str = "partial";
+/// Rows of each member by which the recall of approximate tables is judged.
+const RECALL_ROWS: usize = 20;
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
@@ -138,8 +140,10 @@ fn build(
     let read = clock.elapsed();
     model_files::write_states(directory, &dataset.train)?;
     let mut workplace = Workplace::default();
-    if how.plan.spill {
+    if how.plan.spill != Spilled::Nothing {
         dataset.train = model_files::map_states(directory, &dataset.train)?;
+    }
+    if how.plan.spill == Spilled::Everything {
         workplace.scratch = ScratchPlace::Disk(directory.to_owned());
     }
     let parts = Parts::new(directory.join(PARTIAL), &how.key);
@@ -174,6 +178,7 @@ fn build(
         times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
         search: Some(choice.to_string()),
+        recall: recall_of(study, &knn, RECALL_ROWS),
         members,
         training: None,
         files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
@@ -189,6 +194,22 @@ fn build(
     )?;
     claim.complete(&manifest)?;
     Ok(manifest)
+}
+
+/// How good approximate tables are; nothing for exact ones.
+fn recall_of(study: &Study, knn: &KnnModel, sample: usize) -> Option<Recall> {
+    let approximate = !study.model.shortcuts().is_exact();
+    approximate.then(|| recall(knn, sample, Seed::new(study.seed).child("recall")))
+}
+
+/// The recall in words.
+fn recall_line(recall: &Recall, k: usize) -> String {
+    format!(
+        "approximate: recall@{k} {:.4} by true distances, on {} rows; the {k}-th neighbour is {:.3} times as far as the true one",
+        recall.recall,
+        count(recall.rows),
+        recall.distance_ratio,
+    )
 }
 
 /// A model that is up to date, under a study that may differ in what does not change its tables.
@@ -275,6 +296,10 @@ fn check_against_brute_force(
             );
         }
     }
+    if let Some(recall) = recall_of(study, knn, sample) {
+        printer.say(&recall_line(&recall, knn.k()));
+        return Ok(ExitStatus::Done);
+    }
     let verification = verify(knn, sample, seed);
     if !verification.agrees() {
         printer.error(&format!(
@@ -297,6 +322,9 @@ fn summarise(
 ) -> anyhow::Result<()> {
     let verb = if built { "wrote" } else { "up to date:" };
     printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
+    if let Some(recall) = &manifest.recall {
+        printer.result(&format!("  {}", recall_line(recall, manifest.study.model.neighbors)))?;
+    }
     for (number, member) in manifest.members.iter().enumerate() {
         let transitions = count(member.transitions);
         let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();

@@ -103,6 +103,7 @@ fn build(
         times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
         search: None,
+        recall: None,
         members: vec![MemberSummary { transitions, jumps: None }],
         training,
         files: fingerprints(directory, 0, train_model::files(study.model.kind))?,

@@ -17,6 +17,16 @@ use crate::{
 const READING: u64 = 320 << 20;
 const READING_A_ROW: u64 = 24;
 
+/// What is mapped from files while a model is built, so that it takes memory only while there is some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Spilled {
+    Nothing,
+    States,
+    /// States, images and tables.
+    Everything,
+}
+
 /// What is going to be done, and what it needs.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct BuildPlan {
@@ -27,8 +37,8 @@ pub(super) struct BuildPlan {
     neighbors: usize,
     /// The structure that was asked for.
     index: IndexKind,
-    /// Whether large arrays are mapped from files.
-    pub(super) spill: bool,
+    /// What is mapped from files.
+    pub(super) spill: Spilled,
     /// The most memory that cannot be given back at any moment, predicted.
     memory_bytes: u64,
     /// What there is, or what `--memory` says.
@@ -60,16 +70,23 @@ impl BuildPlan {
         let others = 4 * ((data.rows() - rows) * columns) as u64;
         let reading =
             need.states + others + held_out + READING + READING_A_ROW * data.log_rows() as u64;
-        let in_memory = reading.max(need.peak() + others);
-        let spilled = reading.max(need.least);
+        let taken = |spill: Spilled| {
+            reading.max(match spill {
+                Spilled::Nothing => need.peak() + others,
+                // Some of the states should stay in memory, or each is read from the disk again and again.
+                Spilled::States => need.working + need.states / 3,
+                Spilled::Everything => need.least,
+            })
+        };
         let available = args.memory.map(|size| size.0).or_else(memory::available);
         let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
         let spill = match args.spill {
-            Spill::Auto => !fits(in_memory),
-            Spill::Never => false,
-            Spill::Always => true,
+            Spill::Auto if fits(taken(Spilled::Nothing)) => Spilled::Nothing,
+            Spill::Auto if fits(taken(Spilled::States)) => Spilled::States,
+            Spill::Never => Spilled::Nothing,
+            Spill::Auto | Spill::Always => Spilled::Everything,
         };
-        let memory_bytes = if spill { spilled } else { in_memory };
+        let memory_bytes = taken(spill);
         if let (false, Some(available)) = (fits(memory_bytes), available) {
             bail!(
                 "building this model takes {} of memory ({} to read {} states of {} columns), and {} is there; \
@@ -80,12 +97,16 @@ impl BuildPlan {
                 count(data.rows()),
                 columns,
                 bytes(available),
-                if spill { "" } else { ", let it work on disk with --spill auto" },
+                if args.spill == Spill::Never {
+                    ", let it work on disk with --spill auto"
+                } else {
+                    ""
+                },
             );
         }
         let segments = data.segment_rows().iter().map(|segment| segment.rows());
         let tables = (8 * rows * model.neighbors * model.members) as u64;
-        let working = if spill { need.working } else { 0 };
+        let working = if spill == Spilled::Everything { need.working } else { 0 };
         Ok(Self {
             rows,
             columns,
@@ -105,8 +126,11 @@ impl BuildPlan {
         let available = self
             .available_bytes
             .map_or_else(String::new, |available| format!(" of {} there", bytes(available)));
-        let spill =
-            if self.spill { ", with states, images and tables mapped from files" } else { "" };
+        let spill = match self.spill {
+            Spilled::Nothing => "",
+            Spilled::States => ", with states mapped from their file",
+            Spilled::Everything => ", with states, images and tables mapped from files",
+        };
         format!(
             "{} rows x {} columns in {} segments; {} members, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
             count(self.rows),

@@ -11,7 +11,7 @@ use calib_data::{
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
-use calib_knn::{KnnModel, ModelConfig, ModelKind};
+use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
@@ -53,6 +53,9 @@ pub(super) struct ModelManifest {
     /// The search structure that found the tables, and why it was taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) search: Option<String>,
+    /// How good the tables are, if they are approximate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) recall: Option<Recall>,
     pub(super) members: Vec<MemberSummary>,
     /// How the network was trained, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -93,10 +96,15 @@ pub(super) fn model_key(
     // The search structure does not change the tables, and the weights only what is drawn from them.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler);
-    match representation {
-        None => artefact::key(&tables),
-        Some(representation) => artefact::key(&(tables, &representation.key)),
+    let exact = match representation {
+        None => artefact::key(&tables)?,
+        Some(representation) => artefact::key(&(tables, &representation.key))?,
+    };
+    let shortcuts = model.shortcuts();
+    if shortcuts.is_exact() {
+        return Ok(exact);
     }
+    artefact::key(&(exact, shortcuts.prototypes, shortcuts.leaf_budget))
 }
 
 /// A model that was opened from its directory.

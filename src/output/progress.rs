@@ -39,10 +39,14 @@ pub(crate) struct ProgressMonitor {
 struct PlainLines {
     task: String,
     since_line: Stopwatch,
+    /// Whether the task has a line yet.
+    told: bool,
     since_start: Stopwatch,
 }
 
-/// Time between two lines where no bar can be drawn.
+/// Time to the first line of a long task where no bar can be drawn.
+const FIRST_LINE: Duration = Duration::from_secs(2);
+/// Time between two such lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl ProgressMonitor {
@@ -55,7 +59,12 @@ impl ProgressMonitor {
         };
         let plain = (!quiet && !terminal).then(|| {
             let now = Stopwatch::start();
-            Mutex::new(PlainLines { task: String::new(), since_line: now, since_start: now })
+            Mutex::new(PlainLines {
+                task: String::new(),
+                since_line: now,
+                told: false,
+                since_start: now,
+            })
         });
         let bar = ProgressBar::with_draw_target(Some(0), target);
         let style = "{prefix:>14} [{bar:32}] {percent:>3}%  {human_pos}/{human_len}  {elapsed} elapsed, {eta} left";
@@ -70,12 +79,19 @@ impl ProgressMonitor {
         let Ok(mut plain) = plain.lock() else { return };
         let done = self.bar.position();
         let total = self.bar.length().unwrap_or(0);
-        if plain.since_line.elapsed() < LINE_EVERY || total == 0 {
+        if total == 0 {
             return;
         }
-        plain.since_line = Stopwatch::start();
+        let elapsed = plain.since_start.elapsed();
         let share = done as f64 / total as f64;
-        let left = plain.since_start.elapsed().mul_f64((1.0 - share).max(0.0) / share.max(1e-9));
+        let left = elapsed.mul_f64((1.0 - share).max(0.0) / share.max(1e-9));
+        // A task that will be long says so early.
+        let early = !plain.told && done > 0 && elapsed > FIRST_LINE && left > LINE_EVERY;
+        if !early && plain.since_line.elapsed() < LINE_EVERY {
+            return;
+        }
+        plain.told = true;
+        plain.since_line = Stopwatch::start();
         let left = if done == 0 { "unknown time".to_owned() } else { duration(left) };
         eprintln_quietly(&format!("  {}: {:.0} %, {left} left", plain.task, 100.0 * share));
     }
@@ -97,6 +113,7 @@ impl Monitor for ProgressMonitor {
         {
             task.clone_into(&mut plain.task);
             plain.since_start = Stopwatch::start();
+            plain.told = false;
         }
     }
 

@@ -10,10 +10,10 @@ use std::{
 
 use crate::harness::Place;
 
-/// A log of a quarter of a million states, which are searched in four parts.
+/// A log of a third of a million states, which are searched in five parts.
 fn long_study() -> Place {
     let place = Place::new();
-    let args = ["simulate", "data", "--days", "4", "--channels", "12", "--period", "1"];
+    let args = ["simulate", "data", "--days", "5", "--channels", "12", "--period", "1"];
     place.calib(&args).succeeds();
     let study = "[data]\npath = \"data\"\ntrain_fraction = 0.75\n\n[model]\nmembers = 3\n";
     place.write("study.toml", study);
@@ -125,10 +125,33 @@ fn too_little_memory_is_refused_with_advice() {
     let told = run(&["--memory", "4GiB", "--dry-run", "--json"]);
     let plan: serde_json::Value = serde_json::from_str(&told.succeeds()).expect("JSON on stdout");
     assert_eq!(plan["available_bytes"], 4_u64 << 30);
-    assert_eq!((&plan["spill"], &plan["members"]), (&false.into(), &3.into()));
+    assert_eq!((&plan["spill"], &plan["members"]), (&"nothing".into(), &3.into()));
     assert!(plan["memory_bytes"].as_u64().expect("a number") > 300 << 20, "{plan}");
     assert!(told.stderr().contains("of 4.0 GiB there"), "{}", told.stderr());
     run(&[]).succeeds();
+}
+
+#[test]
+fn approximate_tables_say_how_good_they_are() {
+    let place = Place::with_study();
+    for set in ["model.prototypes=4", "model.leaf_budget=1"] {
+        let run = |args: &[&str]| {
+            place.calib(&[&["build-model", "study.toml", "--set", set], args].concat())
+        };
+        let built = run(&["--verify", "30"]);
+        let told = built.succeeds();
+        assert!(
+            told.contains("approximate: recall@3 0.") || told.contains("recall@3 1."),
+            "{told}"
+        );
+        assert!(built.stderr().contains("on 90 rows"), "{}", built.stderr());
+        let manifest: serde_json::Value =
+            serde_json::from_str(&run(&["--json"]).succeeds()).expect("JSON on stdout");
+        assert_eq!(manifest["recall"]["rows"], 60);
+        assert!(manifest["recall"]["recall"].as_f64().expect("a number") <= 1.0);
+    }
+    let args = ["build-model", "study.toml", "--set", "model.leaf_budget=2", "--index", "scan"];
+    assert!(place.calib(&args).fails(2).contains("is for the join"));
 }
 
 #[test]

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use calib_core::{TransitionIndex, Transitions};
 
-use crate::KnnError;
+use crate::{KnnError, Shortcuts};
 
 /// Leave-one-block-out: which transitions each member of the ensemble contains.
 ///
@@ -121,12 +121,16 @@ impl Blocks {
     }
 
     /// Candidates that member `member` has outside `forbidden`.
-    pub(crate) fn admissible(&self, member: usize, forbidden: &Range<u32>) -> usize {
+    pub(crate) fn admissible(
+        &self,
+        member: usize,
+        forbidden: &Range<u32>,
+        shortcuts: Shortcuts,
+    ) -> usize {
         let dropped = &self.dropped[member];
-        let start = forbidden.start.max(dropped.start);
-        let end = forbidden.end.min(dropped.end);
-        let both = end.saturating_sub(start) as usize;
-        self.member_len(member) + both - forbidden.len()
+        let both = forbidden.start.max(dropped.start)..forbidden.end.min(dropped.end);
+        let count = |range: &Range<u32>| shortcuts.count(range);
+        count(&(0..self.transitions)) + count(&both) - count(dropped) - count(forbidden)
     }
 }
 
@@ -202,7 +206,7 @@ mod tests {
                     prop_assert!(blocks.contains(member, TransitionIndex(i)));
                 }
                 let left = expected.iter().filter(|i| !forbidden.contains(i)).count();
-                prop_assert_eq!(blocks.admissible(member, &forbidden), left);
+                prop_assert_eq!(blocks.admissible(member, &forbidden, Shortcuts::default()), left);
             }
         }
     }

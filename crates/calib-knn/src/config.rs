@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{Exclusion, KnnError, SelfMatch, Weights};
+use crate::{Exclusion, KnnError, SelfMatch, Shortcuts, Weights};
 
 /// The `[model]` section of a study.
 ///
@@ -13,6 +13,8 @@ use crate::{Exclusion, KnnError, SelfMatch, Weights};
 /// | `theiler` | 0 | Theiler window in rows; 0 for none |
 /// | `weights` | `"linear"` | how a neighbour is drawn: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"` |
 /// | `temperature` | 1.0 | only for `"softmax"`; positive, in units of distance |
+/// | `prototypes` | 1 | only one source in this many, in time order, can be a neighbour |
+/// | `leaf_budget` | 0 | most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes |
 /// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -31,6 +33,10 @@ pub struct ModelConfig {
     pub weights: WeightsKind,
     /// Temperature of softmax weights, in units of distance.
     pub temperature: f64,
+    /// One source in this many can be a neighbour.
+    pub prototypes: u32,
+    /// Most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes.
+    pub leaf_budget: usize,
     /// Search structure.
     pub index: IndexKind,
 }
@@ -45,6 +51,8 @@ impl Default for ModelConfig {
             theiler: 0,
             weights: WeightsKind::Linear,
             temperature: 1.0,
+            prototypes: 1,
+            leaf_budget: 0,
             index: IndexKind::Auto,
         }
     }
@@ -104,6 +112,11 @@ impl ModelConfig {
         }
     }
 
+    /// What the search leaves out.
+    pub fn shortcuts(&self) -> Shortcuts {
+        Shortcuts { prototypes: self.prototypes, leaf_budget: self.leaf_budget }
+    }
+
     /// How a neighbour is drawn.
     ///
     /// # Errors
@@ -123,13 +136,19 @@ impl ModelConfig {
     /// Check what can be checked before data is read.
     ///
     /// # Errors
-    /// Fewer than two members, no neighbours, or a bad temperature.
+    /// Fewer than two members, no neighbours, no prototypes, a budget without leaves, or a bad temperature.
     pub fn check(&self) -> Result<(), KnnError> {
         if self.members < 2 {
             return Err(KnnError::TooFewMembers { members: self.members });
         }
         if self.neighbors == 0 {
             return Err(KnnError::NoNeighbors);
+        }
+        if self.prototypes == 0 {
+            return Err(KnnError::NoPrototypes);
+        }
+        if self.leaf_budget > 0 && !matches!(self.index, IndexKind::Auto | IndexKind::Join) {
+            return Err(KnnError::Budget { index: self.index.name() });
         }
         self.weights().map(|_| ())
     }
@@ -158,6 +177,10 @@ mod tests {
         assert!(toml::from_str::<ModelConfig>("neighbours = 3").is_err());
         let cold = ModelConfig { temperature: 0.0, ..config };
         assert!(matches!(cold.check(), Err(KnnError::Temperature { .. })));
+        let no_leaves = ModelConfig { leaf_budget: 5, ..config };
+        assert!(no_leaves.check().expect_err("a tree").to_string().contains("\"kd_tree\""));
+        let no_prototypes = ModelConfig { prototypes: 0, ..config };
+        assert!(matches!(no_prototypes.check(), Err(KnnError::NoPrototypes)));
         let none = ModelConfig { neighbors: 0, ..config };
         assert!(matches!(none.check(), Err(KnnError::NoNeighbors)));
     }

@@ -25,6 +25,19 @@ pub enum KnnError {
     /// `k` is zero.
     #[error("`neighbors` is 0: a step needs at least 1 neighbour to draw from")]
     NoNeighbors,
+    /// `prototypes` is zero.
+    #[error(
+        "`prototypes` is 0: it is the number of sources of which one can be a neighbour; 1 is all of them"
+    )]
+    NoPrototypes,
+    /// A budget of leaves for a structure without leaves.
+    #[error(
+        "`leaf_budget` is for the join, and `index` is \"{index}\"; set `index` to \"join\" or \"auto\", or `leaf_budget` to 0"
+    )]
+    Budget {
+        /// The structure that was asked for.
+        index: &'static str,
+    },
     /// A query has fewer admissible candidates than `k`.
     #[error(
         "member {member} has only {candidates} admissible candidates for some query, fewer than `neighbors` = {k}; \

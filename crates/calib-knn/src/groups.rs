@@ -41,13 +41,15 @@ impl Groups {
                     .rotate_left(29)
             })
         };
-        let mut hashed = vec![(0, 0); rows.len()];
+        let every = sources.shortcuts().prototypes;
+        let mut hashed = vec![(0, 0); sources.candidates()];
         hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
             if monitor.interrupted() {
                 return;
             }
             let first = (number * CHUNK) as u32;
-            for (transition, hashed) in (first..).zip(&mut *chunk) {
+            for (candidate, hashed) in (first..).zip(&mut *chunk) {
+                let transition = candidate * every;
                 *hashed = (hash(transition), transition);
             }
             monitor.advance(chunk.len() as u64);
@@ -55,7 +57,7 @@ impl Groups {
         going_on(monitor)?;
         hashed.par_sort_unstable();
         // The group of a transition is named by its first member. Equal hashes almost always mean equal states.
-        let mut named: Vec<(u32, u32)> = Vec::with_capacity(rows.len());
+        let mut named: Vec<(u32, u32)> = Vec::with_capacity(hashed.len());
         for run in hashed.chunk_by(|a, b| a.0 == b.0) {
             let mut firsts: Vec<u32> = Vec::new();
             for &(_, transition) in run {
@@ -81,12 +83,9 @@ impl Groups {
 
     /// Each transition by itself, where nothing is gained from knowing equal states.
     pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
-        let count = sources.len() as u32;
-        Self::with_rows(
-            (0..count).collect(),
-            (0..=count).collect(),
-            sources.transitions().sources(),
-        )
+        let (count, every) = (sources.candidates() as u32, sources.shortcuts().prototypes);
+        let transitions = (0..count).map(|candidate| candidate * every).collect();
+        Self::with_rows(transitions, (0..=count).collect(), sources.transitions().sources())
     }
 
     fn with_rows(transitions: Vec<u32>, starts: Vec<u32>, sources: &[u32]) -> Self {

@@ -8,7 +8,7 @@
 //! - [`Workplace`], [`Parts`], [`MemoryNeed`]: large builds on disk, interrupted ones continued, memory predicted.
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
 //! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states.
-//! - [`verify`]: tables against brute force.
+//! - [`verify`]: tables against brute force. [`Shortcuts`] make a search faster and its tables approximate; [`recall`] says by how much.
 //!
 //! ```
 //! use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
@@ -37,6 +37,7 @@ mod lists;
 mod memory;
 mod model;
 mod parts;
+mod shortcuts;
 mod store;
 mod table;
 mod verify;
@@ -52,6 +53,7 @@ pub use lists::MemberLists;
 pub use memory::MemoryNeed;
 pub use model::{KnnModel, Member, Neighbor};
 pub use parts::{PART_QUERIES, Parts};
+pub use shortcuts::{Recall, Shortcuts, recall};
 pub use store::{open_table, write_table};
 pub use table::{NeighborTable, Workplace, build_tables, build_tables_in};
 pub use verify::{Verification, verify};

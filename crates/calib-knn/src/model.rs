@@ -62,7 +62,8 @@ impl KnnModel {
         config.check()?;
         let blocks = Blocks::new(&transitions, config.members)?;
         let exclusion = config.exclusion();
-        let sources = Sources::new(&states, &transitions, &blocks)?;
+        let sources =
+            Sources::new(&states, &transitions, &blocks)?.with_shortcuts(config.shortcuts());
         let (tables, choice) = build_tables_in(
             &sources,
             config.neighbors,

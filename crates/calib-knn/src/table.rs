@@ -1,6 +1,10 @@
 use std::{
     fmt,
-    sync::{Arc, mpsc},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc,
+    },
     thread,
 };
 
@@ -139,15 +143,18 @@ fn fill(
         .map(|_| new_table(queries.len() * k, &workplace.scratch))
         .collect::<Result<Vec<Filling>, KnnError>>()?;
     let (send, receive) = mpsc::sync_channel::<(usize, Found, Origin)>(1);
+    let all_found = AtomicBool::new(false);
     let (searched, stored) = thread::scope(|scope| {
-        let (tables, kept) = (&mut tables, &kept);
+        let (tables, kept, all_found) = (&mut tables, &kept, &all_found);
         let storing = scope.spawn(move || -> Result<(), KnnError> {
             for (number, found, origin) in receive {
                 let order = &order[number * part..][..found.len()];
                 tables.iter_mut().enumerate().for_each(|(member, table)| {
                     put(table, member, order, &found);
                 });
-                if let (Some(kept), Origin::Search) = (kept, origin) {
+                // When everything is found, the tables are about to be written, and nothing need be kept.
+                let needed = !all_found.load(Ordering::Relaxed);
+                if let (Some(kept), Origin::Search, true) = (kept, origin, needed) {
                     kept.write(number, &found)?;
                 }
             }
@@ -172,6 +179,7 @@ fn fill(
             }
             Ok(())
         })();
+        all_found.store(searched.is_ok(), Ordering::Relaxed);
         drop(send);
         (searched, storing.join().expect("the storing thread does not panic"))
     });
@@ -217,7 +225,7 @@ fn check_candidates(sources: &Sources<'_>, k: usize, exclusion: Exclusion) -> Re
             .transitions_of(member)
             .map(|query: TransitionIndex| {
                 let forbidden = exclusion.forbidden(transitions, transitions.next(query));
-                blocks.admissible(member, &forbidden)
+                blocks.admissible(member, &forbidden, sources.shortcuts())
             })
             .min()
             .unwrap_or(0);

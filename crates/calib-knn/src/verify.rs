@@ -28,16 +28,7 @@ impl Verification {
 ///
 /// Each row costs a pass over all states. If a member has no more than `sample` rows, all are searched.
 pub fn verify(model: &KnnModel, sample: usize, seed: Seed) -> Verification {
-    let mut cells = Vec::new();
-    for number in 0..model.members() {
-        let member = model.member(number);
-        if sample >= member.len() {
-            cells.extend((0..member.len()).map(|position| (number, member.nth(position))));
-            continue;
-        }
-        let mut rng = seed.child("verify").number(number as u64).rng();
-        cells.extend((0..sample).map(|_| (number, member.nth(rng.below(member.len())))));
-    }
+    let cells = sampled(model, sample, seed);
     let different: Vec<_> = cells
         .par_iter()
         .copied()
@@ -53,8 +44,31 @@ pub fn verify(model: &KnnModel, sample: usize, seed: Seed) -> Verification {
     Verification { rows: cells.len(), identical: cells.len() - different.len(), different }
 }
 
+/// `sample` random rows of every member, or all of them if there are no more.
+pub(crate) fn sampled(
+    model: &KnnModel,
+    sample: usize,
+    seed: Seed,
+) -> Vec<(usize, TransitionIndex)> {
+    let mut cells = Vec::new();
+    for number in 0..model.members() {
+        let member = model.member(number);
+        if sample >= member.len() {
+            cells.extend((0..member.len()).map(|position| (number, member.nth(position))));
+            continue;
+        }
+        let mut rng = seed.child("verify").number(number as u64).rng();
+        cells.extend((0..sample).map(|_| (number, member.nth(rng.below(member.len())))));
+    }
+    cells
+}
+
 /// The list of one table row, straight from the definition.
-fn brute_force(model: &KnnModel, member: usize, transition: TransitionIndex) -> Vec<(f64, u32)> {
+pub(crate) fn brute_force(
+    model: &KnnModel,
+    member: usize,
+    transition: TransitionIndex,
+) -> Vec<(f64, u32)> {
     let transitions = model.transitions();
     let query = transitions.next(transition);
     let forbidden = model.exclusion().forbidden(transitions, query);

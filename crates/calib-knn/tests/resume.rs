@@ -106,7 +106,8 @@ fn what_was_kept_is_not_searched_again() {
     let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
     let first = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     let kept = std::fs::read_dir(directory.path().join("partial")).expect("readable").count();
-    assert_eq!(kept, 10);
+    // The last of ten may be found before they are written, and are then not needed.
+    assert!((7..=10).contains(&kept), "{kept} parts");
     let again = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     assert_eq!(bytes(&again), bytes(&first));
     // Another structure searches in another order: its parts are its own.

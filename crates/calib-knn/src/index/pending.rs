@@ -47,7 +47,7 @@ pub(super) struct Pool<'a> {
 impl<'a> Pool<'a> {
     /// The state of a group.
     #[inline(always)]
-    fn state(&self, group: u32) -> &'a [f32] {
+    pub(super) fn state(&self, group: u32) -> &'a [f32] {
         self.sources.states().row(self.groups.row(group as usize))
     }
 }

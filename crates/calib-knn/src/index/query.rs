@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
-use crate::{Blocks, Exclusion, KnnError};
+use crate::{Blocks, Exclusion, KnnError, Shortcuts};
 
 /// What is searched: the source state of every transition.
 #[derive(Clone, Copy, Debug)]
@@ -10,6 +10,7 @@ pub struct Sources<'a> {
     states: &'a States,
     transitions: &'a Transitions,
     blocks: &'a Blocks,
+    shortcuts: Shortcuts,
 }
 
 impl<'a> Sources<'a> {
@@ -26,7 +27,23 @@ impl<'a> Sources<'a> {
         if states.rows() != rows {
             return Err(KnnError::Rows { states: states.rows(), segments: rows });
         }
-        Ok(Self { states, transitions, blocks })
+        Ok(Self { states, transitions, blocks, shortcuts: Shortcuts::default() })
+    }
+
+    /// The same sources for a search that leaves some out.
+    #[must_use]
+    pub fn with_shortcuts(self, shortcuts: Shortcuts) -> Self {
+        Self { shortcuts, ..self }
+    }
+
+    /// What the search leaves out.
+    pub fn shortcuts(&self) -> Shortcuts {
+        self.shortcuts
+    }
+
+    /// Number of sources that can be neighbours.
+    pub(crate) fn candidates(&self) -> usize {
+        self.shortcuts.count(&(0..self.len() as u32))
     }
 
     /// Number of sources, one a transition.
@@ -70,6 +87,7 @@ impl<'a> Sources<'a> {
 pub struct Queries<'a> {
     states: &'a States,
     blocks: &'a Blocks,
+    shortcuts: Shortcuts,
     kind: Kind<'a>,
 }
 
@@ -89,6 +107,7 @@ impl<'a> Queries<'a> {
         Self {
             states: sources.states,
             blocks: sources.blocks,
+            shortcuts: sources.shortcuts,
             kind: Kind::NextStates(sources.transitions, exclusion),
         }
     }
@@ -103,6 +122,7 @@ impl<'a> Queries<'a> {
         Self {
             states: sources.states,
             blocks: sources.blocks,
+            shortcuts: sources.shortcuts,
             kind: Kind::Rows(rows, sources.transitions, exclusion, member),
         }
     }
@@ -119,7 +139,8 @@ impl<'a> Queries<'a> {
         if states.columns() != sources.columns() {
             return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
         }
-        Ok(Self { states, blocks: sources.blocks, kind: Kind::External(member) })
+        let Sources { blocks, shortcuts, .. } = *sources;
+        Ok(Self { states, blocks, shortcuts, kind: Kind::External(member) })
     }
 
     /// Number of queries.
@@ -179,10 +200,11 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// The transition that starts from the query's row.
+    /// The transition that starts from the query's row, if it can be a neighbour.
     pub(crate) fn own_source(&self, query: usize) -> Option<u32> {
         let (row, transitions) = self.recorded(query)?;
-        transitions.starting_at(row).map(|TransitionIndex(transition)| transition)
+        let own = transitions.starting_at(row).map(|TransitionIndex(transition)| transition);
+        own.filter(|&transition| self.shortcuts.keeps(transition))
     }
 
     /// The transition that starts from the query's row, or else the one that ends there.
@@ -192,13 +214,14 @@ impl<'a> Queries<'a> {
         own.map(|TransitionIndex(transition)| transition)
     }
 
-    /// Up to `2 * count` sources outside the forbidden range whose transitions are nearest in time.
+    /// Up to `2 * count` of the sources outside the forbidden range whose transitions are nearest in time.
     pub(crate) fn near_in_time(
         &self,
         query: usize,
         count: usize,
     ) -> impl Iterator<Item = u32> + use<'a> {
-        let count = count as u32;
+        let count = count as u32 * self.shortcuts.prototypes;
+        let shortcuts = self.shortcuts;
         let forbidden = self.forbidden(query);
         let around = match self.own_transition(query) {
             Some(_) if !forbidden.is_empty() => forbidden.clone(),
@@ -214,7 +237,7 @@ impl<'a> Queries<'a> {
         } else {
             (0..0, 0..0)
         };
-        before.chain(after)
+        before.chain(after).filter(move |&transition| shortcuts.keeps(transition))
     }
 
     /// The members whose lists query `query` wants.

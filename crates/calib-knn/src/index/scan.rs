@@ -78,7 +78,7 @@ impl WithSimd for Block<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
         let (scan, columns) = (self.scan, self.scan.sources.columns());
-        let (pool, total) = (scan.pool(), scan.sources.len());
+        let (pool, total) = (scan.pool(), scan.groups.len());
         let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
         let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
         let count = self.order.len();
@@ -101,7 +101,7 @@ impl WithSimd for Block<'_> {
             let mut offsets = [f32::INFINITY; TILE];
             let mut far = queries_far || columns == 0;
             for (lane, offset) in offsets[..width].iter_mut().enumerate() {
-                let state = scan.sources.state((start + lane) as u32);
+                let state = pool.state((start + lane) as u32);
                 let out = &mut right[lane * columns..][..columns];
                 let norm = centred(simd, state, &scan.centre, out);
                 far |= norm > FARTHEST;

@@ -35,8 +35,16 @@ pub(super) struct Band<'a> {
     /// The leaf and the queries of each block, at most [`QUERIES`] of them.
     pub(super) blocks: &'a [(usize, &'a [u32])],
     pub(super) k: usize,
-    /// Work after which the search is given up, for judging; its lists are then useless.
-    pub(super) limit: Option<u64>,
+    pub(super) limit: Limit,
+}
+
+/// When a search ends before it is exact.
+#[derive(Clone, Copy)]
+pub(super) struct Limit {
+    /// Work after which it is given up, for judging.
+    pub(super) work: u64,
+    /// Most leaves that are visited beside those of the queries.
+    pub(super) leaves: usize,
 }
 
 /// What is known about the queries of a block while leaves are visited.
@@ -113,10 +121,12 @@ impl WithSimd for Band<'_> {
         }
         let furthest = |blocks: &[Block<'_>]| blocks.iter().map(|b| b.reach).fold(-1.0, f32::max);
         let mut reach = furthest(&blocks);
+        let mut left = self.limit.leaves;
         let mut open = BinaryHeap::new();
         open.push((Reverse(0), Reverse(0)));
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
-            let given_up = self.limit.is_some_and(|limit| self.work(&blocks) > limit);
+            let given_up =
+                left == 0 || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
             if f32::from_bits(bound) > reach || given_up {
                 break;
             }
@@ -129,6 +139,7 @@ impl WithSimd for Band<'_> {
                         }
                     }
                     reach = furthest(&blocks);
+                    left -= 1;
                 }
                 Below::Nodes(children) => {
                     for child in children {

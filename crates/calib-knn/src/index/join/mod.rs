@@ -11,7 +11,7 @@ mod tree;
 
 use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
 use crate::{KnnError, distance::Margin, groups::Groups};
-use block::{Band, QUERIES};
+use block::{Band, Limit, QUERIES};
 use embedding::Embedding;
 pub(crate) use embedding::width as image_width;
 use tree::{LEAF, Tree};
@@ -24,6 +24,9 @@ const BAND: usize = 8;
 const SAMPLE: usize = 12;
 /// Beyond this distance from the mean f32 images could overflow.
 const FARTHEST: f64 = 1e15;
+
+/// Place of a transition that cannot be a neighbour.
+const ELSEWHERE: u32 = u32::MAX;
 
 /// An exact join of queries and sources, for data in which most sources can be ruled out unseen.
 ///
@@ -86,7 +89,7 @@ impl<'a> Join<'a> {
         drop(images);
         let groups = groups.in_order(&order);
         drop(order);
-        let mut place_of = vec![0; sources.len()];
+        let mut place_of = vec![ELSEWHERE; sources.len()];
         for place in 0..groups.len() {
             for &transition in groups.transitions(place) {
                 place_of[transition as usize] = place as u32;
@@ -113,6 +116,8 @@ impl<'a> Join<'a> {
     /// The leaf near which the query lies: that of its own row if it is a source.
     fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
         if let Some(transition) = queries.own_transition(query) {
+            // A transition that cannot be a neighbour lies near the last one that can.
+            let transition = transition - transition % self.sources.shortcuts().prototypes;
             return self.tree.leaf_of(self.place_of[transition as usize] as usize).0;
         }
         let mut image = vec![0.0; self.embedding.width()];
@@ -139,6 +144,14 @@ impl<'a> Join<'a> {
         bands
     }
 
+    fn limit(&self) -> Limit {
+        let leaves = match self.sources.shortcuts().leaf_budget {
+            0 => usize::MAX,
+            budget => budget,
+        };
+        Limit { work: u64::MAX, leaves }
+    }
+
     /// The work of the join as a share of that of a scan, judged by a few of the queries; it is not looked into how
     /// much more than twice the work the join would be.
     pub(super) fn share_of_scan(&self, queries: &Queries<'_>, order: &[u32], k: usize) -> f64 {
@@ -146,12 +159,12 @@ impl<'a> Join<'a> {
         let stride = bands.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<_> = bands.iter().step_by(stride).map(|band| &band[..1]).collect();
         let arch = Arch::new();
-        let scan = |queries: usize| (queries * self.sources.len() * self.sources.columns()) as u64;
+        let scan = |queries: usize| (queries * self.groups.len() * self.sources.columns()) as u64;
         let (work, sampled) = sample
             .par_iter()
             .map(|blocks| {
                 let count = blocks[0].1.len();
-                let limit = Some(2 * scan(count));
+                let limit = Limit { work: 2 * scan(count), ..self.limit() };
                 let band = Band { join: self, queries, blocks, k, limit };
                 (arch.dispatch(band).work, count)
             })
@@ -199,7 +212,8 @@ impl NeighborIndex for Join<'_> {
             if monitor.interrupted() {
                 return;
             }
-            let searched = arch.dispatch(Band { join: self, queries, blocks, k, limit: None });
+            let searched =
+                arch.dispatch(Band { join: self, queries, blocks, k, limit: self.limit() });
             for (place, lists) in searched.lists.iter().enumerate() {
                 piece.store(place, lists);
             }

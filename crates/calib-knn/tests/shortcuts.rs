@@ -1,0 +1,94 @@
+//! Approximate tables: what they leave out, and what is said about them.
+
+use calib_core::{Seed, Segments, Silent, States, Transitions};
+use calib_knn::{IndexKind, KnnModel, ModelConfig, recall};
+
+const ROWS: usize = 4000;
+
+fn data() -> (States, Transitions) {
+    let mut rng = Seed::new(3).rng();
+    let mut state = [0.0_f64; 8];
+    let mut values = Vec::new();
+    for _ in 0..ROWS {
+        for value in &mut state {
+            *value = 0.9 * *value + 0.3 * rng.normal();
+            values.push(*value as f32);
+        }
+    }
+    let states = States::new(values, ROWS, 8).expect("finite");
+    (states, Transitions::new(Segments::from_lengths([1500, ROWS - 1500]).expect("valid")))
+}
+
+fn build(config: ModelConfig) -> KnnModel {
+    let (states, transitions) = data();
+    KnnModel::build(states, transitions, &config, &Silent).expect("built")
+}
+
+#[test]
+fn exact_tables_recall_everything() {
+    let found = recall(&build(ModelConfig::default()), 40, Seed::new(1));
+    assert_eq!((found.rows, found.recall), (200, 1.0));
+    assert!((found.distance_ratio - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_budget_of_leaves_trades_recall_for_time() {
+    let exact = build(ModelConfig { theiler: 5, ..ModelConfig::default() });
+    let mut last = 0.0;
+    for leaf_budget in [1, 4, 1000] {
+        let config = ModelConfig { leaf_budget, theiler: 5, ..ModelConfig::default() };
+        let model = build(config);
+        let found = recall(&model, 100, Seed::new(1));
+        assert!(found.recall >= last && found.distance_ratio >= 1.0, "{found:?}");
+        last = found.recall;
+        for member in 0..5 {
+            let pairs = model.table(member).distances().iter().zip(exact.table(member).distances());
+            assert!(pairs.into_iter().all(|(approximate, exact)| approximate >= exact));
+        }
+        if leaf_budget == 1 {
+            assert!(found.recall < 0.999 && found.recall > 0.3, "{found:?}");
+        }
+        if leaf_budget == 1000 {
+            assert_eq!(model.table(2).neighbors(), exact.table(2).neighbors());
+        }
+    }
+    // The budget is the join's, whatever would be taken otherwise.
+    let few = ModelConfig { leaf_budget: 1, index: IndexKind::Scan, ..ModelConfig::default() };
+    assert!(few.check().is_err());
+}
+
+#[test]
+fn prototypes_are_the_only_neighbours() {
+    let (states, transitions) = data();
+    let mut tables = Vec::new();
+    for index in [IndexKind::Join, IndexKind::Scan, IndexKind::KdTree, IndexKind::Auto] {
+        let config = ModelConfig { prototypes: 7, theiler: 9, index, ..ModelConfig::default() };
+        let model = build(config);
+        tables.push(model.table(3).neighbors().to_vec());
+        let member = model.member(3);
+        for position in (0..member.len()).step_by(311) {
+            let query = member.nth(position);
+            let row = transitions.next(query);
+            let forbidden = config.exclusion().forbidden(&transitions, row);
+            let mut expected: Vec<(f64, u32)> = (0..member.len())
+                .map(|position| member.nth(position))
+                .filter(|j| j.0 % 7 == 0 && !forbidden.contains(&j.0))
+                .map(|j| {
+                    let source = states.row(transitions.source(j).get());
+                    let squares = states.row(row.get()).iter().zip(source);
+                    (squares.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum(), j.0)
+                })
+                .collect();
+            expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+            let expected: Vec<u32> = expected[..3].iter().map(|pair| pair.1).collect();
+            assert_eq!(member.neighbors(query).0, expected, "{index:?}");
+        }
+        let found = recall(&model, 60, Seed::new(2));
+        assert!(found.recall < 0.9 && found.distance_ratio > 1.0, "{found:?}");
+    }
+    assert!(tables.windows(2).all(|pair| pair[0] == pair[1]));
+    let too_few = ModelConfig { prototypes: 2000, ..ModelConfig::default() };
+    let (states, transitions) = data();
+    let error = KnnModel::build(states, transitions, &too_few, &Silent).expect_err("two of them");
+    assert!(error.to_string().contains("admissible candidates"), "{error}");
+}
