@@ -50,7 +50,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let config =
         ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..study.model };
     let model_rows = partition::model_rows(&study, &surveyed.timestamps())?;
-    let plan = BuildPlan::new(&surveyed, model_rows, &config, represent::width(&study, &paths), args)?;
+    let plan =
+        BuildPlan::new(&surveyed, model_rows, &config, represent::width(&study, &paths), args)?;
     printer.say(&plan.sentence());
     if args.study.dry_run {
         if args.study.json {
