@@ -42,6 +42,9 @@ fn a_budget_of_leaves_trades_recall_for_time() {
         assert!(found.recall >= last && found.distance_ratio >= 1.0, "{found:?}");
         last = found.recall;
         for member in 0..5 {
+            let rows = (0..model.member(member).len()).map(|at| model.member(member).nth(at));
+            let mut neighbors = rows.flat_map(|row| model.member(member).neighbors(row).0);
+            assert!(neighbors.all(|&j| j != u32::MAX), "every list is full");
             let pairs = model.table(member).distances().iter().zip(exact.table(member).distances());
             assert!(pairs.into_iter().all(|(approximate, exact)| approximate >= exact));
         }

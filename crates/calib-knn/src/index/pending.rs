@@ -96,6 +96,17 @@ impl<'a> Pending<'a> {
         (radius >= 0.0).then_some(radius)
     }
 
+    /// Do not count on neighbours in time to be met, as a search that ends early may not meet them.
+    pub(super) fn forget_neighbours_in_time(&mut self, margin: Margin) {
+        self.cap = f64::INFINITY;
+        self.narrow(margin);
+    }
+
+    /// Whether every list has as many candidates as it can hold.
+    pub(super) fn is_full(&self) -> bool {
+        self.lists.radius() < f64::INFINITY
+    }
+
     /// States that were looked at.
     pub(super) fn looked(&self) -> u64 {
         self.looked

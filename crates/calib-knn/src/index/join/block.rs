@@ -121,12 +121,16 @@ impl WithSimd for Band<'_> {
         }
         let furthest = |blocks: &[Block<'_>]| blocks.iter().map(|b| b.reach).fold(-1.0, f32::max);
         let mut reach = furthest(&blocks);
+        // Even a search that ends early fills its lists.
+        let full = |blocks: &[Block<'_>]| {
+            blocks.iter().flat_map(|block| &block.one).all(|one| one.pending.is_full())
+        };
         let mut left = self.limit.leaves;
         let mut open = BinaryHeap::new();
         open.push((Reverse(0), Reverse(0)));
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
-            let given_up =
-                left == 0 || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
+            let given_up = (left == 0 && full(&blocks))
+                || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
             if f32::from_bits(bound) > reach || given_up {
                 break;
             }
@@ -139,7 +143,7 @@ impl WithSimd for Band<'_> {
                         }
                     }
                     reach = furthest(&blocks);
-                    left -= 1;
+                    left = left.saturating_sub(1);
                 }
                 Below::Nodes(children) => {
                     for child in children {
@@ -186,7 +190,11 @@ impl<'a> Band<'a> {
             let norm = self.join.image(self.queries, query as usize, image);
             let slack = self.join.embedding.slack(self.join.norm, norm);
             let (pool, query) = (self.join.pool(), query as usize);
-            let one = One { pending: Pending::new(simd, pool, self.queries, query, self.k), slack };
+            let mut one =
+                One { pending: Pending::new(simd, pool, self.queries, query, self.k), slack };
+            if self.limit.leaves < usize::MAX {
+                one.pending.forget_neighbours_in_time(pool.margin);
+            }
             block.thresholds[lane] = self.threshold(&one);
             for (c, &value) in image.iter().enumerate() {
                 block.lanes[c * QUERIES + lane] = value;
