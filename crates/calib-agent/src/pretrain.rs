@@ -255,12 +255,11 @@ impl<'a> PretrainRun<'a> {
             })
             .collect::<Result<_, _>>()?;
         for (learner, epoch) in epochs.into_iter().flatten() {
-            match epoch {
-                Some(epoch) => self.settle(learner, epoch),
-                None => {
-                    let course = &mut self.courses[learner];
-                    (course.stopped, course.diverged) = (true, Some(number));
-                }
+            if let Some(epoch) = epoch {
+                self.settle(learner, epoch);
+            } else {
+                let course = &mut self.courses[learner];
+                (course.stopped, course.diverged) = (true, Some(number));
             }
         }
         self.epochs = number;

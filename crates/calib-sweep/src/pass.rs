@@ -37,7 +37,7 @@ impl Pass<'_, '_> {
         let streamed = first.environment.stream(first.unit.run)?;
         if streamed.not_finite.is_some() {
             monitor.advance(self.options.steps as u64 + 1);
-            return self.put(store, &streamed, |candidate, steps| RunRow::failed(candidate, steps));
+            return self.put(store, &streamed, RunRow::failed);
         }
         let stream = &streamed.stream;
         let learners: Vec<Learner<'_>> = self
