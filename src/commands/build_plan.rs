@@ -104,7 +104,7 @@ impl BuildPlan {
                 },
             );
         }
-        let segments = data.segment_rows().iter().map(|segment| segment.rows());
+        let segments = data.segment_rows().iter().map(calib_core::Segment::rows);
         let tables = (8 * rows * model.neighbors * model.members) as u64;
         let working = if spill == Spilled::Everything { need.working } else { 0 };
         Ok(Self {

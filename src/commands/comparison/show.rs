@@ -92,14 +92,14 @@ pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<
         return Vec::new();
     };
     let several = models.len() > 1;
-    let left_out: String = models
-        .iter()
-        .flat_map(|(name, of)| left_out(of).map(move |(number, why)| (name, number, why)))
-        .map(|(name, number, why)| {
-            let whose = if several { format!(" of {name}") } else { String::new() };
-            format!(" {number} rollouts{whose} are left out: {why}.")
-        })
-        .collect();
+    let mut sentences = Vec::new();
+    for (name, of) in models {
+        let whose = if several { format!(" of {name}") } else { String::new() };
+        for (number, why) in left_out(of) {
+            sentences.push(format!(" {number} rollouts{whose} are left out: {why}."));
+        }
+    }
+    let left_out = sentences.concat();
     let basis = if several {
         let of_each = models.iter().filter(|(_, of)| !of.sensors.is_empty());
         let of_each = of_each.map(|(name, of)| format!("{name}: {}", basis(of)));
