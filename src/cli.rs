@@ -50,7 +50,7 @@ pub(crate) enum Command {
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
     /// Train or import representations of the states, score them, and choose one
-    Represent(StudyArgs),
+    Represent(RepresentArgs),
     /// Build the ensemble of nearest-neighbour calibration models
     BuildModel(BuildModelArgs),
     /// Roll the model out and compare with the recorded trajectory
@@ -109,6 +109,15 @@ pub(crate) enum Device {
     Cuda,
     /// The first GPU if there is one, else the processor
     Auto,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RepresentArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Train through libtorch, on this device (default: natively)
+    #[arg(long, value_name = "DEVICE", value_enum)]
+    pub(crate) device: Option<Device>,
 }
 
 #[derive(Debug, Args)]

@@ -57,16 +57,16 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
-        Command::Represent(args) => each_model(&args, printer, |args, which| {
+        Command::Represent(args) => each_model(&args.study, printer, |study_args, which| {
             // Of several models some search among the states themselves.
-            let (study, _) = load_study(args)?;
+            let (study, _) = load_study(study_args)?;
             let none =
                 study.is_parametric() || study.representation.kind == RepresentationKind::None;
             if which == Which::OneOfSeveral && none {
                 printer.say("no representation: nothing to train");
                 return Ok(ExitStatus::Done);
             }
-            represent::run(args, printer)
+            represent::run(study_args, args.device, printer)
         }),
         Command::BuildModel(args) => each_model(&args.study, printer, |study, _| {
             build_model::run(&BuildModelArgs { study: study.clone(), ..args }, printer)

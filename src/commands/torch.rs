@@ -1,10 +1,11 @@
 //! What is done through libtorch, and what is said where it is not there.
 
 use anyhow::bail;
-use calib_core::Seed;
+use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
 use calib_files::Tensors;
 use calib_knn::ModelKind;
+use calib_represent::{Checkpoint, LaplacianConfig, Task, Trained};
 
 use crate::cli::Device;
 
@@ -63,6 +64,31 @@ pub(super) fn trainer(
     _device: Device,
     _checkpoint: Option<&Tensors>,
 ) -> anyhow::Result<(Box<dyn Trainer>, String)> {
+    bail!(wanted("such training"))
+}
+
+/// Train an encoder on a device, going on from a checkpoint if there is one.
+#[cfg(feature = "torch")]
+pub(super) fn represent(
+    config: &LaplacianConfig,
+    task: Task<'_>,
+    checkpoint: &Checkpoint,
+    device: Device,
+    monitor: &dyn Monitor,
+) -> anyhow::Result<Trained> {
+    let device = calib_torch::device(choice(device))?;
+    let mut training = calib_torch::LaplacianTraining::new(config, task, device)?;
+    Ok(calib_represent::train_with(&mut training, config, task, Some(checkpoint), monitor)?)
+}
+
+#[cfg(not(feature = "torch"))]
+pub(super) fn represent(
+    _config: &LaplacianConfig,
+    _task: Task<'_>,
+    _checkpoint: &Checkpoint,
+    _device: Device,
+    _monitor: &dyn Monitor,
+) -> anyhow::Result<Trained> {
     bail!(wanted("such training"))
 }
 

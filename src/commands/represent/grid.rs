@@ -15,7 +15,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Candidate, ENCODER};
-use crate::{commands::artefact, output::Printer, study::Study};
+use crate::{
+    cli::Device,
+    commands::{artefact, torch},
+    output::Printer,
+    study::Study,
+};
 
 /// Version of the training: greater when the same configuration and seed lead to other weights.
 const TRAINING: u32 = 1;
@@ -38,8 +43,7 @@ const RECORD: &str = "training.json";
 pub(super) fn train(
     study: &Study,
     dataset: &Dataset,
-    split: &Split,
-    seed: Seed,
+    (split, seed, device): (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
@@ -59,7 +63,10 @@ pub(super) fn train(
         let directory = at(key);
         let checkpoint =
             Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.clone() };
-        let trained = train_one(config, task, Some(&checkpoint), &progress)?;
+        let trained = match device {
+            None => train_one(config, task, Some(&checkpoint), &progress)?,
+            Some(device) => torch::represent(config, task, &checkpoint, device, &progress)?,
+        };
         write_encoder(&directory.join(ENCODER), &trained.encoder, BTreeMap::new())?;
         let record = TrainingRecord {
             key: key.clone(),

@@ -19,10 +19,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
-    load_study, partition,
+    load_study, partition, torch,
 };
 use crate::{
-    cli::StudyArgs,
+    cli::{Device, StudyArgs},
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, bytes, count, duration},
@@ -76,9 +76,16 @@ const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
 /// Train or import the representations of a study, and choose one.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(
+    args: &StudyArgs,
+    device: Option<Device>,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
     let (study, paths) = load_study(args)?;
+    if device.is_some() {
+        torch::require("--device")?;
+    }
     if study.representation.kind == RepresentationKind::None {
         bail!(
             "representation.kind is \"none\": there is nothing to train; \
@@ -100,7 +107,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     });
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
-        None => (make(&study, &paths, &dataset, key, args, printer)?, "wrote"),
+        None => (make((&study, &paths), &dataset, key, (args, device), printer)?, "wrote"),
     };
     if args.json {
         printer.json(&manifest)?;
@@ -158,11 +165,10 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
 }
 
 fn make(
-    study: &Study,
-    paths: &StudyPaths,
+    (study, paths): (&Study, &StudyPaths),
     dataset: &Dataset,
     key: String,
-    args: &StudyArgs,
+    (args, device): (&StudyArgs, Option<Device>),
     printer: &Printer,
 ) -> anyhow::Result<RepresentationManifest> {
     let directory = paths.representation();
@@ -187,7 +193,8 @@ fn make(
         let chosen = select(&[scores]);
         (vec![candidate], chosen, chosen.map(|_| psi))
     } else {
-        let trained = grid::train(study, dataset, &split, seed, &directory, printer)?;
+        let task = (&split, seed, device);
+        let trained = grid::train(study, dataset, task, &directory, printer)?;
         let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
         let candidates: Vec<Candidate> = trained
             .iter()
