@@ -1,6 +1,6 @@
 //! What is done through libtorch, and what is said where it is not there.
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
 use calib_files::Tensors;
@@ -10,7 +10,6 @@ use calib_represent::{Checkpoint, LaplacianConfig, Task, Trained};
 use crate::cli::Device;
 
 /// How to get a calib that can do `what`.
-#[cfg(not(feature = "torch"))]
 fn wanted(what: &str) -> String {
     format!(
         "{what} wants libtorch, and this calib was built without it; in the source tree run \
@@ -20,11 +19,7 @@ fn wanted(what: &str) -> String {
 
 /// Check that this program has libtorch, or say that `what` wants it.
 pub(super) fn require(what: &str) -> anyhow::Result<()> {
-    #[cfg(feature = "torch")]
-    let _ = what;
-    #[cfg(not(feature = "torch"))]
-    bail!(wanted(what));
-    #[cfg(feature = "torch")]
+    ensure!(cfg!(feature = "torch"), wanted(what));
     Ok(())
 }
 
