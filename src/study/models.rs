@@ -114,7 +114,8 @@ mod tests {
     fn models_differ_in_nothing_but_the_model() {
         check(&table()).expect("model and representation");
         let mut study = table();
-        study["models"]["a"]["sweep"] = Value::Table(Table::new());
+        let model = study["models"]["a"].as_table_mut().expect("a table");
+        model.insert("sweep".to_owned(), Value::Table(Table::new()));
         let error = check(&study).expect_err("sweeps must agree").to_string();
         assert!(error.starts_with("[models.a]: sweep cannot differ"), "{error}");
     }
