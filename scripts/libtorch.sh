@@ -13,7 +13,7 @@ own=$root/.libtorch
 
 if [ -z "${LIBTORCH:-}" ] && [ -z "${LIBTORCH_USE_PYTORCH:-}" ]; then
     if [ "$(cat "$own/complete" 2>/dev/null)" != "$version" ]; then
-        echo "fetching libtorch $version into $own (about 0.6 GB to load, 1.7 GB on disk)" >&2
+        echo "fetching libtorch $version into $own (about 0.6 GB to load, 1.2 GB on disk)" >&2
         rm -rf "$own"
         mkdir -p "$own"
         # Headers and libraries of PyTorch's package. Of CUDA it wants two libraries even where there is no GPU; the
