@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use calib_core::{Seed, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
@@ -70,7 +70,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
             span(&part.frames)?
         ));
     }
-    check_sensors(&study, &dataset)?;
+    model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let representation = represent::open(&study, &paths, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     let existing = up_to_date(&directory, &key);
@@ -104,15 +104,6 @@ pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
         let files = found.files.keys().map(String::as_str);
         found.key == key && artefact::has_files(directory, files)
     })
-}
-
-/// Check that the sensors to predict are columns of the states.
-pub(super) fn check_sensors(study: &Study, dataset: &Dataset) -> anyhow::Result<()> {
-    for sensor in &study.sweep.sensors {
-        model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
-            .context("sweep.sensors")?;
-    }
-    Ok(())
 }
 
 /// How a model is built; nothing but the key tells of its tables.

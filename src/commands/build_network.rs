@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
-    build_model::{check_sensors, fingerprints, up_to_date},
+    build_model::{fingerprints, up_to_date},
     model_files::{self, MemberSummary, ModelManifest},
     partition, train_model,
 };
@@ -38,7 +38,7 @@ pub(super) fn run(
     let directory = paths.model();
     printer.say(&format!("build-model: reading {}", study.data_to_read(paths)?.path.0.join(", ")));
     let dataset = partition::load(study, paths, printer)?.dataset;
-    check_sensors(study, &dataset)?;
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let key = train_model::key(&dataset.fingerprint, study, paths)?;
     train_model::announce(study, &dataset, printer);
     if args.study.dry_run {

@@ -279,8 +279,21 @@ pub(super) fn read_profile(directory: &Path) -> anyhow::Result<Profile> {
     Ok(read_json(&directory.join(PROFILE))?)
 }
 
+/// The sensors to predict, each with its column of the states.
+pub(super) fn sensor_columns(
+    study: &Study,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> anyhow::Result<Vec<(String, usize)>> {
+    let column = |sensor: &String| {
+        let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
+        Ok((sensor.clone(), column))
+    };
+    study.sweep.sensors.iter().map(column).collect()
+}
+
 /// The column of a sensor in the states, or why it has none.
-pub(super) fn sensor_column(
+fn sensor_column(
     sensor: &str,
     normaliser: &Normaliser,
     profile: &Profile,

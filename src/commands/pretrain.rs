@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::{
     artefact::{self, Below, Claim, MANIFEST, Manifest as _, TOOL},
     load_study,
-    model_files::sensor_column,
+    model_files::sensor_columns,
     partition::{self, Parts, span},
     pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
 };
@@ -129,11 +129,10 @@ fn check(study: &Study) -> anyhow::Result<()> {
 fn wanted(study: &Study, parts: &Parts) -> anyhow::Result<Vec<Wanted>> {
     let Parts { dataset, pretrain } = parts;
     let part = pretrain.as_ref().context("agents are pre-trained")?;
-    let wanted = study.sweep.sensors.iter().map(|sensor| {
-        let column = sensor_column(sensor, &dataset.normaliser, &dataset.profile)
-            .context("sweep.sensors")?;
-        let key = agent_key(study, &part.fingerprint, sensor, column)?;
-        Ok(Wanted { sensor: sensor.clone(), column, key })
+    let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
+    let wanted = sensors.map(|(sensor, column)| {
+        let key = agent_key(study, &part.fingerprint, &sensor, column)?;
+        Ok(Wanted { sensor, column, key })
     });
     wanted.collect()
 }

@@ -12,7 +12,7 @@ use calib_data::{Dataset, table::Table};
 use calib_files::{
     Fingerprint, Tensor, Tensors, file_name, fingerprint_file, read_tensors, write_tensors,
 };
-use calib_nn::{Mlp, Moments};
+use calib_nn::{Mlp, Moments, Naming};
 use calib_sweep::{Candidate, Start};
 use serde::{Deserialize, Serialize};
 
@@ -97,13 +97,12 @@ pub(super) fn write_agent(
     let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
     let [weights, moments] = names(sensor);
     let of = |prefix: &str, values: Vec<f32>| -> anyhow::Result<Vec<Tensor>> {
-        let parameters = Mlp::from_parameters(&layer_sizes, values)?.to_sequential().into_iter();
-        let tensor = |parameter: calib_nn::NamedParameter| Tensor {
-            name: format!("{prefix}{}", parameter.name),
-            shape: parameter.shape,
-            values: parameter.values,
-        };
-        Ok(parameters.map(tensor).collect())
+        let mut tensors =
+            Mlp::from_parameters(&layer_sizes, values)?.to_tensors(Naming::Sequential);
+        for tensor in &mut tensors {
+            tensor.name.insert_str(0, prefix);
+        }
+        Ok(tensors)
     };
     let Checkpoint { parameters, moments: left } = pretrained.checkpoint;
     let metadata = BTreeMap::from([
@@ -150,11 +149,7 @@ fn read_agent(
     }
     let [weights, moments] = names(&agent.sensor);
     let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
-        let find = |name: &str| {
-            let tensor = file.get(&format!("{prefix}{name}"))?;
-            Some((tensor.shape.as_slice(), tensor.values.as_slice()))
-        };
-        let network = Mlp::from_sequential(find)?;
+        let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
         let sizes: Vec<usize> = [network.inputs()]
             .into_iter()
             .chain(network.layers().iter().map(|layer| layer.outputs))

@@ -1,6 +1,5 @@
 use std::path::Path;
 
-use anyhow::Context as _;
 use calib_core::{Normalised, RowIndex, Timestamp};
 use calib_data::{Dataset, table::Table};
 use calib_rollout::{JumpStatistics, RolloutConfig};
@@ -119,13 +118,7 @@ fn sensors(
         let columns = normaliser.columns().iter().enumerate();
         return Ok(columns.map(|(column, of)| (of.name.clone(), column)).collect());
     }
-    let profile = model_files::read_profile(directory)?;
-    let column = |sensor: &String| {
-        let column =
-            model_files::sensor_column(sensor, normaliser, &profile).context("sweep.sensors")?;
-        Ok((sensor.clone(), column))
-    };
-    study.sweep.sensors.iter().map(column).collect()
+    model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
 
 fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) {

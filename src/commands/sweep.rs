@@ -81,7 +81,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
     let environments = environments(&study, &model, &dataset, lengths.steps)?;
-    let sensors = sensor_columns(&study, &dataset)?;
+    let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     for note in &notes {
@@ -159,16 +159,6 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
-}
-
-/// The sensors to predict, each with its column of the states.
-fn sensor_columns(study: &Study, dataset: &Dataset) -> anyhow::Result<Vec<(String, usize)>> {
-    let column = |sensor: &String| {
-        let column = model_files::sensor_column(sensor, &dataset.normaliser, &dataset.profile)
-            .context("sweep.sensors")?;
-        Ok((sensor.clone(), column))
-    };
-    study.sweep.sensors.iter().map(column).collect()
 }
 
 /// The runs of each environment whose rollout left the finite numbers, and where.

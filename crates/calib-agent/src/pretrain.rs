@@ -346,13 +346,10 @@ impl<'a> PretrainRun<'a> {
     }
 }
 
-/// `transitions` in an order drawn from `seed` (Fisher and Yates).
+/// `transitions` in an order drawn from `seed`.
 fn shuffled(transitions: &[usize], seed: Seed) -> Vec<usize> {
     let mut order = transitions.to_vec();
-    let mut rng = seed.rng();
-    for last in (1..order.len()).rev() {
-        order.swap(last, rng.below(last + 1));
-    }
+    seed.rng().shuffle(&mut order);
     order
 }
 

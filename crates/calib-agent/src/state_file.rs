@@ -84,11 +84,8 @@ impl StateFile {
                 target.as_ref(),
             ];
             for (part, values) in PARTS.iter().zip(parts) {
-                tensors.extend(values.map(|values| Tensor {
-                    name: format!("{number}.{part}"),
-                    shape: vec![values.len()],
-                    values: values.clone(),
-                }));
+                let name = format!("{number}.{part}");
+                tensors.extend(values.map(|values| Tensor::flat(name, values.clone())));
             }
         }
         let metadata = BTreeMap::from([

@@ -7,7 +7,7 @@
 //! - [`Dynamics`], [`Walk`]: any such model: state in, next state out, perhaps with a hidden state.
 //!   [`FeedForward`] and [`Recurrent`] are in this crate; others may come from elsewhere.
 //! - [`Transitioning`]: the transitions that are learnt from and those that are held back, split in time.
-//! - [`Trainer`], [`FeedForwardTrainer`], [`TrainingRecord`]: training by epochs, which can be put aside and resumed
+//! - [`Trainer`], [`FeedForwardTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs, which can be put aside and resumed
 //!   to the same bytes.
 //! - [`predict`], [`Prediction`], [`Ended`]: rollouts in lockstep, one matrix product for many.
 //!
@@ -37,6 +37,7 @@ mod model;
 mod predict;
 mod record;
 mod recurrent;
+mod state;
 mod train;
 mod weights;
 
@@ -46,6 +47,7 @@ pub use error::DynamicsError;
 pub use feed_forward::FeedForward;
 pub use model::{Dynamics, LANES, Walk};
 pub use predict::{Ended, PredictedStream, Prediction, predict, predict_in_lockstep};
-pub use record::{EpochLoss, Trainer, TrainingRecord, epoch_order, seed_of_parameters};
+pub use record::{EpochLoss, Trainer, TrainingRecord, seed_of_parameters};
 pub use recurrent::{GruLayer, Recurrent};
+pub use state::{TrainingState, pass};
 pub use train::FeedForwardTrainer;

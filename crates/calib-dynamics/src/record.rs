@@ -87,7 +87,7 @@ pub trait Trainer {
 }
 
 /// The order in which items are learnt from in epoch `epoch` (from 0): the same for every backend.
-pub fn epoch_order(items: impl Iterator<Item = u32>, seed: Seed, epoch: usize) -> Vec<u32> {
+pub(crate) fn epoch_order(items: impl Iterator<Item = u32>, seed: Seed, epoch: usize) -> Vec<u32> {
     let mut order: Vec<u32> = items.collect();
     seed.child("epoch").number(epoch as u64).rng().shuffle(&mut order);
     order

@@ -1,16 +1,11 @@
-use std::collections::BTreeMap;
-
 use calib_core::{Monitor, Seed};
-use calib_files::{Tensor, Tensors};
+use calib_files::Tensors;
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 
 use crate::{
-    DynamicsConfig, DynamicsError, EpochLoss, FeedForward, Trainer, TrainingRecord, Transitioning,
-    epoch_order, seed_of_parameters,
+    DynamicsConfig, DynamicsError, EpochLoss, FeedForward, Trainer, TrainingRecord, TrainingState,
+    Transitioning, pass, seed_of_parameters,
 };
-
-/// Text of a checkpoint that holds everything but arrays.
-const PROGRESS: &str = "progress";
 
 /// Fewest rows of a mini-batch of which two threads take a half each.
 const WORTH_SHARING: usize = 64;
@@ -83,22 +78,13 @@ impl<'a> FeedForwardTrainer<'a> {
         seed: Seed,
         checkpoint: &Tensors,
     ) -> Result<Self, DynamicsError> {
-        let wrong = |reason: &str| DynamicsError::Weights { reason: reason.to_owned() };
         let mut trainer = Self::new(data, config, seed);
         let count = trainer.network.parameter_count();
-        let array = |name: &str| match checkpoint.get(name) {
-            Some(found) if found.values.len() == count => Ok(found.values.clone()),
-            _ => Err(wrong("the checkpoint is of another network")),
-        };
-        let progress = checkpoint.metadata.get(PROGRESS).map(|text| serde_json::from_str(text));
-        let Some(Ok((record, powers))) = progress else {
-            return Err(wrong("the checkpoint does not say how far it went"));
-        };
-        trainer.network.parameters_mut().copy_from_slice(&array("parameters")?);
-        let (mean, square) = (array("adam.mean")?, array("adam.square")?);
-        trainer.adam = Adam::from_moments(trainer.adam.rule(), mean, square, powers);
-        trainer.kept = array("kept")?;
-        trainer.record = record;
+        let state = TrainingState::from_tensors(checkpoint, count)?;
+        trainer.network.parameters_mut().copy_from_slice(&state.parameters);
+        trainer.adam = Adam::from_moments(trainer.adam.rule(), state.moments);
+        trainer.kept = state.kept;
+        trainer.record = state.record;
         Ok(trainer)
     }
 
@@ -193,18 +179,10 @@ impl Trainer for FeedForwardTrainer<'_> {
     }
 
     fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError> {
-        let training = self.data.training();
-        let items = training.clone().map(|transition| transition as u32);
-        let order = epoch_order(items, self.seed, self.record.epochs.len());
-        let mut sum = 0.0;
-        for batch in order.chunks(self.config.batch_size) {
-            if monitor.interrupted() {
-                return Err(DynamicsError::Interrupted);
-            }
-            sum += self.update(batch) * batch.len() as f64;
-            monitor.advance(1);
-        }
-        let training = sum / training.len() as f64;
+        let items = self.data.training().map(|transition| transition as u32);
+        let epoch = (self.seed, self.record.epochs.len());
+        let batch_size = self.config.batch_size;
+        let training = pass(items, epoch, batch_size, monitor, |batch| Ok(self.update(batch)))?;
         let loss = EpochLoss { training, validation: self.validate() };
         if self.record.push(loss, &self.config)? {
             self.kept.copy_from_slice(self.network.parameters());
@@ -213,22 +191,13 @@ impl Trainer for FeedForwardTrainer<'_> {
     }
 
     fn checkpoint(&self) -> Result<Tensors, DynamicsError> {
-        let (mean, square, powers) = self.adam.moments();
-        let array = |name: &str, values: &[f32]| Tensor {
-            name: name.to_owned(),
-            shape: vec![values.len()],
-            values: values.to_vec(),
+        let state = TrainingState {
+            parameters: self.network.parameters().to_vec(),
+            kept: self.kept.clone(),
+            moments: self.adam.moments(),
+            record: self.record.clone(),
         };
-        let progress = serde_json::json!((&self.record, powers)).to_string();
-        Ok(Tensors {
-            tensors: vec![
-                array("parameters", self.network.parameters()),
-                array("kept", &self.kept),
-                array("adam.mean", mean),
-                array("adam.square", square),
-            ],
-            metadata: BTreeMap::from([(PROGRESS.to_owned(), progress)]),
-        })
+        Ok(state.into_tensors())
     }
 
     fn weights(&self) -> Result<Tensors, DynamicsError> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use calib_files::{Tensor, Tensors};
-use calib_nn::Mlp;
+use calib_nn::{Mlp, Naming};
 
 use crate::{DynamicsError, FeedForward, GruLayer, Recurrent};
 
@@ -18,53 +18,6 @@ fn wrong(reason: impl Into<String>) -> DynamicsError {
 
 fn tensor(name: String, shape: &[usize], values: Vec<f32>) -> Tensor {
     Tensor { name, shape: shape.to_vec(), values }
-}
-
-fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
-    (0..columns).flat_map(|j| (0..rows).map(move |i| values[i * columns + j])).collect()
-}
-
-/// `layers.0.weight`, `layers.0.bias` and so on.
-pub(crate) fn of_network(network: &Mlp) -> Vec<Tensor> {
-    of_parameters(network, network.parameters())
-}
-
-/// As [`of_network`], of other values in the order of the network's parameters.
-fn of_parameters(network: &Mlp, parameters: &[f32]) -> Vec<Tensor> {
-    let mut tensors = Vec::new();
-    for (number, layer) in network.layers().iter().enumerate() {
-        let weights = transposed(&parameters[layer.weights.clone()], layer.inputs, layer.outputs);
-        let shape = [layer.outputs, layer.inputs];
-        tensors.push(tensor(format!("layers.{number}.weight"), &shape, weights));
-        let bias = parameters[layer.bias.clone()].to_vec();
-        tensors.push(tensor(format!("layers.{number}.bias"), &[layer.outputs], bias));
-    }
-    tensors
-}
-
-/// The network of `layers.0.weight` and so on.
-pub(crate) fn to_network(tensors: &Tensors) -> Result<Mlp, DynamicsError> {
-    let mut sizes = Vec::new();
-    let mut parameters = Vec::new();
-    let layer = |number: usize| tensors.get(&format!("layers.{number}.weight"));
-    for (number, weight) in (0..).map_while(|number| Some((number, layer(number)?))) {
-        let &[outputs, inputs] = weight.shape.as_slice() else {
-            return Err(wrong(format!("{} has shape {:?}", weight.name, weight.shape)));
-        };
-        if inputs == 0 || outputs == 0 || sizes.last().is_some_and(|&last| last != inputs) {
-            return Err(wrong(format!("{} does not follow the layer before", weight.name)));
-        }
-        if sizes.is_empty() {
-            sizes.push(inputs);
-        }
-        sizes.push(outputs);
-        parameters.extend(transposed(&weight.values, outputs, inputs));
-        parameters.extend(values(tensors, &format!("layers.{number}.bias"))?);
-    }
-    if sizes.is_empty() {
-        return Err(wrong("there is no layers.0.weight"));
-    }
-    Mlp::from_parameters(&sizes, parameters).map_err(|error| wrong(error.to_string()))
 }
 
 fn values(tensors: &Tensors, name: &str) -> Result<Vec<f32>, DynamicsError> {
@@ -83,7 +36,7 @@ impl FeedForward {
     /// The weights: `layers.N.weight` `[outputs, inputs]` and `layers.N.bias`, as PyTorch has them.
     pub fn to_tensors(&self) -> Tensors {
         let metadata = BTreeMap::from([(KIND.to_owned(), "nn".to_owned())]);
-        Tensors { tensors: of_network(self.network()), metadata }
+        Tensors { tensors: self.network().to_tensors(Naming::Layers), metadata }
     }
 
     /// The model of [these](Self::to_tensors) weights.
@@ -92,7 +45,8 @@ impl FeedForward {
     /// If they are of another kind, or of sizes that do not agree.
     pub fn from_tensors(tensors: &Tensors) -> Result<Self, DynamicsError> {
         check_kind(tensors, "nn")?;
-        Self::new(to_network(tensors)?)
+        let network = Mlp::from_tensors(tensors, "", Naming::Layers);
+        Self::new(network.map_err(|error| wrong(error.to_string()))?)
     }
 }
 

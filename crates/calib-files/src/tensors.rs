@@ -21,6 +21,13 @@ pub struct Tensor {
     pub values: Vec<f32>,
 }
 
+impl Tensor {
+    /// An array of one dimension.
+    pub fn flat(name: impl Into<String>, values: Vec<f32>) -> Self {
+        Self { name: name.into(), shape: vec![values.len()], values }
+    }
+}
+
 /// What a safetensors file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tensors {

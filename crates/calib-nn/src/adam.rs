@@ -21,6 +21,17 @@ impl Default for AdamRule {
     }
 }
 
+/// What [`Adam`] remembers of the gradients it has seen, to be kept with a checkpoint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moments {
+    /// The mean of gradients, one a parameter.
+    pub mean: Vec<f32>,
+    /// The mean of squared gradients, one a parameter.
+    pub square: Vec<f32>,
+    /// β₁ᵗ and β₂ᵗ after t steps, which correct the bias of both.
+    pub powers: (f64, f64),
+}
+
 /// Adam with bias correction (Kingma & Ba 2015, algorithm 1, with PyTorch's place of ε):
 ///
 /// m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g²,
@@ -51,20 +62,14 @@ impl Adam {
     ///
     /// # Panics
     /// If there are not as many means as mean squares.
-    pub fn from_moments(
-        rule: AdamRule,
-        mean: Vec<f32>,
-        square: Vec<f32>,
-        powers: (f64, f64),
-    ) -> Self {
+    pub fn from_moments(rule: AdamRule, Moments { mean, square, powers }: Moments) -> Self {
         assert_eq!(mean.len(), square.len(), "both moments of every parameter");
         Self { rule, mean, square, powers }
     }
 
-    /// The means of gradients and of squared gradients, and (β₁ᵗ, β₂ᵗ): with the parameters, all that
-    /// a checkpoint must hold.
-    pub fn moments(&self) -> (&[f32], &[f32], (f64, f64)) {
-        (&self.mean, &self.square, self.powers)
+    /// What it remembers: with the parameters, all that a checkpoint must hold.
+    pub fn moments(&self) -> Moments {
+        Moments { mean: self.mean.clone(), square: self.square.clone(), powers: self.powers }
     }
 
     /// The hyperparameters.
@@ -174,9 +179,7 @@ mod tests {
         let mut first = Adam::new(AdamRule::default(), 2);
         first.step(&mut got, &[0.3, -2.0]);
         first.step(&mut [0.0, 0.0], &[0.0, 0.0]);
-        let (mean, square, powers) = first.moments();
-        let mut rest =
-            Adam::from_moments(AdamRule::default(), mean.to_vec(), square.to_vec(), powers);
+        let mut rest = Adam::from_moments(AdamRule::default(), first.moments());
         assert_eq!(rest, whole);
         whole.step(&mut expected, &[0.1, 0.2]);
         rest.step(&mut got, &[0.1, 0.2]);

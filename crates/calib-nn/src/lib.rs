@@ -3,6 +3,7 @@
 //! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters lie in
 //!   one flat vector ([`Layer`] says where), so that optimisers, copies and checkpoints are one pass.
 //! - [`Workspace`]: every buffer of a training step, allocated once.
+//! - [`Naming`], [`Mlp::to_tensors`]: parameters as other frameworks name and lay them out.
 //! - [`Matrix`], [`multiply`]: the product they consist of, for losses that need one.
 //! - [`Optimiser`]: [`Adam`] (optionally with decoupled weight decay) or [`Sgd`].
 //!
@@ -31,17 +32,17 @@
 
 mod adam;
 mod kernels;
+mod layout;
 mod mlp;
 mod optimiser;
 mod product;
-mod sequential;
 mod sgd;
 mod workspace;
 
-pub use adam::{Adam, AdamRule};
+pub use adam::{Adam, AdamRule, Moments};
+pub use layout::{LayoutError, Naming};
 pub use mlp::{Layer, Mlp, ParameterCountError};
-pub use optimiser::{Moments, Optimiser};
+pub use optimiser::Optimiser;
 pub use product::{Matrix, multiply};
-pub use sequential::{NamedParameter, SequentialError};
 pub use sgd::{Sgd, SgdRule};
 pub use workspace::Workspace;

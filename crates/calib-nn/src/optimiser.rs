@@ -1,15 +1,4 @@
-use crate::{Adam, AdamRule, Sgd, SgdRule};
-
-/// What [`Adam`] remembers of the gradients it has seen, to be kept with a checkpoint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Moments {
-    /// The mean of gradients, one a parameter.
-    pub mean: Vec<f32>,
-    /// The mean of squared gradients, one a parameter.
-    pub square: Vec<f32>,
-    /// β₁ᵗ and β₂ᵗ after t steps, which correct the bias of both.
-    pub powers: (f64, f64),
-}
+use crate::{Adam, AdamRule, Moments, Sgd, SgdRule};
 
 /// How parameters follow gradients.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,10 +19,7 @@ impl Optimiser {
     #[must_use]
     pub fn with_moments(self, moments: Moments) -> Self {
         match self {
-            Self::Adam(adam) => {
-                let Moments { mean, square, powers } = moments;
-                Self::Adam(Adam::from_moments(adam.rule(), mean, square, powers))
-            }
+            Self::Adam(adam) => Self::Adam(Adam::from_moments(adam.rule(), moments)),
             Self::Sgd(sgd) => Self::Sgd(sgd),
         }
     }
@@ -41,10 +27,7 @@ impl Optimiser {
     /// What it remembers, if it does.
     pub fn moments(&self) -> Option<Moments> {
         match self {
-            Self::Adam(adam) => {
-                let (mean, square, powers) = adam.moments();
-                Some(Moments { mean: mean.to_vec(), square: square.to_vec(), powers })
-            }
+            Self::Adam(adam) => Some(adam.moments()),
             Self::Sgd(_) => None,
         }
     }

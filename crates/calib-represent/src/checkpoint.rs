@@ -1,6 +1,7 @@
 use std::{collections::BTreeMap, fs, io, path::PathBuf};
 
 use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
+use calib_nn::Moments;
 use serde::{Deserialize, Serialize};
 
 use crate::{Point, RepresentError, Stepper};
@@ -57,16 +58,11 @@ pub(crate) fn write(
     training: &dyn Stepper,
     progress: &Progress,
 ) -> Result<(), RepresentError> {
-    let (mean, square, powers) = training.moments()?;
-    let flat = |name: &str, values: &[f32]| Tensor {
-        name: name.to_owned(),
-        shape: vec![values.len()],
-        values: values.to_vec(),
-    };
+    let Moments { mean, square, powers } = training.moments()?;
     let tensors = vec![
-        flat("mean", &mean),
-        flat("parameters", training.encoder()?.parameters()),
-        flat("square", &square),
+        Tensor::flat("mean", mean),
+        Tensor::flat("parameters", training.encoder()?.parameters().to_vec()),
+        Tensor::flat("square", square),
     ];
     let progress = Progress { key: key.clone(), done: training.done(), powers, ..progress.clone() };
     let text = serde_json::to_string(&progress).map_err(io::Error::from);
@@ -98,6 +94,6 @@ pub(crate) fn read(
         found.map(|tensor| tensor.values.clone()).ok_or_else(|| refuse(format!("`{name}`")))
     };
     let (parameters, mean, square) = (values("parameters")?, values("mean")?, values("square")?);
-    training.restore(&parameters, (mean, square, progress.powers), progress.done);
+    training.restore(&parameters, Moments { mean, square, powers: progress.powers }, progress.done);
     Ok(Some(progress))
 }

@@ -1,8 +1,8 @@
 use std::{collections::BTreeMap, path::Path};
 
 use calib_core::{States, StatesError};
-use calib_files::{Tensor, Tensors, read_tensors, write_tensors};
-use calib_nn::{Mlp, Workspace};
+use calib_files::{Tensors, read_tensors, write_tensors};
+use calib_nn::{Mlp, Naming, Workspace};
 use rayon::prelude::*;
 
 use crate::RepresentError;
@@ -82,12 +82,8 @@ pub fn write_encoder(
     encoder: &Mlp,
     metadata: BTreeMap<String, String>,
 ) -> Result<(), RepresentError> {
-    let tensors = encoder.to_sequential().into_iter().map(|parameter| Tensor {
-        name: parameter.name,
-        shape: parameter.shape,
-        values: parameter.values,
-    });
-    Ok(write_tensors(path, &Tensors { tensors: tensors.collect(), metadata })?)
+    let tensors = encoder.to_tensors(Naming::Sequential);
+    Ok(write_tensors(path, &Tensors { tensors, metadata })?)
 }
 
 /// Read what [`write_encoder`], or PyTorch, wrote.
@@ -96,10 +92,7 @@ pub fn write_encoder(
 /// If the file cannot be read, or does not hold the weights of such a network.
 pub fn read_encoder(path: &Path) -> Result<Mlp, RepresentError> {
     let content = read_tensors(path)?;
-    let parameter = |name: &str| {
-        content.get(name).map(|tensor| (tensor.shape.as_slice(), tensor.values.as_slice()))
-    };
-    Mlp::from_sequential(parameter).map_err(|error| RepresentError::Encoder {
+    Mlp::from_tensors(&content, "", Naming::Sequential).map_err(|error| RepresentError::Encoder {
         path: path.to_owned(),
         reason: error.to_string(),
     })

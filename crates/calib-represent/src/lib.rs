@@ -61,6 +61,6 @@ pub use scores::{MOST_DISTINCT, Scores, TOLERANCE, score};
 pub use section::{RepresentationConfig, RepresentationKind};
 pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;
-pub use stepper::{Moments, Stepper};
+pub use stepper::Stepper;
 pub use train::{Divergence, Point, Task, Trained, train, train_with};
 pub use training::{Batch, Training};

@@ -1,9 +1,6 @@
-use calib_nn::Mlp;
+use calib_nn::{Mlp, Moments};
 
 use crate::{RepresentError, Training};
-
-/// Means of gradients and of their squares, and (β₁ᵗ, β₂ᵗ).
-pub type Moments = (Vec<f32>, Vec<f32>, (f64, f64));
 
 /// Something that trains an encoder update by update, whatever does its arithmetic: all that [`train_with`] asks of it.
 ///
@@ -48,11 +45,10 @@ impl Stepper for Training {
     }
 
     fn moments(&self) -> Result<Moments, RepresentError> {
-        let (mean, square, powers) = self.adam.moments();
-        Ok((mean.to_vec(), square.to_vec(), powers))
+        Ok(self.adam.moments())
     }
 
-    fn restore(&mut self, parameters: &[f32], (mean, square, powers): Moments, done: usize) {
-        Self::restore(self, parameters, mean, square, powers, done);
+    fn restore(&mut self, parameters: &[f32], moments: Moments, done: usize) {
+        Self::restore(self, parameters, moments, done);
     }
 }

@@ -1,5 +1,5 @@
 use calib_core::{Seed, Segments, States};
-use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+use calib_nn::{Adam, AdamRule, Mlp, Moments, Workspace};
 
 use crate::{
     LaplacianConfig, Loss, LossBuffers, PairSampler, RepresentError, Split, laplacian_loss,
@@ -140,16 +140,9 @@ impl Training {
     }
 
     /// Go on from where another training of the same shape was after `done` updates.
-    pub(crate) fn restore(
-        &mut self,
-        parameters: &[f32],
-        mean: Vec<f32>,
-        square: Vec<f32>,
-        powers: (f64, f64),
-        done: usize,
-    ) {
+    pub(crate) fn restore(&mut self, parameters: &[f32], moments: Moments, done: usize) {
         self.encoder.parameters_mut().copy_from_slice(parameters);
-        self.adam = Adam::from_moments(self.adam.rule(), mean, square, powers);
+        self.adam = Adam::from_moments(self.adam.rule(), moments);
         self.done = done;
     }
 

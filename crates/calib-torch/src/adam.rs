@@ -1,8 +1,5 @@
-use calib_nn::AdamRule;
+use calib_nn::{AdamRule, Moments};
 use tch::{Device, TchError, Tensor, no_grad};
-
-/// Means of gradients and of their squares, and (β₁ᵗ, β₂ᵗ).
-type Moments = (Vec<f32>, Vec<f32>, (f64, f64));
 
 /// Adam over one flat vector of parameters, as [`calib_nn::Adam`] does it: one vector is few large operations, and a
 /// checkpoint is three arrays.
@@ -19,20 +16,16 @@ impl Adam {
         Self { rule, mean, square, powers: (1.0, 1.0) }
     }
 
-    pub(crate) fn from_moments(
-        rule: AdamRule,
-        mean: &[f32],
-        square: &[f32],
-        powers: (f64, f64),
-        device: Device,
-    ) -> Self {
+    pub(crate) fn from_moments(rule: AdamRule, moments: &Moments, device: Device) -> Self {
         let on = |values: &[f32]| Tensor::from_slice(values).to_device(device);
-        Self { rule, mean: on(mean), square: on(square), powers }
+        let Moments { mean, square, powers } = moments;
+        Self { rule, mean: on(mean), square: on(square), powers: *powers }
     }
 
     /// All that a checkpoint must hold, beside the parameters.
     pub(crate) fn moments(&self) -> Result<Moments, TchError> {
-        Ok((values(&self.mean)?, values(&self.square)?, self.powers))
+        let (mean, square) = (values(&self.mean)?, values(&self.square)?);
+        Ok(Moments { mean, square, powers: self.powers })
     }
 
     /// One step of `parameters` against their gradient, which is emptied.

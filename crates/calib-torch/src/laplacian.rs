@@ -1,5 +1,5 @@
-use calib_nn::{AdamRule, Mlp};
-use calib_represent::{Batch, LaplacianConfig, Moments, RepresentError, Stepper, Task, Training};
+use calib_nn::{AdamRule, Mlp, Moments};
+use calib_represent::{Batch, LaplacianConfig, RepresentError, Stepper, Task, Training};
 use tch::{Device, Kind, Tensor};
 
 use crate::{
@@ -102,14 +102,14 @@ impl Stepper for LaplacianTraining {
         Ok(encoder)
     }
 
-    fn moments(&self) -> Result<Moments, RepresentError> {
+    fn moments(&self) -> Result<RepresentError> {
         self.adam.moments().map_err(|error| failed(&error))
     }
 
-    fn restore(&mut self, parameters: &[f32], (mean, square, powers): Moments, done: usize) {
+    fn restore(&mut self, parameters: &[f32], moments: Moments, done: usize) {
         let device = self.parameters.device();
         self.parameters = leaf(parameters, device);
-        self.adam = Adam::from_moments(rule(&self.config), &mean, &square, powers, device);
+        self.adam = Adam::from_moments(rule(&self.config), &moments, device);
         self.done = done;
     }
 }

@@ -1,10 +1,10 @@
 //! What training by epochs has in common, whatever the network.
 
-use std::collections::BTreeMap;
-
 use calib_core::{Monitor, Seed};
-use calib_dynamics::{DynamicsConfig, DynamicsError, EpochLoss, TrainingRecord, epoch_order};
-use calib_files::{Tensor as Array, Tensors};
+use calib_dynamics::{
+    DynamicsConfig, DynamicsError, EpochLoss, TrainingRecord, TrainingState, pass,
+};
+use calib_files::Tensors;
 use calib_nn::AdamRule;
 use tch::{Device, Kind, TchError, Tensor, no_grad};
 
@@ -12,9 +12,6 @@ use crate::{
     TorchError,
     adam::{Adam, values},
 };
-
-/// Text of a checkpoint that holds everything but arrays.
-const PROGRESS: &str = "progress";
 
 /// A network whose parameters are one flat vector.
 pub(crate) trait Network {
@@ -60,22 +57,12 @@ impl<N: Network> Epochs<N> {
     }
 
     pub(crate) fn resume(&mut self, checkpoint: &Tensors) -> Result<(), DynamicsError> {
-        let wrong = |reason: &str| DynamicsError::Weights { reason: reason.to_owned() };
-        let count = self.kept.len();
-        let array = |name: &str| match checkpoint.get(name) {
-            Some(found) if found.values.len() == count => Ok(&found.values),
-            _ => Err(wrong("the checkpoint is of another network")),
-        };
-        let progress = checkpoint.metadata.get(PROGRESS).map(|text| serde_json::from_str(text));
-        let Some(Ok((record, powers))) = progress else {
-            return Err(wrong("the checkpoint does not say how far it went"));
-        };
+        let state = TrainingState::from_tensors(checkpoint, self.kept.len())?;
         let device = self.parameters.device();
-        self.parameters = leaf(array("parameters")?, device);
-        let (mean, square) = (array("adam.mean")?, array("adam.square")?);
-        self.adam = Adam::from_moments(rule(&self.config), mean, square, powers, device);
-        self.kept.clone_from(array("kept")?);
-        self.record = record;
+        self.parameters = leaf(&state.parameters, device);
+        self.adam = Adam::from_moments(rule(&self.config), &state.moments, device);
+        self.kept = state.kept;
+        self.record = state.record;
         Ok(())
     }
 
@@ -97,18 +84,12 @@ impl<N: Network> Epochs<N> {
     }
 
     pub(crate) fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError> {
-        let items = self.training.iter().copied();
-        let order = epoch_order(items, self.seed, self.record.epochs.len());
-        let mut sum = 0.0;
-        for batch in order.chunks(self.config.batch_size) {
-            if monitor.interrupted() {
-                return Err(DynamicsError::Interrupted);
-            }
-            sum += self.update(batch)? * batch.len() as f64;
-            monitor.advance(1);
-        }
+        let items = self.training.clone().into_iter();
+        let epoch = (self.seed, self.record.epochs.len());
+        let batch_size = self.config.batch_size;
+        let training = pass(items, epoch, batch_size, monitor, |batch| Ok(self.update(batch)?))?;
         let validation = no_grad(|| self.validate()).map_err(TorchError::from)?;
-        let loss = EpochLoss { training: sum / order.len() as f64, validation };
+        let loss = EpochLoss { training, validation };
         if self.record.push(loss, &self.config)? {
             self.kept = values(&self.parameters).map_err(TorchError::from)?;
         }
@@ -134,22 +115,13 @@ impl<N: Network> Epochs<N> {
     }
 
     pub(crate) fn checkpoint(&self) -> Result<Tensors, DynamicsError> {
-        let (mean, square, powers) = self.adam.moments().map_err(TorchError::from)?;
-        let array = |name: &str, values: Vec<f32>| Array {
-            name: name.to_owned(),
-            shape: vec![values.len()],
-            values,
+        let state = TrainingState {
+            parameters: self.parameters()?,
+            kept: self.kept.clone(),
+            moments: self.adam.moments().map_err(TorchError::from)?,
+            record: self.record.clone(),
         };
-        let progress = serde_json::json!((&self.record, powers)).to_string();
-        Ok(Tensors {
-            tensors: vec![
-                array("parameters", self.parameters()?),
-                array("kept", self.kept.clone()),
-                array("adam.mean", mean),
-                array("adam.square", square),
-            ],
-            metadata: BTreeMap::from([(PROGRESS.to_owned(), progress)]),
-        })
+        Ok(state.into_tensors())
     }
 }
 

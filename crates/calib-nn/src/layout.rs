@@ -1,0 +1,138 @@
+use calib_files::{Tensor, Tensors};
+
+use crate::{Layer, Mlp};
+
+/// How the weights and biases of the layers are called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Naming {
+    /// As `load_state_dict` of PyTorch's `Sequential(Linear, ReLU, …, Linear)` wants them: `0.weight`, `0.bias`, `2.weight`, …
+    Sequential,
+    /// `layers.0.weight`, `layers.0.bias`, `layers.1.weight`, …
+    Layers,
+}
+
+impl Naming {
+    fn name(self, layer: usize, part: &str) -> String {
+        match self {
+            Self::Sequential => format!("{}.{part}", 2 * layer),
+            Self::Layers => format!("layers.{layer}.{part}"),
+        }
+    }
+}
+
+/// Tensors are not those of a network.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// One is missing.
+    #[error("there is no `{0}`; expected a weight and a bias of every layer")]
+    Missing(String),
+    /// One has another shape.
+    #[error("`{name}` has the shape {got:?}, expected {expected}")]
+    Shape {
+        /// The tensor.
+        name: String,
+        /// Its shape.
+        got: Vec<usize>,
+        /// What it should be.
+        expected: String,
+    },
+}
+
+impl Mlp {
+    /// The parameters as PyTorch lays out `Linear`: weights `[outputs, inputs]` and biases `[outputs]`, layer by layer.
+    pub fn to_tensors(&self, naming: Naming) -> Vec<Tensor> {
+        let of_layer = |(number, layer): (usize, &Layer)| {
+            let weights = &self.parameters()[layer.weights.clone()];
+            let (inputs, outputs) = (layer.inputs, layer.outputs);
+            let weight = Tensor {
+                name: naming.name(number, "weight"),
+                shape: vec![outputs, inputs],
+                values: transposed(weights, inputs, outputs),
+            };
+            let bias = self.parameters()[layer.bias.clone()].to_vec();
+            [weight, Tensor::flat(naming.name(number, "bias"), bias)]
+        };
+        self.layers().iter().enumerate().flat_map(of_layer).collect()
+    }
+
+    /// The network of [these](Self::to_tensors) tensors, whose names may have a `prefix`; layers are counted by their names.
+    ///
+    /// # Errors
+    /// If a tensor is missing or does not fit the layer before it.
+    pub fn from_tensors(
+        tensors: &Tensors,
+        prefix: &str,
+        naming: Naming,
+    ) -> Result<Self, LayoutError> {
+        let (mut sizes, mut parameters) = (Vec::new(), Vec::new());
+        let get = |layer: usize, part: &str| {
+            let name = format!("{prefix}{}", naming.name(layer, part));
+            tensors.get(&name).ok_or(LayoutError::Missing(name))
+        };
+        for layer in 0.. {
+            let weight = match get(layer, "weight") {
+                Err(_) if layer > 0 => break,
+                found => found?,
+            };
+            let &[outputs, inputs] = weight.shape.as_slice() else {
+                return Err(misshapen(weight, "[outputs, inputs]".to_owned()));
+            };
+            let before = sizes.last().copied().unwrap_or(inputs);
+            if before != inputs || inputs * outputs == 0 || weight.values.len() != inputs * outputs
+            {
+                let expected = sizes.last().map_or("inputs".to_owned(), ToString::to_string);
+                return Err(misshapen(weight, format!("[outputs, {expected}]")));
+            }
+            let bias = get(layer, "bias")?;
+            if bias.shape != [outputs] || bias.values.len() != outputs {
+                return Err(misshapen(bias, format!("[{outputs}]")));
+            }
+            if sizes.is_empty() {
+                sizes.push(inputs);
+            }
+            sizes.push(outputs);
+            parameters.extend(transposed(&weight.values, outputs, inputs));
+            parameters.extend_from_slice(&bias.values);
+        }
+        Ok(Self::from_parameters(&sizes, parameters)
+            .unwrap_or_else(|_| unreachable!("the parameters were collected by these sizes")))
+    }
+}
+
+/// `[rows, columns]` as `[columns, rows]`.
+fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+    (0..columns).flat_map(|j| (0..rows).map(move |i| values[i * columns + j])).collect()
+}
+
+fn misshapen(tensor: &Tensor, expected: String) -> LayoutError {
+    LayoutError::Shape { name: tensor.name.clone(), got: tensor.shape.clone(), expected }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Seed;
+
+    use super::*;
+
+    fn read(tensors: &[Tensor]) -> Result<Mlp, LayoutError> {
+        let content = Tensors { tensors: tensors.to_vec(), ..Tensors::default() };
+        Mlp::from_tensors(&content, "", Naming::Sequential)
+    }
+
+    #[test]
+    fn networks_come_back_from_pytorchs_layout() {
+        let network = Mlp::new(&[3, 4, 2], Seed::new(1));
+        let mut named = network.to_tensors(Naming::Sequential);
+        let names: Vec<&str> = named.iter().map(|parameter| &parameter.name[..]).collect();
+        assert_eq!(names, ["0.weight", "0.bias", "2.weight", "2.bias"]);
+        assert_eq!(named[0].shape, [4, 3]);
+        // PyTorch: output o from input i is weight[o, i]; ours is weight[i, o].
+        assert_eq!(named[0].values[2 * 3 + 1], network.parameters()[4 + 2]);
+        assert_eq!(read(&named), Ok(network));
+        named[2].shape = vec![2, 5];
+        let error = read(&named).expect_err("misshapen").to_string();
+        assert!(error.contains("`2.weight`") && error.contains("[outputs, 4]"), "{error}");
+        assert!(read(&[]).expect_err("nothing").to_string().contains("`0.weight`"));
+        assert!(read(&named[..1]).expect_err("no bias").to_string().contains("`0.bias`"));
+    }
+}
