@@ -102,7 +102,7 @@ impl Stepper for LaplacianTraining {
         Ok(encoder)
     }
 
-    fn moments(&self) -> Result<RepresentError> {
+    fn moments(&self) -> Result<Moments, RepresentError> {
         self.adam.moments().map_err(|error| failed(&error))
     }
 
