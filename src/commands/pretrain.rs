@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context as _, bail};
 use calib_agent::{
     AgentConfig, Epoch, Learner, Pretrained, Pretraining, PretrainingDiverged, StateFile,
-    parameter_count, pretrain,
+    parameter_count, pretrain, pretraining_bytes,
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
@@ -20,6 +20,7 @@ use crate::{
     cli::StudyArgs,
     clock::Stopwatch,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, duration, significant, table},
     study::{Study, StudyPaths},
 };
@@ -175,6 +176,14 @@ fn announce(
         count(parts.dataset.train.rows()),
         span(&parts.dataset.train)?,
     ));
+    let memory = pretraining_bytes(
+        &study.agent,
+        study.pretrain.settings(),
+        missing,
+        width,
+        part.frames.rows(),
+        rayon::current_num_threads(),
+    );
     printer.say(&format!(
         "{} of {} agents left to train, {} parameters each, at most {} epochs; \
          expecting {} of memory beside the states and {} on disk",
@@ -182,10 +191,18 @@ fn announce(
         wanted.len(),
         count(parameters),
         count(study.pretrain.epochs),
-        bytes((parameters * 4 * 6 * wanted.len()) as u64),
+        bytes(memory),
         bytes((parameters * 4 * 3 * wanted.len()) as u64),
     ));
-    Ok(())
+    match memory::available() {
+        Some(available) if missing > 0 && memory > available => bail!(
+            "pre-training may take {} beside the states and {} are available; use fewer --threads or sensors, \
+             a smaller agent.hidden_units, or a larger preprocess.subsample",
+            bytes(memory),
+            bytes(available)
+        ),
+        _ => Ok(()),
+    }
 }
 
 fn train(

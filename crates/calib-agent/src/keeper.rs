@@ -16,7 +16,7 @@ pub trait Keeper {
     ///
     /// # Errors
     /// Why it cannot be kept, for the user.
-    fn keep(&self, state: &RunState) -> Result<(), String>;
+    fn keep(&self, state: RunState) -> Result<(), String>;
 }
 
 /// Keeps nothing: for short runs, and for tests.
@@ -32,7 +32,7 @@ impl Keeper for NoKeeper {
         None
     }
 
-    fn keep(&self, _state: &RunState) -> Result<(), String> {
+    fn keep(&self, _state: RunState) -> Result<(), String> {
         Ok(())
     }
 }

@@ -17,7 +17,7 @@
 //! - [`StateFile`]: unfinished training in a file.
 //! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
 //! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
-//! - [`training_bytes`]: the memory that a training takes.
+//! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
 //! - [`discounted_returns`], [`truncation_horizon`]: the Monte-Carlo returns that predictions are held to.
 
 mod config;
@@ -48,7 +48,7 @@ pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
 pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
-pub use memory::training_bytes;
+pub use memory::{pretraining_bytes, training_bytes};
 pub use outcome::RunOutcome;
 pub use pretrain::{
     Epoch, PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain,

@@ -1,5 +1,6 @@
 use crate::{
-    AgentConfig, ReplayKind, ValueFunction, layer_sizes, parameter_count, population::can_share,
+    AgentConfig, PretrainSettings, ReplayKind, ValueFunction, layer_sizes, parameter_count,
+    population::can_share,
 };
 
 /// Bytes that [`train_learners`](crate::train_learners) takes at most beside the stream, if each of `agents`
@@ -9,7 +10,7 @@ use crate::{
 /// so the largest counts):
 ///
 /// - for each agent and sensor: parameters, two moments (Adam) and a target network, if any, 4 bytes each, and
-///   once more while the state of a long run is kept;
+///   twice more while the state of a long run is written;
 /// - for the population: a mini-batch of s and s' with its activations and their gradients, 4 bytes each;
 ///   the states with traces, if any, 4 bytes each; returns, 8 bytes a step and sensor; the replay buffer, which
 ///   is a list of step numbers, 4 bytes a step.
@@ -21,6 +22,34 @@ pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, stat
     agents.iter().map(population).max().unwrap_or(0)
 }
 
+/// Bytes that [`pretrain`](crate::pretrain) takes at most beside the stream, with one `agent` for each of `sensors`
+/// columns of a stream of `states` states of `width` values, on `threads` threads:
+///
+/// - for each agent: parameters and moments and what is written of them at the end of an epoch, with the best epoch's
+///   where it may stop early, 4 bytes each;
+/// - for each thread: a mini-batch with its activations, as in [`training_bytes`], and values of the longest
+///   piece that validates, 4 bytes a state;
+/// - two lists of transitions, in time order and shuffled, 8 bytes each; the states with traces, if any.
+pub fn pretraining_bytes(
+    agent: &AgentConfig,
+    PretrainSettings { patience, validation_fraction, .. }: PretrainSettings,
+    sensors: usize,
+    width: usize,
+    states: usize,
+    threads: usize,
+) -> u64 {
+    let seen = agent.seen_width(width);
+    let parameters = parameter_count(agent, seen);
+    let target = usize::from(agent.target_network_period > 0);
+    let best = if patience > 0 { 3 } else { 0 };
+    let own = 3 * (3 + target + best) * parameters;
+    let validated = (states as f64 * validation_fraction).ceil() as usize;
+    let groups = threads.min(sensors);
+    let work = batch_work(agent, agent.batch_size, sensors.div_ceil(groups.max(1)), seen);
+    let traced = if agent.traces.is_empty() { 0 } else { states * seen };
+    4 * (sensors * own + groups * (work + validated) + traced) as u64 + 16 * states as u64
+}
+
 fn population_bytes(
     agent: &AgentConfig,
     size: usize,
@@ -29,24 +58,30 @@ fn population_bytes(
     states: usize,
 ) -> u64 {
     let seen = agent.seen_width(width);
-    let sizes = layer_sizes(agent, seen);
     let parameters = parameter_count(agent, seen);
     let target = usize::from(agent.target_network_period > 0);
-    // Parameters and two moments, twice.
-    let own = (6 + target) * parameters;
+    // The copy that is written, and its bytes.
+    let own = 3 * (3 + target) * parameters;
     let batch = match agent.replay {
         ReplayKind::Uniform => agent.batch_size,
         ReplayKind::None => 1,
     };
-    let rows = 2 * batch + 1;
-    let widest = sizes.iter().skip(1).max().copied().unwrap_or(1);
-    let work = match agent.value_function {
-        ValueFunction::Mlp => rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters,
-        ValueFunction::Linear => size * parameters,
-    };
+    let work = batch_work(agent, batch, size, seen);
     let traced = if agent.traces.is_empty() { 0 } else { states * seen };
     let buffer = if agent.replay == ReplayKind::Uniform { states } else { 0 };
     4 * (size * own + work + traced + buffer) as u64 + 8 * (states * sensors) as u64
+}
+
+/// Values of a mini-batch of s and s', its activations and gradients, for a population of `size` agents.
+fn batch_work(agent: &AgentConfig, batch: usize, size: usize, seen: usize) -> usize {
+    let sizes = layer_sizes(agent, seen);
+    let parameters = parameter_count(agent, seen);
+    let rows = 2 * batch + 1;
+    let widest = sizes.iter().skip(1).max().copied().unwrap_or(1);
+    match agent.value_function {
+        ValueFunction::Mlp => rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters,
+        ValueFunction::Linear => size * parameters,
+    }
 }
 
 #[cfg(test)]
@@ -54,19 +89,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn pre_training_grows_with_what_is_kept() {
+        let agent = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
+        let settings = PretrainSettings { epochs: 1, patience: 0, validation_fraction: 0.1 };
+        let of = |settings, sensors, threads| {
+            pretraining_bytes(&agent, settings, sensors, 10, 1000, threads)
+        };
+        let work = 9 * (27 + 16) + 169;
+        let one = 4 * (9 * 169 + work + 100) + 16_000;
+        assert_eq!(of(settings, 1, 2), one, "no more threads than agents");
+        assert_eq!(of(settings, 2, 2), one + 4 * (9 * 169 + work + 100));
+        assert_eq!(of(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
+    }
+
+    #[test]
     fn the_largest_population_counts() {
         let small = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
         let of = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
         // 10 · 8 + 8 + 8 · 8 + 8 + 8 + 1 = 169 parameters; 9 rows of 10 + 8 + 8 + 1 values and two of 8.
-        let expected = 4 * (6 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
+        let expected = 4 * (9 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
         assert_eq!(of(std::slice::from_ref(&small)), expected);
         let faster = AgentConfig { learning_rate: 0.5, ..small.clone() };
-        assert_eq!(of(&[small.clone(), faster]), expected + 4 * 6 * 169, "in one population");
+        assert_eq!(of(&[small.clone(), faster]), expected + 4 * 9 * 169, "in one population");
         let other = AgentConfig { gamma: 0.5, ..small.clone() };
         assert_eq!(of(&[small.clone(), other]), expected, "one after the other");
         let traced = AgentConfig { traces: vec![0.9], ..small.clone() };
         assert!(of(&[traced]) > expected + 4 * 20 * 1000);
         let sensors = training_bytes(&[small], 3, 10, 1000);
-        assert_eq!(sensors, expected + 2 * (4 * 6 * 169 + 8 * 1000));
+        assert_eq!(sensors, expected + 2 * (4 * 9 * 169 + 8 * 1000));
     }
 }

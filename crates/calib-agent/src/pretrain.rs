@@ -303,7 +303,7 @@ impl<'a> PretrainRun<'a> {
         values.extend(
             best.filter_map(|(learner, best)| Some((count + learner, best.as_ref()?.into()))),
         );
-        file.write(&(self.epochs, &self.courses), &values)
+        file.write(&(self.epochs, &self.courses), values)
             .map_err(|error| AgentError::Keep(error.to_string()))
     }
 

@@ -69,23 +69,18 @@ impl StateFile {
     pub fn write<P: Serialize>(
         &self,
         progress: &P,
-        values: &[(usize, ValueState)],
+        values: Vec<(usize, ValueState)>,
     ) -> Result<(), FileError> {
         let mut tensors = Vec::new();
         let mut scalars = Vec::new();
         for (number, ValueState { checkpoint, target, updates }) in values {
-            let moments = checkpoint.moments.as_ref();
-            let powers = moments.map(|moments| moments.powers);
-            scalars.push(Scalars { number: *number, updates: *updates, powers });
-            let parts = [
-                Some(&checkpoint.parameters),
-                moments.map(|moments| &moments.mean),
-                moments.map(|moments| &moments.square),
-                target.as_ref(),
-            ];
-            for (part, values) in PARTS.iter().zip(parts) {
+            let Checkpoint { parameters, moments } = checkpoint;
+            let powers = moments.as_ref().map(|moments| moments.powers);
+            let (mean, square) = moments.map(|Moments { mean, square, .. }| (mean, square)).unzip();
+            scalars.push(Scalars { number, updates, powers });
+            for (part, values) in PARTS.iter().zip([Some(parameters), mean, square, target]) {
                 let name = format!("{number}.{part}");
-                tensors.extend(values.map(|values| Tensor::flat(name, values.clone())));
+                tensors.extend(values.map(|values| Tensor::flat(name, values)));
             }
         }
         let metadata = BTreeMap::from([
@@ -129,7 +124,7 @@ mod tests {
         ];
         let progress = (5, 0.1_f64 + 0.2);
         assert_eq!(file("a").read::<(i32, f64)>(), None);
-        file("a").write(&progress, &values).expect("written");
+        file("a").write(&progress, values.clone()).expect("written");
         assert_eq!(file("a").read(), Some((progress, values)));
         assert_eq!(file("b").read::<(i32, f64)>(), None);
         file("a").remove();

@@ -143,7 +143,7 @@ pub fn train_learners(
                     let values = population.values().map(|(agent, of)| (members[agent], of));
                     let progress = RunProgress { populations: number, step, trackers };
                     let state = RunState { progress, values: values.collect() };
-                    keeper.keep(&state).map_err(AgentError::Keep)?;
+                    keeper.keep(state).map_err(AgentError::Keep)?;
                     work = 0;
                 }
                 work += work_per_step;

@@ -2,9 +2,10 @@ use std::ops::Range;
 
 use calib_core::Stream;
 
-use crate::{Epoch, discounted_returns, scoring::known_returns};
+use crate::{Epoch, scoring::known_returns};
 
-/// The held-back transitions of one sensor, and the returns that values are held to there.
+/// The held-back transitions of one sensor. The returns that values are held to are summed anew each epoch: it costs
+/// nothing beside the predictions, and years of them need no memory.
 pub(crate) struct Validation {
     cumulant: usize,
     gamma: f64,
@@ -12,7 +13,6 @@ pub(crate) struct Validation {
     stretches: Vec<Range<usize>>,
     /// Steps of each stretch whose returns are known.
     known: Vec<Range<usize>>,
-    returns: Vec<f64>,
 }
 
 impl Validation {
@@ -32,8 +32,7 @@ impl Validation {
                 (cut(piece), known.start.max(first).min(known.end)..known.end)
             })
             .unzip();
-        let returns = discounted_returns(stream, cumulant, gamma);
-        Self { cumulant, gamma, stretches, known, returns }
+        Self { cumulant, gamma, stretches, known }
     }
 
     /// The epoch of a learner whose values of some steps `predict` appends.
@@ -50,17 +49,19 @@ impl Validation {
         for (stretch, known) in self.stretches.iter().zip(&self.known) {
             values.clear();
             predict(stretch.clone(), &mut values);
-            for (t, pair) in stretch.clone().zip(values.windows(2)) {
+            // From the end of the piece, so that G_t = o_{t+1} + γ G_{t+1} follows from the step before.
+            let mut following = 0.0;
+            for (t, pair) in stretch.clone().zip(values.windows(2)).rev() {
                 let observed = f64::from(stream.state(t + 1)[self.cumulant]);
                 let error = observed + self.gamma * f64::from(pair[1]) - f64::from(pair[0]);
                 loss += error * error;
                 transitions += 1;
-            }
-            for t in known.clone() {
-                let value = f64::from(values[t - stretch.start]);
-                squares += (value - self.returns[t]).powi(2);
-                sum += self.returns[t];
-                steps += 1;
+                following = observed + self.gamma * following;
+                if known.contains(&t) {
+                    squares += (f64::from(pair[0]) - following).powi(2);
+                    sum += following;
+                    steps += 1;
+                }
             }
         }
         let rmse = (steps > 0).then(|| (squares / steps as f64).sqrt());

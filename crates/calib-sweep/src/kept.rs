@@ -40,7 +40,7 @@ impl Keeper for KeptRun {
         self.file.read().map(|(progress, values)| RunState { progress, values })
     }
 
-    fn keep(&self, state: &RunState) -> Result<(), String> {
-        self.file.write(&state.progress, &state.values).map_err(|error| error.to_string())
+    fn keep(&self, state: RunState) -> Result<(), String> {
+        self.file.write(&state.progress, state.values).map_err(|error| error.to_string())
     }
 }

@@ -112,11 +112,11 @@ impl Keeper for Memory {
         self.states.borrow().last().cloned()
     }
 
-    fn keep(&self, state: &RunState) -> Result<(), String> {
+    fn keep(&self, state: RunState) -> Result<(), String> {
         // As a file would: figures as text.
         let text = serde_json::to_string(&state.progress).expect("plain data");
         let progress = serde_json::from_str(&text).expect("reads");
-        self.states.borrow_mut().push(RunState { progress, values: state.values.clone() });
+        self.states.borrow_mut().push(RunState { progress, ..state });
         Ok(())
     }
 }
