@@ -49,6 +49,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
+    /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
+    Run(StudyArgs),
     /// Train or import representations of the states, score them, and choose one
     Represent(RepresentArgs),
     /// Build the ensemble of nearest-neighbour calibration models
@@ -188,50 +190,61 @@ pub(crate) struct QuickstartArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct SimulateArgs {
-    /// Where the day files go
-    pub(crate) directory: PathBuf,
-    /// Days to simulate; the last may be a part of one
-    #[arg(long, default_value_t = 7.0)]
-    pub(crate) days: f64,
-    /// Sensor channels (at least 3)
-    #[arg(long, default_value_t = 480)]
-    pub(crate) channels: usize,
-    /// Seconds between samples
-    #[arg(long, value_name = "SECS", default_value_t = 1.0)]
-    pub(crate) period: f64,
-    /// First day, such as 2022-11-01
-    #[arg(long, value_name = "DATE", default_value = "2022-11-01")]
-    pub(crate) start: String,
-    /// Root of all randomness
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Factor on the slow drift of the instruments
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
-    pub(crate) drift: f64,
-    /// Factor on the white noise of the instruments
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
-    pub(crate) noise: f64,
-    /// Mean rate of turbidity bursts
-    #[arg(long, default_value_t = 6.0, value_name = "RATE")]
-    pub(crate) storms_per_day: f64,
-    /// Expected share of missing values of a healthy channel
-    #[arg(long, default_value_t = 0.001, value_name = "SHARE")]
-    pub(crate) missing_fraction: f64,
-    /// Mean rate of outages of the whole historian
-    #[arg(long, default_value_t = 0.5, value_name = "RATE")]
-    pub(crate) gaps_per_day: f64,
-    /// Mean rate, per channel, of periods with a frozen value
-    #[arg(long, default_value_t = 0.02, value_name = "RATE")]
-    pub(crate) stuck_per_day: f64,
-    /// Mean rate of rows written twice
-    #[arg(long, default_value_t = 0.0, value_name = "RATE")]
-    pub(crate) duplicates_per_day: f64,
+    /// Where the day files go; or a study file, whose [simulate] says what to write to its data.path
+    #[arg(value_name = "DIRECTORY or STUDY")]
+    pub(crate) target: PathBuf,
+    #[command(flatten)]
+    pub(crate) plant: PlantArgs,
+    /// Override a key of the study, such as `simulate.days=2`; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
     /// Write all days again, also those that exist
     #[arg(long)]
     pub(crate) force: bool,
     /// Print what was written as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// The plant, where no study describes it.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+pub(crate) struct PlantArgs {
+    /// Days to simulate; the last may be a part of one [default: 7]
+    #[arg(long)]
+    pub(crate) days: Option<f64>,
+    /// Sensor channels (at least 3) [default: 480]
+    #[arg(long)]
+    pub(crate) channels: Option<usize>,
+    /// Seconds between samples [default: 1]
+    #[arg(long, value_name = "SECS")]
+    pub(crate) period: Option<f64>,
+    /// First day [default: 2022-11-01]
+    #[arg(long, value_name = "DATE")]
+    pub(crate) start: Option<String>,
+    /// Root of all randomness [default: 0]
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
+    /// Factor on the slow drift of the instruments [default: 1]
+    #[arg(long, value_name = "FACTOR")]
+    pub(crate) drift: Option<f64>,
+    /// Factor on the white noise of the instruments [default: 1]
+    #[arg(long, value_name = "FACTOR")]
+    pub(crate) noise: Option<f64>,
+    /// Mean rate of turbidity bursts [default: 6]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) storms_per_day: Option<f64>,
+    /// Expected share of missing values of a healthy channel [default: 0.001]
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) missing_fraction: Option<f64>,
+    /// Mean rate of outages of the whole historian [default: 0.5]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) gaps_per_day: Option<f64>,
+    /// Mean rate, per channel, of periods with a frozen value [default: 0.02]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) stuck_per_day: Option<f64>,
+    /// Mean rate of rows written twice [default: 0]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) duplicates_per_day: Option<f64>,
 }
 
 #[derive(Debug, Args)]

@@ -52,7 +52,8 @@ fn message(error: &anyhow::Error) -> String {
     })
 }
 
-fn was_interrupted(error: &anyhow::Error) -> bool {
+/// Whether it is no error but the user's wish.
+pub(crate) fn was_interrupted(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.is::<Interrupted>()
             || matches!(cause.downcast_ref(), Some(DataError::Interrupted))

@@ -16,6 +16,7 @@ use super::{
     model::Model,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     partition::{self, span},
+    plant_of_study,
     represent::{self, Representation},
 };
 use crate::{
@@ -44,7 +45,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
         bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
     }
     let directory = paths.model();
-    let data = study.data_to_read(&paths)?;
+    let data = plant_of_study::data(&study, &paths)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
     let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
     let config =
@@ -94,7 +95,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     } else {
         summarise(&manifest, &directory, built, clock, printer)?;
     }
-    printer.say(&format!("next: {} or {}", paths.command("rollout"), paths.command("sweep")));
+    printer.next(&format!("{} or {}", paths.command("rollout"), paths.command("sweep")));
     Ok(status)
 }
 

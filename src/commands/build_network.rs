@@ -13,7 +13,7 @@ use super::{
     artefact::{self, Below, Claim, TOOL},
     build_model::{fingerprints, up_to_date},
     model_files::{self, MemberSummary, ModelManifest},
-    partition, train_model,
+    partition, plant_of_study, train_model,
 };
 use crate::{
     cli::BuildModelArgs,
@@ -36,7 +36,10 @@ pub(super) fn run(
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
     let directory = paths.model();
-    printer.say(&format!("build-model: reading {}", study.data_to_read(paths)?.path.0.join(", ")));
+    printer.say(&format!(
+        "build-model: reading {}",
+        plant_of_study::data(study, paths)?.path.0.join(", ")
+    ));
     let dataset = partition::load(study, paths, printer)?.dataset;
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let key = train_model::key(&dataset.fingerprint, study, paths)?;
@@ -62,7 +65,7 @@ pub(super) fn run(
         let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
         printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
     }
-    printer.say(&format!("next: {} or {}", paths.command("rollout"), paths.command("sweep")));
+    printer.next(&format!("{} or {}", paths.command("rollout"), paths.command("sweep")));
     Ok(ExitStatus::Done)
 }
 

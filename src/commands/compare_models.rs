@@ -44,10 +44,12 @@ impl Model {
     }
 }
 
-/// Judge the finished sweeps of the models called `names`, each by itself and all in one report.
+/// Judge the finished sweeps of the models called `names`, each by itself and all in one report, which warns of those
+/// that were `left_out`.
 pub(super) fn run(
     args: &StudyArgs,
     names: &[String],
+    left_out: &[String],
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     // The study without any model says where the common results lie.
@@ -72,7 +74,8 @@ pub(super) fn run(
             other => ended = other,
         }
     }
-    let whole = whole(&study, &paths, args, &models);
+    let mut whole = whole(&study, &paths, args, &models);
+    whole.warnings.extend_from_slice(left_out);
     let comparison = show(&models);
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     let title = whole.title.clone();

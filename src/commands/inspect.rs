@@ -1,5 +1,6 @@
 use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
 
+use super::plant_of_study;
 use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
@@ -35,7 +36,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
         let (study, paths) = Study::load(&args.data, &args.set, None)?;
-        return Ok((study.data_to_read(&paths)?, study.preprocess));
+        return Ok((plant_of_study::data(&study, &paths)?, study.preprocess));
     } else {
         Study::of_data(&args.data, &args.set)?
     };

@@ -4,6 +4,7 @@ mod artefact;
 mod build_model;
 mod build_network;
 mod build_plan;
+mod chain;
 mod collapse;
 mod compare_models;
 mod comparison;
@@ -17,12 +18,14 @@ mod learning;
 mod model;
 mod model_files;
 mod partition;
+mod plant_of_study;
 mod pretrain;
 mod pretrain_files;
 mod quickstart;
 mod report;
 mod represent;
 mod rollout;
+
 mod series;
 mod simulate;
 mod starts;
@@ -57,6 +60,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
+        Command::Run(args) => chain::run(&args, printer),
         Command::Represent(args) => each_model(&args.study, printer, |study_args, which| {
             // Of several models some search among the states themselves.
             let (study, _) = load_study(study_args)?;
@@ -76,7 +80,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Sweep(args) => each_model(&args, printer, |args, _| sweep::run(args, printer)),
         Command::Evaluate(args) => match several(&args)?.as_slice() {
             [] => evaluate::run(&args, printer),
-            names => compare_models::run(&args, names, printer),
+            names => compare_models::run(&args, names, &[], printer),
         },
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),

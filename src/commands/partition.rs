@@ -7,6 +7,7 @@ use calib_core::{Frames, Timestamp};
 use calib_data::{Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
 
+use super::plant_of_study;
 use crate::{
     output::Printer,
     study::{Partition, Study, StudyPaths},
@@ -29,7 +30,7 @@ pub(super) struct PretrainPart {
 
 /// Read the log of a study and divide its training range if agents are pre-trained.
 pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<Parts> {
-    let data = study.data_to_read(paths)?;
+    let data = plant_of_study::data(study, paths)?;
     parts(study, calib_data::load(&data, &study.preprocess, &printer.progress())?)
 }
 

@@ -252,7 +252,7 @@ fn finish(
         let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
         printer.result(&table(&header, &rows))?;
     }
-    printer.say(&format!("next: {} or {}", paths.command("build-model"), paths.command("sweep")));
+    printer.next(&format!("{} or {}", paths.command("build-model"), paths.command("sweep")));
     Ok(())
 }
 

@@ -1,15 +1,12 @@
 use std::path::Path;
 
-use calib_core::Seed;
 use calib_files::write_atomically;
-use calib_plant::PlantOptions;
 
-use super::{build_model, evaluate, rollout, simulate, sweep};
+use super::chain;
 use crate::{
-    cli::{BuildModelArgs, QuickstartArgs, StudyArgs},
-    clock::Stopwatch,
+    cli::{QuickstartArgs, StudyArgs},
     exit::ExitStatus,
-    output::{Printer, duration},
+    output::Printer,
 };
 
 /// The study that quickstart runs; `configs/quickstart.toml` in the repository.
@@ -17,35 +14,21 @@ const STUDY: &str = include_str!("../../configs/quickstart.toml");
 
 /// Simulate a plant, run the whole chain on it, and leave everything in a directory.
 pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    let clock = Stopwatch::start();
     let directory = &args.directory;
     printer.heading("calib quickstart: two days of a simulated plant, from its logs to a verdict");
     let study = write_study(directory, args.seed)?;
-    let plant =
-        PlantOptions { channels: 64, seed: Seed::new(args.seed), ..PlantOptions::default() };
-    simulate::simulate(&directory.join("data"), plant, false, printer)?;
-    let args_for = |json: bool| StudyArgs {
+    let args = StudyArgs {
         study: study.clone(),
         set: Vec::new(),
         model: None,
         output: None,
         force: false,
         dry_run: false,
-        json,
+        json: args.json,
     };
-    // Only the verdict is the result of this command; the steps before it just report.
-    let steps = printer.talking();
-    steps.heading("1. build-model");
-    build_model::run(&BuildModelArgs::new(args_for(false), 100), &steps)?;
-    steps.heading("2. rollout");
-    rollout::run(&args_for(false), &steps)?;
-    steps.heading("3. sweep");
-    sweep::run(&args_for(false), &steps)?;
-    printer.heading("4. evaluate");
-    let status = evaluate::run(&args_for(args.json), printer)?;
+    let status = chain::run(&args, printer)?;
     printer.say(&format!(
-        "done in {}. Open the report in a browser; then copy {} and point it at your own logs.",
-        duration(clock.elapsed()),
+        "Open the report in a browser; then copy {}, point its data.path at your own logs, and remove [simulate].",
         study.display(),
     ));
     Ok(status)
@@ -54,7 +37,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
 /// Leave the study file beside the data, as a start for the user's own.
 fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf> {
     let path = directory.join("study.toml");
-    let text = STUDY.replacen("seed = 0", &format!("seed = {seed}"), 1);
+    let text = STUDY.replace("seed = 0", &format!("seed = {seed}"));
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => return Ok(path),
         Ok(_) => anyhow::bail!(

@@ -103,7 +103,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         ))?;
         summarise(&manifest, &study, printer)?;
     }
-    printer.say(&format!("next: {}", paths.command("sweep")));
+    printer.next(&paths.command("sweep"));
     Ok(ExitStatus::Done)
 }
 

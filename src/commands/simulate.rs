@@ -1,19 +1,26 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
-use calib_core::{Monitor as _, Period, Seed, Timestamp};
+use anyhow::{Context as _, bail, ensure};
+use calib_core::{Monitor as _, Timestamp};
 use calib_data::{Moment, table::write_log};
 use calib_files::{read_json, write_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use serde::{Deserialize, Serialize};
 
-use super::artefact::{Below, Claim, TOOL};
+use super::{
+    artefact::{Below, Claim, TOOL},
+    plant_of_study,
+};
 use crate::{
-    cli::SimulateArgs,
+    cli::{PlantArgs, SimulateArgs},
     clock::Stopwatch,
     exit::{ExitStatus, Interrupted},
     output::{Printer, bytes, count, duration},
+    study::SimulateConfig,
 };
+
+/// The file that says what the day files beside it were made from.
+const SIMULATION: &str = "simulation.json";
 
 /// `simulation.json`: what the day files beside it were made from, and the truth about each channel.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -32,48 +39,66 @@ pub(super) struct Simulated {
     written: usize,
 }
 
+impl Simulated {
+    /// What there is now, in words.
+    pub(super) fn line(&self) -> String {
+        format!(
+            "{} day files of {} channels in {} ({} written, {} already there)",
+            self.files.len(),
+            count(self.channels),
+            self.directory.display(),
+            self.written,
+            self.files.len() - self.written,
+        )
+    }
+}
+
 /// Simulate a plant and write one Parquet file a day.
 pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let simulated = simulate(&args.directory, options(args)?, args.force, printer)?;
+    let is_study = args.target.extension().is_some_and(|extension| extension == "toml");
+    let (directory, options, next) = if is_study {
+        plant_of_study::described(args)?
+    } else {
+        ensure!(
+            args.set.is_empty(),
+            "--set changes a study, and {} is a folder; give the options of the plant, such as --days",
+            args.target.display()
+        );
+        let next = format!("calib inspect {}", args.target.display());
+        (args.target.clone(), config(&args.plant)?.plant()?, next)
+    };
+    let simulated = simulate(&directory, options, args.force, printer)?;
     if args.json {
         printer.json(&simulated)?;
     } else {
-        printer.result(&format!(
-            "{} day files of {} channels in {} ({} written, {} already there) in {}",
-            simulated.files.len(),
-            count(simulated.channels),
-            simulated.directory.display(),
-            simulated.written,
-            simulated.files.len() - simulated.written,
-            duration(clock.elapsed()),
-        ))?;
+        printer.result(&format!("{} in {}", simulated.line(), duration(clock.elapsed())))?;
     }
-    printer.say(&format!("next: calib inspect {}", args.directory.display()));
+    printer.next(&next);
     Ok(ExitStatus::Done)
 }
 
-fn options(args: &SimulateArgs) -> anyhow::Result<PlantOptions> {
-    let start = Moment::new(&args.start).map_err(|reason| anyhow::anyhow!("--start: {reason}"))?;
-    let period = Period::from_secs(args.period).with_context(|| {
-        format!("--period must be a positive number of seconds, got {}", args.period)
-    })?;
-    let options = PlantOptions {
-        channels: args.channels,
-        days: args.days,
-        period,
-        start: start.instant(),
-        seed: Seed::new(args.seed),
-        drift: args.drift,
-        noise: args.noise,
-        storms_per_day: args.storms_per_day,
-        missing_fraction: args.missing_fraction,
-        gaps_per_day: args.gaps_per_day,
-        stuck_per_day: args.stuck_per_day,
-        duplicates_per_day: args.duplicates_per_day,
-    };
-    options.validate()?;
-    Ok(options)
+/// What was typed, and the defaults for the rest.
+fn config(args: &PlantArgs) -> anyhow::Result<SimulateConfig> {
+    let defaults = SimulateConfig::default();
+    let start = args
+        .start
+        .as_ref()
+        .map(|start| Moment::new(start).map_err(|reason| anyhow::anyhow!("--start: {reason}")));
+    Ok(SimulateConfig {
+        days: args.days.unwrap_or(defaults.days),
+        channels: args.channels.unwrap_or(defaults.channels),
+        period_secs: args.period.unwrap_or(defaults.period_secs),
+        start: start.transpose()?.unwrap_or(defaults.start),
+        seed: args.seed.unwrap_or(defaults.seed),
+        drift: args.drift.unwrap_or(defaults.drift),
+        noise: args.noise.unwrap_or(defaults.noise),
+        storms_per_day: args.storms_per_day.unwrap_or(defaults.storms_per_day),
+        missing_fraction: args.missing_fraction.unwrap_or(defaults.missing_fraction),
+        gaps_per_day: args.gaps_per_day.unwrap_or(defaults.gaps_per_day),
+        stuck_per_day: args.stuck_per_day.unwrap_or(defaults.stuck_per_day),
+        duplicates_per_day: args.duplicates_per_day.unwrap_or(defaults.duplicates_per_day),
+    })
 }
 
 /// Write the days of a plant that are not there yet. A day file is there as a whole or not at all,
@@ -128,9 +153,44 @@ pub(super) fn simulate(
     Ok(simulated)
 }
 
+/// What lies where the log of a plant should be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    /// All of it.
+    Whole,
+    /// Nothing, or a part of it.
+    Unfinished,
+    /// The log of another plant.
+    Another,
+    /// Parquet files that no simulation wrote.
+    NotSimulated,
+}
+
+/// Whether `directory` has the log of this plant.
+pub(super) fn find(directory: &Path, options: &PlantOptions) -> anyhow::Result<Found> {
+    let found = match read_json::<Simulation>(&directory.join(SIMULATION)) {
+        Ok(found) => found,
+        Err(error) if !error.is_not_found() => return Err(error.into()),
+        Err(_) if holds_logs(directory) => return Ok(Found::NotSimulated),
+        Err(_) => return Ok(Found::Unfinished),
+    };
+    if found.options != *options {
+        return Ok(Found::Another);
+    }
+    let days = Plant::new(options.clone())?.days();
+    let is_there = |day| directory.join(file_name(options.start, day)).exists();
+    Ok(if (0..days).all(is_there) { Found::Whole } else { Found::Unfinished })
+}
+
+/// Whether a folder has anything but hidden files: logs may lie in folders of their own.
+fn holds_logs(directory: &Path) -> bool {
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    entries.into_iter().any(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
+}
+
 /// Make the directory this simulation's, unless it is another one's.
 fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<()> {
-    let path = directory.join("simulation.json");
+    let path = directory.join(SIMULATION);
     match read_json::<Simulation>(&path) {
         Ok(found) if found == *simulation => return Ok(()),
         Ok(_) if !force => bail!(
@@ -162,7 +222,7 @@ fn has_parquet(directory: &Path) -> bool {
 
 /// Remove the days of the simulation that is being replaced; other Parquet files stay.
 fn remove_days(directory: &Path) -> anyhow::Result<()> {
-    let Ok(previous) = read_json::<Simulation>(&directory.join("simulation.json")) else {
+    let Ok(previous) = read_json::<Simulation>(&directory.join(SIMULATION)) else {
         return Ok(());
     };
     for day in 0..previous.options.days.ceil() as u32 {

@@ -18,7 +18,7 @@ use super::{
     model::Model,
     model_files::{self, OpenModel},
     partition::{self, Parts},
-    pretrain_files,
+    plant_of_study, pretrain_files,
     starts::{start_rows, starts, starts_from_held_out},
     sweep_plan::{Memory, Sizes, SweepPlan},
     sweep_tables,
@@ -76,7 +76,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         None => None,
     };
     let model = model_files::open(&paths, &study)?;
-    printer.say(&format!("sweep: reading {}", study.data_to_read(&paths)?.path.0.join(", ")));
+    printer.say(&format!(
+        "sweep: reading {}",
+        plant_of_study::data(&study, &paths)?.path.0.join(", ")
+    ));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
@@ -328,6 +331,6 @@ fn finish(
         let runs = paths.sweep().join("runs.parquet");
         printer.result(&format!("{did}; results in {}", runs.display()))?;
     }
-    printer.say(&format!("next: {}", paths.command("evaluate")));
+    printer.next(&paths.command("evaluate"));
     Ok(())
 }

@@ -9,12 +9,16 @@ use calib_represent::{Checkpoint, LaplacianConfig, Task, Trained};
 
 use crate::cli::Device;
 
-/// How to get a calib that can do `what`.
-fn wanted(what: &str) -> String {
-    format!(
-        "{what} wants libtorch, and this calib was built without it; in the source tree run \
-         `bash scripts/libtorch.sh cargo build --release --features torch`"
-    )
+/// What wants libtorch in a calib that was built without it.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{0} wants libtorch, and this calib was built without it; in the source tree run \
+     `bash scripts/libtorch.sh cargo build --release --features torch`"
+)]
+pub(super) struct NoLibtorch(String);
+
+fn wanted(what: &str) -> NoLibtorch {
+    NoLibtorch(what.to_owned())
 }
 
 /// Check that this program has libtorch, or say that `what` wants it.

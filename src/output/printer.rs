@@ -70,6 +70,13 @@ impl Printer {
         }
     }
 
+    /// What to type next; a step on the way to another result is followed by the next step anyway.
+    pub(crate) fn next(&self, command: &str) {
+        if self.results == Results::Stdout {
+            self.say(&format!("next: {command}"));
+        }
+    }
+
     /// Something that the user should look at.
     pub(crate) fn warn(&self, text: &str) {
         if !self.quiet {

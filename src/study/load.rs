@@ -64,6 +64,7 @@ impl Study {
     /// Check what the types alone do not.
     fn check(&self) -> anyhow::Result<()> {
         self.data.check()?;
+        self.check_simulate()?;
         self.preprocess.check()?;
         self.representation.check().context("[representation]")?;
         self.model.check().context("[model]")?;
@@ -135,6 +136,14 @@ fn read(path: &Path, overrides: &[String]) -> anyhow::Result<Table> {
     let mut table = parse(path, &text)?;
     for text in overrides {
         apply(&mut table, text)?;
+    }
+    // Whoever names other data means these, and not a plant to write there.
+    let names_data = |text: &&String| {
+        let key = text.split('=').next().unwrap_or_default();
+        matches!(key.trim(), "data" | "data.path")
+    };
+    if overrides.iter().any(|text| names_data(&text)) {
+        table.remove("simulate");
     }
     Ok(table)
 }

@@ -5,6 +5,7 @@ mod message;
 mod models;
 mod paths;
 mod pretrain;
+mod simulate;
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -19,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 pub use paths::StudyPaths;
 pub(crate) use pretrain::{MomentsRule, Partition, PretrainConfig};
+pub(crate) use simulate::SimulateConfig;
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,6 +31,9 @@ pub struct Study {
     /// Where results go, relative to the study file (default: the file's name without `.toml`,
     /// followed by `-results`).
     pub output: Option<PathBuf>,
+    /// The plant that the log is simulated from, if it is; unused where `--set` names other data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulate: Option<SimulateConfig>,
     /// Where the log is, and which part of it is training and which is held out.
     pub data: DataConfig,
     /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.

@@ -62,6 +62,14 @@ impl Place {
         place
     }
 
+    /// A directory with `study.toml` alone, which says how `data/` is simulated.
+    pub(crate) fn with_plant() -> Self {
+        let place = Self::new();
+        let plant = "[simulate]\ndays = 3\nchannels = 12\nperiod_secs = 60\ngaps_per_day = 2\n";
+        place.write("study.toml", &STUDY.replacen("[data]", &format!("{plant}\n[data]"), 1));
+        place
+    }
+
     /// Simulate a small plant into `name`.
     pub(crate) fn simulate(&self, name: &str) {
         let args = [

@@ -11,4 +11,5 @@ mod networks;
 mod pretrain;
 mod real_data;
 mod represent;
+mod studies;
 mod sweeps;

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
-    load_study, partition, torch,
+    load_study, partition, plant_of_study, torch,
 };
 use crate::{
     cli::{Device, StudyArgs},
@@ -92,7 +92,10 @@ pub(super) fn run(
              set it to \"laplacian\" or \"import\""
         );
     }
-    printer.say(&format!("represent: reading {}", study.data_to_read(&paths)?.path.0.join(", ")));
+    printer.say(&format!(
+        "represent: reading {}",
+        plant_of_study::data(&study, &paths)?.path.0.join(", ")
+    ));
     let dataset = partition::load(&study, &paths, printer)?.dataset;
     let key = key(&study, &paths, &dataset)?;
     let directory = paths.representation();
@@ -117,7 +120,7 @@ pub(super) fn run(
         table::show(&manifest, printer)?;
     }
     if manifest.chosen.is_some() {
-        printer.say(&format!("next: {}", paths.command("build-model")));
+        printer.next(&paths.command("build-model"));
         return Ok(ExitStatus::Done);
     }
     printer.warn(NONE_QUALIFIES);

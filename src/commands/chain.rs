@@ -1,0 +1,211 @@
+//! A study from its log to the verdict.
+
+use anyhow::{Context as _, ensure};
+use calib_core::Seed;
+
+use super::{
+    build_model, compare_models, evaluate, load_study, plant_of_study::PlantOfStudy, pretrain,
+    report, represent, rollout, several, simulate::Found, sweep, torch::NoLibtorch,
+};
+use crate::{
+    cli::{BuildModelArgs, StudyArgs},
+    clock::Stopwatch,
+    exit::{ExitStatus, was_interrupted},
+    output::{Printer, count, duration},
+    study::Study,
+};
+
+/// One command of the chain, on the study or on each of its models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Represent,
+    BuildModel,
+    Rollout,
+    Sweep,
+}
+
+/// The steps on each model, in order.
+const STEPS: [Step; 4] = [Step::Represent, Step::BuildModel, Step::Rollout, Step::Sweep];
+
+impl Step {
+    /// What to type for it.
+    fn command(self) -> &'static str {
+        match self {
+            Self::Represent => "represent",
+            Self::BuildModel => "build-model",
+            Self::Rollout => "rollout",
+            Self::Sweep => "sweep",
+        }
+    }
+
+    fn is_wanted(self, study: &Study) -> bool {
+        self != Self::Represent || report::commands(&[study]).contains(&"represent")
+    }
+
+    fn run(self, args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+        match self {
+            Self::Represent => represent::run(args, None, printer),
+            Self::BuildModel => build_model::run(&BuildModelArgs::new(args.clone(), 0), printer),
+            Self::Rollout => rollout::run(args, printer),
+            Self::Sweep => sweep::run(args, printer),
+        }
+    }
+}
+
+/// One of the models that a study compares, or its only one.
+struct Model {
+    /// None for the only one.
+    name: Option<String>,
+    args: StudyArgs,
+    study: Study,
+    /// Why it is not gone on with, if it is not.
+    left_out: Option<String>,
+}
+
+/// Run every step that a study needs, as far as it is not done.
+pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let clock = Stopwatch::start();
+    let mut models = models(args)?;
+    // Only the verdict is the result; the steps before it just report.
+    let talk = &printer.talking();
+    let mut ended = Ended(ExitStatus::Done);
+    let (study, paths) = load_study(args)?;
+    if let Some(plant) = PlantOfStudy::of(&study, &paths)?
+        && !simulate(plant, args, talk)?
+    {
+        talk.say(&format!("then: {}", remaining(&models).join(", ")));
+        return Ok(ExitStatus::Done);
+    }
+    if report::commands(&[&models[0].study]).contains(&"pretrain") {
+        talk.heading("pretrain");
+        ended.and(pretrain::run(&StudyArgs { json: false, ..args.clone() }, talk)?);
+    }
+    for step in STEPS {
+        for model in &mut models {
+            ended.and(model.take(step, talk)?);
+        }
+    }
+    let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
+    if !left_out.is_empty() {
+        ended.and(ExitStatus::Negative);
+    }
+    printer.heading("evaluate");
+    let names: Vec<String> = models
+        .iter()
+        .filter(|model| model.left_out.is_none())
+        .filter_map(|model| model.name.clone())
+        .collect();
+    let judged = if models[0].name.is_none() {
+        evaluate::run(args, printer)
+    } else {
+        ensure!(!names.is_empty(), "no model is left: {}", left_out.join("; "));
+        compare_models::run(args, &names, &left_out, printer)
+    };
+    match judged {
+        Err(reason) if args.dry_run => not_yet("evaluate", &reason, printer),
+        judged => ended.and(judged?),
+    }
+    for reason in &left_out {
+        printer.error(reason);
+    }
+    printer.say(&format!("done in {}", duration(clock.elapsed())));
+    Ok(ended.0)
+}
+
+/// The models of a study, all of them checked before the first step begins.
+fn models(args: &StudyArgs) -> anyhow::Result<Vec<Model>> {
+    let names = several(args)?;
+    let names = if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() };
+    let model = |name: Option<String>| {
+        let chosen = name.clone().or_else(|| args.model.clone());
+        let args = StudyArgs { model: chosen, json: false, ..args.clone() };
+        let (study, _) = load_study(&args)?;
+        ensure!(
+            !study.sweep.sensors.is_empty(),
+            "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
+        );
+        let seed = Seed::new(study.seed).child("sweep");
+        calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
+        Ok(Model { name, args, study, left_out: None })
+    };
+    names.into_iter().map(model).collect()
+}
+
+/// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.
+fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Result<bool> {
+    let shown = plant.directory.display().to_string();
+    match plant.found {
+        Found::NotSimulated => {
+            talk.say(&format!(
+                "{shown} holds logs that calib did not simulate: [simulate] is not used"
+            ));
+        }
+        Found::Whole if !args.force => {}
+        Found::Whole | Found::Unfinished | Found::Another => {
+            talk.heading("simulate");
+            if args.dry_run {
+                talk.say(&format!(
+                    "dry run: {} days of {} channels would go to {shown}",
+                    plant.options.days,
+                    count(plant.options.channels)
+                ));
+                return Ok(plant.found == Found::Whole);
+            }
+            let simulated = plant.make(args.force, talk).context("[simulate]")?;
+            talk.result(&simulated.line())?;
+        }
+    }
+    Ok(true)
+}
+
+/// The commands that a dry run without a log cannot look into.
+fn remaining(models: &[Model]) -> Vec<&'static str> {
+    report::commands(&models.iter().map(|model| &model.study).collect::<Vec<_>>())
+}
+
+impl Model {
+    /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
+    fn take(&mut self, step: Step, talk: &Printer) -> anyhow::Result<ExitStatus> {
+        if self.left_out.is_some() || !step.is_wanted(&self.study) {
+            return Ok(ExitStatus::Done);
+        }
+        let command = step.command();
+        let of_model =
+            self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
+        talk.heading(&format!("{command}{of_model}"));
+        match step.run(&self.args, talk) {
+            Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
+                let name = self.name.as_deref().unwrap_or_default();
+                let told = format!("model {name} is left out: {reason}");
+                talk.warn(&told);
+                self.left_out = Some(told);
+                Ok(ExitStatus::Done)
+            }
+            // In a dry run, steps lack what those before them did not write.
+            Err(reason)
+                if self.args.dry_run
+                    && matches!(step, Step::Rollout | Step::Sweep)
+                    && !was_interrupted(&reason) =>
+            {
+                not_yet(command, &reason, talk);
+                Ok(ExitStatus::Done)
+            }
+            other => other,
+        }
+    }
+}
+
+fn not_yet(command: &str, reason: &anyhow::Error, talk: &Printer) {
+    talk.say(&format!("dry run: {command} waits for the steps before it ({reason:#})"));
+}
+
+/// How the steps ended: a negative answer of one is one of the whole.
+struct Ended(ExitStatus);
+
+impl Ended {
+    fn and(&mut self, status: ExitStatus) {
+        if self.0 == ExitStatus::Done {
+            self.0 = status;
+        }
+    }
+}

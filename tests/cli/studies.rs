@@ -1,0 +1,127 @@
+//! Studies that are run as a whole, on a plant that they describe themselves.
+
+use crate::harness::Place;
+
+#[test]
+fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
+    let place = Place::with_plant();
+    let dry = place.calib(&["run", "study.toml", "--dry-run"]);
+    assert_eq!(dry.code(), 0, "{}", dry.stderr());
+    assert!(
+        dry.stderr().contains("then: build-model, rollout, sweep, evaluate"),
+        "{}",
+        dry.stderr()
+    );
+    assert!(!place.path().join("data").exists());
+
+    let whole = place.calib(&["run", "study.toml"]);
+    let verdict = whole.succeeds();
+    assert!(verdict.contains(" for PIT300") && !verdict.contains("wrote"), "{verdict}");
+    assert!(whole.stderr().contains("3 written"), "{}", whole.stderr());
+    let before = place.content("study-results");
+    let again = place.calib(&["run", "study.toml"]);
+    again.succeeds();
+    assert_eq!(again.stderr().matches("up to date").count(), 3, "{}", again.stderr());
+    assert!(!again.stderr().contains("day files"), "{}", again.stderr());
+    assert!(place.content("study-results") == before);
+
+    // Step by step it is the same.
+    for command in ["build-model", "rollout", "sweep", "evaluate"] {
+        place.calib(&[command, "study.toml", "--output", "steps"]).succeeds();
+    }
+    let (by_steps, mut whole) = (place.content("steps"), place.content("study-results"));
+    whole.insert("report.html".into(), by_steps[std::path::Path::new("report.html")].clone());
+    assert!(by_steps == whole, "but for the report's command lines");
+
+    // What is stale is made again, and what is not stays.
+    let fewer = place.calib(&["run", "study.toml", "--set", "rollout.steps=300"]);
+    fewer.succeeds();
+    assert_eq!(fewer.stderr().matches("up to date").count(), 2, "{}", fewer.stderr());
+    assert!(fewer.stderr().contains("wrote study-results/rollout"), "{}", fewer.stderr());
+    let json = place.calib(&["run", "study.toml", "--json", "-q", "--force"]).succeeds();
+    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    assert_eq!(summary["verdicts"].as_array().expect("a list").len(), 2);
+}
+
+#[test]
+fn a_plant_that_is_not_there_is_simulated_first() {
+    let place = Place::with_plant();
+    for command in ["build-model", "inspect"] {
+        let message = place.calib(&[command, "study.toml"]).fails(2);
+        assert!(message.contains("run `calib simulate study.toml` first"), "{message}");
+    }
+    let simulated = place.calib(&["simulate", "study.toml"]);
+    assert!(simulated.succeeds().contains("3 day files of 12 channels in data (3 written"));
+    assert!(simulated.stderr().contains("next: calib run study.toml"), "{}", simulated.stderr());
+    place.calib(&["build-model", "study.toml"]).succeeds();
+
+    // A day that is lost is missed, and comes back as it was.
+    let day = place.path().join("data/2022-11-02.parquet");
+    let whole = std::fs::read(&day).expect("readable");
+    std::fs::remove_file(&day).expect("there");
+    let message = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(message.contains("is not in data"), "{message}");
+    assert!(place.calib(&["simulate", "study.toml"]).succeeds().contains("1 written"));
+    assert!(std::fs::read(&day).expect("readable") == whole);
+
+    // Another plant is not taken for it, nor written over it.
+    let other = ["--set", "simulate.seed=9"];
+    let message = place.calib(&["sweep", "study.toml", other[0], other[1]]).fails(2);
+    assert!(message.contains("calib simulate study.toml --force"), "{message}");
+    let message = place.calib(&["run", "study.toml", other[0], other[1]]).fails(2);
+    assert!(message.contains("holds another simulation"), "{message}");
+}
+
+#[test]
+fn other_data_make_the_plant_superfluous() {
+    let place = Place::with_plant();
+    place.simulate("logs");
+    place.calib(&["build-model", "study.toml", "--set", "data.path=logs"]).succeeds();
+    // A path that does not exist is a slip, and nothing is written there.
+    let message = place.calib(&["run", "study.toml", "--set", "data.path=lgos"]).fails(2);
+    assert!(message.contains("no Parquet file at lgos"), "{message}");
+    let message = place.calib(&["simulate", "study.toml", "--set", "data.path=logs"]).fails(2);
+    assert!(message.contains("no [simulate] section (one is not used"), "{message}");
+
+    // Logs of one's own where the plant would be are read as they are.
+    std::fs::remove_file(place.path().join("logs/simulation.json")).expect("there");
+    std::fs::rename(place.path().join("logs"), place.path().join("data")).expect("there");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let ran = place.calib(&["run", "study.toml", "--dry-run"]);
+    assert!(ran.stderr().contains("did not simulate: [simulate] is not used"), "{}", ran.stderr());
+}
+
+#[test]
+fn mistakes_about_the_plant_are_named() {
+    let place = Place::with_plant();
+    let of = |set: &str| place.calib(&["simulate", "study.toml", "--set", set]).fails(2);
+    assert!(of("simulate.chanels=5").contains("did you mean `channels`"));
+    assert!(of("simulate.channels=1").contains("`channels` is 1, expected"));
+    assert!(of("simulate.period_secs=0").contains("positive number of seconds"));
+    let message = place.calib(&["simulate", "study.toml", "--days", "2"]).fails(2);
+    assert!(message.contains("--set simulate.days=2"), "{message}");
+    place.edit_study("path = \"data\"", "path = \"data/*.parquet\"");
+    let message = place.calib(&["simulate", "study.toml"]).fails(2);
+    assert!(message.contains("one plain folder"), "{message}");
+    let message = place.calib(&["simulate", "logs", "--set", "seed=1"]).fails(2);
+    assert!(message.contains("--set changes a study"), "{message}");
+}
+
+#[test]
+fn a_model_that_needs_libtorch_is_left_out_aloud() {
+    if cfg!(feature = "torch") {
+        return;
+    }
+    let place = Place::with_plant();
+    place.edit_study("[rollout]", "[models.gru.model]\nkind = \"gru\"\n[models.knn]\n\n[rollout]");
+    let ran = place.calib(&["run", "study.toml"]);
+    assert_eq!(ran.code(), 1, "{}", ran.stderr());
+    assert!(
+        ran.stderr().contains("error: model gru is left out: model.kind = \"gru\" wants libtorch")
+    );
+    assert!(ran.stdout().contains("knn"), "{}", ran.stdout());
+    let report = place.path().join("study-results/report.html");
+    assert!(std::fs::read_to_string(report).expect("written").contains("model gru is left out"));
+    let only = place.calib(&["run", "study.toml", "--model", "gru"]).fails(2);
+    assert!(only.contains("wants libtorch"), "{only}");
+}
