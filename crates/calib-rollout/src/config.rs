@@ -68,9 +68,9 @@ pub enum StartKind {
     Random,
     /// Rows that are listed.
     Rows,
-    /// The member's last rows.
+    /// The last rows before the deployment.
     Recent,
-    /// A month of the year, before the deployment.
+    /// The same month of earlier years than the deployment's.
     CalendarMonth,
     /// The nearest recorded states to states of the deployment period.
     Nearest,

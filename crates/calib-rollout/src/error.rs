@@ -23,17 +23,27 @@ pub enum RolloutError {
         /// The number given.
         got: u8,
     },
-    /// The member has no data in the month.
+    /// The data has nothing of the month.
     #[error(
-        "member {member} has no rows in month {month} before the deployment; \
-         use `start` = \"random\" or \"nearest\", or more data"
+        "the model's data has no rows in month {month}{}; \
+         use `start` = \"random\" or \"nearest\", another `month`, or more data",
+        before.map_or_else(String::new, |year| format!(" of a year before {year}"))
     )]
     EmptyMonth {
-        /// The member.
-        member: usize,
         /// The month, 1 to 12.
         month: u8,
+        /// The calendar year in which the deployment begins.
+        before: Option<i64>,
     },
+    /// There are no recent rows.
+    #[error(
+        "`start` is \"recent\", but the model's data has no transition before the deployment; \
+         use `start` = \"random\" or \"nearest\""
+    )]
+    NothingBefore,
+    /// A model without transitions cannot be rolled out from anywhere.
+    #[error("the model has no transitions to start from; use more data, or sub-sample less")]
+    NoTransitions,
     /// There is not a timestamp for each row of the data.
     #[error("{timestamps} timestamps do not match {rows} rows")]
     Timestamps {

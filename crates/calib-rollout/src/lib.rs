@@ -1,7 +1,7 @@
 //! Start states, rollouts and replay: streams of states for an agent.
 //!
-//! - [`StartSource`], [`start_states`], [`Start`]: where rollouts start: random, listed rows, recent rows, a month of
-//!   the year, or the nearest recorded states to those of another period.
+//! - [`StartSource`], [`start_states`], [`Start`], [`Wanted`]: where rollouts start: random, listed rows, recent rows, a
+//!   month of the year, or the nearest recorded states to those of another period.
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
 //! - [`JumpStatistics`]: how much a rollout jumps, and how much it merely replays.
@@ -34,6 +34,7 @@ mod rollout;
 mod start;
 mod start_row;
 mod statistics;
+mod wanted;
 
 pub use config::{Absent, RolloutConfig, StartKind};
 pub use error::RolloutError;
@@ -42,3 +43,4 @@ pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states};
 pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
+pub use wanted::Wanted;

@@ -5,15 +5,26 @@ use calib_core::Timestamp;
 /// The day count is turned into a date by the arithmetic of Hinnant, "chrono-compatible low-level date
 /// algorithms" (2013): years begin in March, so that the leap day comes last.
 pub fn month_of(timestamp: Timestamp) -> u8 {
+    year_and_month(timestamp).1
+}
+
+/// The year of a timestamp in the proleptic Gregorian calendar.
+pub(crate) fn year_of(timestamp: Timestamp) -> i64 {
+    year_and_month(timestamp).0
+}
+
+fn year_and_month(timestamp: Timestamp) -> (i64, u8) {
     const MICROS_A_DAY: i64 = 86_400_000_000;
     const DAYS_TO_MARCH_OF_YEAR_0: i64 = 719_468;
     const DAYS_IN_400_YEARS: i64 = 146_097;
     let days = timestamp.as_micros().div_euclid(MICROS_A_DAY) + DAYS_TO_MARCH_OF_YEAR_0;
-    let day = days.rem_euclid(DAYS_IN_400_YEARS);
+    let (era, day) = (days.div_euclid(DAYS_IN_400_YEARS), days.rem_euclid(DAYS_IN_400_YEARS));
     let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
     let day_of_year = day - (365 * year + year / 4 - year / 100);
     let months_since_march = (5 * day_of_year + 2) / 153;
-    ((months_since_march + 2) % 12 + 1) as u8
+    let month = (months_since_march + 2) % 12 + 1;
+    // January and February end the year that began in March.
+    (400 * era + year + i64::from(month <= 2), month as u8)
 }
 
 #[cfg(test)]
@@ -37,7 +48,8 @@ mod tests {
             for month in 1..=12 {
                 for _ in 0..length(year, month) {
                     let micros = day * 86_400_000_000;
-                    assert_eq!(month_of(Timestamp::from_micros(micros)), month, "{year}");
+                    let first = Timestamp::from_micros(micros);
+                    assert_eq!((year_of(first), month_of(first)), (year, month));
                     assert_eq!(month_of(Timestamp::from_micros(micros + 86_399_999_999)), month);
                     day += 1;
                 }

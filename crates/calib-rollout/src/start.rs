@@ -1,7 +1,10 @@
 use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex};
 use calib_knn::{Member, Neighbor};
 
-use crate::{Absent, RolloutError, month::month_of};
+use crate::{
+    Absent, RolloutError, Wanted,
+    wanted::{deployment_rows, draw, recorded_rows},
+};
 
 /// Where a rollout starts. A start is a state: from transition `i` the current state is `s'_i`.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +26,8 @@ pub enum Start {
 pub struct StartState {
     /// Where the rollout starts.
     pub start: Start,
+    /// What was asked for.
+    pub wanted: Wanted,
     /// The distance from the state asked for to the recorded state that replaces it, if one does.
     pub replaced: Option<f32>,
 }
@@ -39,18 +44,23 @@ pub enum StartSource<'a> {
         /// What happens to a row that the member lacks.
         absent: Absent,
     },
-    /// The member's latest rows: start `r` is the `r`-th last (modulo the member's size).
-    Recent,
-    /// Uniform over the member's rows in one month of the year, before the deployment.
+    /// The latest rows before the deployment: start `r` is the `r`-th last (modulo their number).
+    Recent {
+        /// Time of each row of the data.
+        timestamps: &'a [Timestamp],
+        /// Begin of the deployment: only rows before it are used; all, if there is none.
+        before: Option<Timestamp>,
+    },
+    /// Uniform over the rows in one month of the year, in years before the deployment.
     CalendarMonth {
         /// Time of each row of the data.
         timestamps: &'a [Timestamp],
         /// The month, 1 to 12.
         month: u8,
-        /// Begin of the deployment: only rows of earlier years are used.
+        /// Begin of the deployment: only rows of calendar years before its own are used; all, if there is none.
         before: Option<Timestamp>,
     },
-    /// States of the deployment period, drawn uniformly, replaced by their nearest sources in the member.
+    /// Rows of the deployment period, drawn uniformly, replaced by their nearest sources in the member.
     Nearest {
         /// States of the deployment period in the metric of the model.
         states: &'a States,
@@ -59,7 +69,11 @@ pub enum StartSource<'a> {
 
 /// `count` start states for rollouts of `member`: a pure function of its arguments.
 ///
-/// Start `r` depends on `seed` and `r` only, so asking for more starts keeps the first ones.
+/// Start `r` depends on `seed` and `r` only, so asking for more starts keeps the first ones. All sources but
+/// [`Random`](StartSource::Random), which draws from what the member has, choose states without regard to the
+/// member: with one `seed` these are the same for every member, and for every model of the same data. What a member
+/// lacks (it lies in the block that is left out) is replaced by its nearest state there, in the metric of the model;
+/// listed rows are so with [`Absent::Replace`] only.
 ///
 /// # Errors
 /// If the source has no rows, names rows that do not exist, or finds nothing in the member.
@@ -69,80 +83,33 @@ pub fn start_states(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let draw = |number: usize, below: usize| draw(seed, number, below);
-    let at = |transition| StartState { start: Start::At(transition), replaced: None };
-    match source {
-        StartSource::Random => {
-            Ok((0..count).map(|r| at(member.nth(draw(r, member.len())))).collect())
-        }
-        StartSource::Recent => {
-            let last = |r: usize| member.len() - 1 - r % member.len();
-            Ok((0..count).map(|r| at(member.nth(last(r)))).collect())
-        }
-        StartSource::CalendarMonth { timestamps, month, before } => {
-            let pool = month_pool(member, timestamps, month, before)?;
-            Ok((0..count).map(|r| at(pool[draw(r, pool.len())])).collect())
-        }
-        StartSource::Rows { rows, absent } => {
-            if rows.is_empty() {
-                return Err(RolloutError::NoRows);
-            }
-            let rows: Vec<RowIndex> = (0..count).map(|r| rows[r % rows.len()]).collect();
-            at_rows(member, &rows, absent)
-        }
-        StartSource::Nearest { states } => {
-            if states.rows() == 0 {
-                return Err(RolloutError::NoStates);
-            }
-            let sampled: Vec<f32> =
-                (0..count).flat_map(|r| states.row(draw(r, states.rows()))).copied().collect();
-            let sampled = States::new(sampled, count, states.columns())
-                .unwrap_or_else(|_| unreachable!("rows of states are finite"));
-            let nearest = member.nearest_sources(&sampled, 1)?;
-            replaced_by(member, nearest.iter().map(|found| found[0]))
-        }
+    if member.is_empty() {
+        return Err(RolloutError::NoTransitions);
     }
+    let (transitions, recorded) = (member.model().transitions(), member.model().states().rows());
+    if let StartSource::Nearest { states } = source {
+        let rows = deployment_rows(states, count, seed)?;
+        let drawn: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
+        let drawn = States::new(drawn, count, states.columns())
+            .unwrap_or_else(|_| unreachable!("rows of states are finite"));
+        let nearest = member.nearest_sources(&drawn, 1)?;
+        let wanted = rows.into_iter().map(Wanted::Deployment);
+        return replaced_by(member, nearest.iter().map(|found| found[0]).zip(wanted));
+    }
+    if let Some(rows) = recorded_rows(source, transitions, recorded, count, seed)? {
+        let absent = match source {
+            StartSource::Rows { absent, .. } => absent,
+            _ => Absent::Replace,
+        };
+        return at_rows(member, &rows, absent);
+    }
+    Ok((0..count).map(|r| at(member, member.nth(draw(seed, r, member.len())))).collect())
 }
 
-/// A row of the deployment's month that is older than this belongs to an earlier year.
-const EARLIER_YEAR_MICROS: i64 = 300 * 86_400_000_000;
-
-/// Whether a time lies in the month, in a year before the deployment.
-pub(crate) fn is_in_earlier_year(time: Timestamp, month: u8, before: Option<Timestamp>) -> bool {
-    before.is_none_or(|before| before.micros_since(time) > EARLIER_YEAR_MICROS)
-        && month_of(time) == month
-}
-
-/// The draw of start `number`, uniform below a limit.
-pub(crate) fn draw(seed: Seed, number: usize, below: usize) -> usize {
-    seed.child("start").number(number as u64).rng().below(below)
-}
-
-/// The member's transitions that end in the month, in years before the deployment.
-fn month_pool(
-    member: &Member<'_>,
-    timestamps: &[Timestamp],
-    month: u8,
-    before: Option<Timestamp>,
-) -> Result<Vec<TransitionIndex>, RolloutError> {
-    if !(1..=12).contains(&month) {
-        return Err(RolloutError::Month { got: month });
-    }
-    let rows = member.model().states().rows();
-    if timestamps.len() != rows {
-        return Err(RolloutError::Timestamps { timestamps: timestamps.len(), rows });
-    }
-    let pool: Vec<TransitionIndex> = (0..member.len())
-        .map(|position| member.nth(position))
-        .filter(|&transition| {
-            let row = member.model().transitions().next(transition);
-            is_in_earlier_year(timestamps[row.get()], month, before)
-        })
-        .collect();
-    if pool.is_empty() {
-        return Err(RolloutError::EmptyMonth { member: member.number(), month });
-    }
-    Ok(pool)
+/// The start at a transition of the member.
+fn at(member: &Member<'_>, transition: TransitionIndex) -> StartState {
+    let wanted = Wanted::Recorded(member.model().transitions().next(transition));
+    StartState { start: Start::At(transition), wanted, replaced: None }
 }
 
 /// The transition of the member that ends in `row`.
@@ -157,49 +124,50 @@ fn at_rows(
     rows: &[RowIndex],
     absent: Absent,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let recorded = member.model().states().rows();
-    if let Some(&row) = rows.iter().find(|row| row.get() >= recorded) {
-        return Err(RolloutError::UnknownRow { row, rows: recorded });
-    }
     let lacking: Vec<RowIndex> =
         rows.iter().copied().filter(|&row| ending_in(member, row).is_none()).collect();
     let substitutes = match absent {
-        Absent::External => external(member, &lacking)?
-            .into_iter()
-            .map(|start| StartState { start, replaced: None })
-            .collect(),
+        Absent::External => external(member, &lacking)?,
         Absent::Replace => {
             let nearest = found(member, &lacking, 1)?;
-            replaced_by(member, nearest.iter().map(|found| found[0]))?
+            let wanted = lacking.iter().copied().map(Wanted::Recorded);
+            replaced_by(member, nearest.iter().map(|found| found[0]).zip(wanted))?
         }
     };
     let mut substitutes = substitutes.into_iter();
     Ok(rows
         .iter()
         .filter_map(|&row| match ending_in(member, row) {
-            Some(transition) => Some(StartState { start: Start::At(transition), replaced: None }),
+            Some(transition) => Some(at(member, transition)),
             None => substitutes.next(),
         })
         .collect())
 }
 
-/// Starts at the source states of these neighbours.
+/// Starts at the source states of these neighbours, for what was wanted.
 fn replaced_by(
     member: &Member<'_>,
-    nearest: impl Iterator<Item = Neighbor> + Clone,
+    nearest: impl Iterator<Item = (Neighbor, Wanted)> + Clone,
 ) -> Result<Vec<StartState>, RolloutError> {
     let source = |neighbor: Neighbor| member.model().transitions().source(neighbor.transition);
-    let rows: Vec<RowIndex> = nearest.clone().map(source).collect();
+    let rows: Vec<RowIndex> = nearest.clone().map(|(neighbor, _)| source(neighbor)).collect();
     let mut starts = at_rows(member, &rows, Absent::External)?;
-    for (start, neighbor) in starts.iter_mut().zip(nearest) {
+    for (start, (neighbor, wanted)) in starts.iter_mut().zip(nearest) {
+        start.wanted = wanted;
         start.replaced = Some(neighbor.distance);
     }
     Ok(starts)
 }
 
-fn external(member: &Member<'_>, rows: &[RowIndex]) -> Result<Vec<Start>, RolloutError> {
+/// Starts at rows that the member lacks.
+fn external(member: &Member<'_>, rows: &[RowIndex]) -> Result<Vec<StartState>, RolloutError> {
     let found = found(member, rows, member.model().k())?;
-    Ok(rows.iter().zip(found).map(|(&row, neighbors)| Start::External { row, neighbors }).collect())
+    let starts = rows.iter().zip(found).map(|(&row, neighbors)| StartState {
+        start: Start::External { row, neighbors },
+        wanted: Wanted::Recorded(row),
+        replaced: None,
+    });
+    Ok(starts.collect())
 }
 
 /// The nearest sources of each row; at least one.

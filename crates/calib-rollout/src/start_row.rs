@@ -1,8 +1,8 @@
-use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
+use calib_core::{RowIndex, Seed, States, TransitionIndex, Transitions};
 
 use crate::{
-    RolloutError, StartSource,
-    start::{draw, is_in_earlier_year},
+    RolloutError, StartSource, Wanted,
+    wanted::{deployment_rows, draw, recorded_rows},
 };
 
 /// A recorded row to start from, and whether it is what was asked for.
@@ -10,6 +10,8 @@ use crate::{
 pub struct StartRow {
     /// The row.
     pub row: RowIndex,
+    /// What was asked for.
+    pub wanted: Wanted,
     /// The distance from the state asked for to this row, if the row replaces it.
     pub replaced: Option<f32>,
 }
@@ -29,73 +31,43 @@ pub fn start_rows(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartRow>, RolloutError> {
-    let at = |row| StartRow { row, replaced: None };
-    let next = |position: usize| transitions.next(TransitionIndex::new(position));
+    let at = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+    if let StartSource::Nearest { states: deployment } = source {
+        let rows = deployment_rows(deployment, count, seed)?;
+        return Ok(rows.into_iter().map(|row| nearest(states, deployment, row)).collect());
+    }
+    if let Some(rows) = recorded_rows(source, transitions, states.rows(), count, seed)? {
+        return Ok(rows.into_iter().map(at).collect());
+    }
     let all = transitions.len();
-    match source {
-        StartSource::Random => Ok((0..count).map(|r| at(next(draw(seed, r, all)))).collect()),
-        StartSource::Recent => Ok((0..count).map(|r| at(next(all - 1 - r % all))).collect()),
-        StartSource::CalendarMonth { timestamps, month, before } => {
-            let pool = month_rows(states, transitions, timestamps, month, before)?;
-            Ok((0..count).map(|r| at(pool[draw(seed, r, pool.len())])).collect())
-        }
-        StartSource::Rows { rows, .. } => {
-            if rows.is_empty() {
-                return Err(RolloutError::NoRows);
-            }
-            if let Some(&row) = rows.iter().find(|row| row.get() >= states.rows()) {
-                return Err(RolloutError::UnknownRow { row, rows: states.rows() });
-            }
-            Ok((0..count).map(|r| at(rows[r % rows.len()])).collect())
-        }
-        StartSource::Nearest { states: deployment } => {
-            if deployment.rows() == 0 {
-                return Err(RolloutError::NoStates);
-            }
-            let sampled = (0..count).map(|r| deployment.row(draw(seed, r, deployment.rows())));
-            Ok(sampled.map(|state| nearest(states, state)).collect())
-        }
+    if all == 0 {
+        return Err(RolloutError::NoTransitions);
     }
+    let next = |position: usize| transitions.next(TransitionIndex::new(position));
+    Ok((0..count).map(|r| at(next(draw(seed, r, all)))).collect())
 }
 
-fn month_rows(
-    states: &States,
-    transitions: &Transitions,
-    timestamps: &[Timestamp],
-    month: u8,
-    before: Option<Timestamp>,
-) -> Result<Vec<RowIndex>, RolloutError> {
-    if !(1..=12).contains(&month) {
-        return Err(RolloutError::Month { got: month });
-    }
-    if timestamps.len() != states.rows() {
-        let (timestamps, rows) = (timestamps.len(), states.rows());
-        return Err(RolloutError::Timestamps { timestamps, rows });
-    }
-    let rows = (0..transitions.len()).map(|i| transitions.next(TransitionIndex::new(i)));
-    let pool: Vec<RowIndex> =
-        rows.filter(|row| is_in_earlier_year(timestamps[row.get()], month, before)).collect();
-    if pool.is_empty() {
-        return Err(RolloutError::EmptyMonth { member: 0, month });
-    }
-    Ok(pool)
-}
-
-fn nearest(states: &States, wanted: &[f32]) -> StartRow {
+/// The recorded row nearest to one of the deployment.
+fn nearest(states: &States, deployment: &States, wanted: RowIndex) -> StartRow {
+    let sought = deployment.row(wanted.get());
     let square = |row: usize| -> f64 {
-        let pairs = states.row(row).iter().zip(wanted);
+        let pairs = states.row(row).iter().zip(sought);
         pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
     };
     let (row, square) = (0..states.rows())
         .map(|row| (row, square(row)))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .expect("data has rows");
-    StartRow { row: RowIndex::new(row), replaced: Some(square.sqrt() as f32) }
+    StartRow {
+        row: RowIndex::new(row),
+        wanted: Wanted::Deployment(wanted),
+        replaced: Some(square.sqrt() as f32),
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use calib_core::Segments;
+    use calib_core::{Segments, Timestamp};
 
     use super::*;
     use crate::Absent;
@@ -117,19 +89,22 @@ mod tests {
             random.iter().all(|&row| row > 1 && row != 10),
             "rows that follow others: {random:?}"
         );
-        assert_eq!(rows(StartSource::Recent), [19, 18, 17, 16]);
+
         let listed = [RowIndex(0), RowIndex(7), RowIndex(10)];
         let listed = StartSource::Rows { rows: &listed, absent: Absent::External };
         assert_eq!(rows(listed), [0, 7, 10, 0]);
         let hour = |hour: i64| Timestamp::from_micros(hour * 3_600_000_000);
         // January 1970 until row 12, then February.
         let timestamps: Vec<Timestamp> = (0..20).map(|row| hour(732 + row)).collect();
+        let recent = |before| StartSource::Recent { timestamps: &timestamps, before };
+        assert_eq!(rows(recent(None)), [19, 18, 17, 16]);
+        assert_eq!(rows(recent(Some(timestamps[12]))), [11, 9, 8, 7]);
         let month = StartSource::CalendarMonth { timestamps: &timestamps, month: 2, before: None };
         assert!(rows(month).iter().all(|&row| row >= 12));
         let deployment = States::new(vec![4.2], 1, 1).expect("valid");
         let source = StartSource::Nearest { states: &deployment };
         let near = start_rows(&states, &transitions, source, 1, Seed::new(2)).expect("valid");
-        assert_eq!(near[0].row, RowIndex(4));
+        assert_eq!((near[0].row, near[0].wanted), (RowIndex(4), Wanted::Deployment(RowIndex(0))));
         assert!((near[0].replaced.expect("replaced") - 0.2).abs() < 1e-6);
     }
 
@@ -142,5 +117,8 @@ mod tests {
         assert!(matches!(of(unknown), Err(RolloutError::UnknownRow { .. })));
         let none = StartSource::Rows { rows: &[], absent: Absent::External };
         assert!(matches!(of(none), Err(RolloutError::NoRows)));
+        let still = Transitions::new(Segments::from_lengths([1; 20]).expect("valid"));
+        let nothing = start_rows(&states, &still, StartSource::Random, 1, Seed::new(2));
+        assert!(matches!(nothing, Err(RolloutError::NoTransitions)));
     }
 }

@@ -8,7 +8,7 @@ use calib_core::{
 };
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{
-    Absent, JumpStatistics, Rollout, RolloutError, Start, StartSource, StartState, rollout,
+    Absent, JumpStatistics, Rollout, RolloutError, Start, StartSource, StartState, Wanted, rollout,
     rollouts, start_states,
 };
 use proptest::prelude::*;
@@ -84,7 +84,8 @@ fn draws_from_one_state_follow_the_weights() {
     let model = model(&ModelConfig { theiler: 5, neighbors: 4, ..ModelConfig::default() });
     let member = model.member(0);
     let transition = member.nth(200);
-    let start = StartState { start: Start::At(transition), replaced: None };
+    let wanted = Wanted::Recorded(model.transitions().next(transition));
+    let start = StartState { start: Start::At(transition), wanted, replaced: None };
     let (neighbors, distances) = member.neighbors(transition);
     let mut counts = [0_u32; 4];
     let n = 40_000;
@@ -133,20 +134,28 @@ fn rollouts_are_pure_functions_of_their_arguments() {
 }
 
 #[test]
-fn recent_starts_are_the_last_rows_of_the_member() {
+fn recent_starts_are_the_last_rows_or_the_nearest_to_them() {
     let model = model(&ModelConfig::default());
-    let rows = |member: usize| -> Vec<u32> {
-        let starts = start_states(&model.member(member), StartSource::Recent, 3, Seed::new(0))
-            .expect("starts");
-        let row = |s: &StartState| match s.start {
-            Start::At(i) => model.transitions().next(i).0,
-            Start::External { row, .. } => row.0,
-        };
-        starts.iter().map(row).collect()
+    let timestamps: Vec<Timestamp> = (0..441).map(Timestamp::from_micros).collect();
+    let starts = |member: usize, before| {
+        let source = StartSource::Recent { timestamps: &timestamps, before };
+        start_states(&model.member(member), source, 3, Seed::new(0)).expect("starts")
     };
-    assert_eq!(rows(0), [440, 439, 438]);
-    let before = model.transitions().source(TransitionIndex(model.blocks().own(4).start)).0;
-    assert_eq!(rows(4), [before - 1, before - 2, before - 3]);
+    let first = starts(0, None);
+    let rows = first.iter().map(|start| (start.wanted, start.replaced));
+    let last = [440, 439, 438].map(|row| (Wanted::Recorded(RowIndex(row)), None));
+    assert_eq!(rows.collect::<Vec<_>>(), last);
+    // The member that leaves the last block out has none of them.
+    for (start, wanted) in starts(4, None).iter().zip(last) {
+        assert_eq!(start.wanted, wanted.0);
+        assert!(start.replaced.expect("it is replaced") > 0.0);
+        let walk = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
+        let Wanted::Recorded(row) = start.wanted else { panic!("{start:?}") };
+        let near = model.member(4).nearest_to_rows(&[row], 1).expect("found")[0][0];
+        assert_eq!(walk.rows()[0], model.transitions().source(near.transition));
+    }
+    let before = starts(0, Some(timestamps[300]));
+    assert_eq!(before[0].wanted, Wanted::Recorded(RowIndex(299)));
 }
 
 #[test]
@@ -162,7 +171,9 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
             .expect("starts")
     };
     let external = starts(Absent::External);
-    assert_eq!(external[0], StartState { start: Start::At(TransitionIndex(4)), replaced: None });
+    let wanted = Wanted::Recorded(inside);
+    let there = StartState { start: Start::At(TransitionIndex(4)), wanted, replaced: None };
+    assert_eq!(external[0], there);
     assert_eq!(external[3], external[0]);
     for (start, row) in external[1..3].iter().zip(&rows[1..]) {
         let Start::External { row: at, neighbors } = &start.start else { panic!("{start:?}") };
@@ -195,10 +206,14 @@ fn nearest_starts_are_recorded_states_near_the_deployment() {
     let sources: Vec<RowIndex> =
         nearest.iter().map(|near| model.transitions().source(near[0].transition)).collect();
     let mut seen = BTreeSet::new();
-    for start in &starts {
+    let source = StartSource::Nearest { states: &deployment };
+    let others = start_states(&model.member(0), source, 8, Seed::new(4)).expect("starts");
+    for (start, other) in starts.iter().zip(&others) {
+        assert_eq!(start.wanted, other.wanted, "the same states for every member");
         let walk = rollout(&member, start, 1, Weights::Linear, Seed::new(4));
         let which = sources.iter().position(|&row| row == walk.rows()[0]).expect("one of the two");
         assert_eq!(start.replaced, Some(nearest[which][0].distance));
+        assert_eq!(start.wanted, Wanted::Deployment(RowIndex::new(which)));
         seen.insert(which);
     }
     assert_eq!(seen.len(), 2);
@@ -225,10 +240,18 @@ fn calendar_months_choose_rows_before_the_deployment() {
     let both = rows(7, None);
     assert!(both.iter().all(july), "{both:?}");
     assert!(both.iter().any(|&row| row < 106) && both.iter().any(|&row| row >= 273));
-    let first = rows(7, Some(timestamps[270]));
+    // Row 300 is in August 1971: July of that year is not of an earlier one.
+    let first = rows(7, Some(timestamps[300]));
     assert!(first.iter().all(|&row| july(&row) && row < 106));
+    // January 1970 lies in the block that member 0 leaves out: it is replaced, not refused.
+    let january = start_states(&member, source(1, Some(timestamps[200])), 20, Seed::new(1));
+    for start in january.expect("starts") {
+        let Wanted::Recorded(row) = start.wanted else { panic!("{start:?}") };
+        assert!(row.0 < 16 && start.replaced.expect("it lacks it") > 0.0, "{start:?}");
+    }
     let none = start_states(&member, source(2, Some(timestamps[10])), 1, Seed::new(1));
-    assert!(matches!(none, Err(RolloutError::EmptyMonth { member: 0, month: 2 })));
+    let text = none.expect_err("nothing before 1970").to_string();
+    assert!(text.contains("no rows in month 2 of a year before 1970"), "{text}");
     let bad = start_states(&member, source(13, None), 1, Seed::new(1));
     assert!(matches!(bad, Err(RolloutError::Month { got: 13 })));
 }

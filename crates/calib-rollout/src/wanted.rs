@@ -1,0 +1,137 @@
+//! The states that rollouts are to start from: chosen once, for every member and every model.
+
+use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
+
+use crate::{
+    RolloutError, StartSource,
+    month::{month_of, year_of},
+};
+
+/// A state that a rollout is to start from, whether or not the model has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// A row of the model's data.
+    Recorded(RowIndex),
+    /// A row of the deployment period.
+    Deployment(RowIndex),
+}
+
+/// The draw of start `number`, uniform below a limit.
+pub(crate) fn draw(seed: Seed, number: usize, below: usize) -> usize {
+    seed.child("start").number(number as u64).rng().below(below)
+}
+
+/// Rows of the deployment period, drawn uniformly; start `r` depends on `seed` and `r` only.
+pub(crate) fn deployment_rows(
+    states: &States,
+    count: usize,
+    seed: Seed,
+) -> Result<Vec<RowIndex>, RolloutError> {
+    if states.rows() == 0 {
+        return Err(RolloutError::NoStates);
+    }
+    Ok((0..count).map(|r| RowIndex::new(draw(seed, r, states.rows()))).collect())
+}
+
+/// Rows of the model's data that `source` names, whoever has them: `None` for sources that are no rows of it, or
+/// are drawn from what a member has.
+pub(crate) fn recorded_rows(
+    source: StartSource<'_>,
+    transitions: &Transitions,
+    rows: usize,
+    count: usize,
+    seed: Seed,
+) -> Result<Option<Vec<RowIndex>>, RolloutError> {
+    let chosen = match source {
+        StartSource::Random | StartSource::Nearest { .. } => return Ok(None),
+        StartSource::Rows { rows: listed, .. } => {
+            if listed.is_empty() {
+                return Err(RolloutError::NoRows);
+            }
+            if let Some(&row) = listed.iter().find(|row| row.get() >= rows) {
+                return Err(RolloutError::UnknownRow { row, rows });
+            }
+            (0..count).map(|r| listed[r % listed.len()]).collect()
+        }
+        StartSource::Recent { timestamps, before } => {
+            check_timestamps(timestamps, rows)?;
+            let pool = |row: &RowIndex| before.is_none_or(|before| timestamps[row.get()] < before);
+            let pool: Vec<RowIndex> = ends(transitions).filter(pool).collect();
+            if pool.is_empty() {
+                return Err(RolloutError::NothingBefore);
+            }
+            (0..count).map(|r| pool[pool.len() - 1 - r % pool.len()]).collect()
+        }
+        StartSource::CalendarMonth { timestamps, month, before } => {
+            if !(1..=12).contains(&month) {
+                return Err(RolloutError::Month { got: month });
+            }
+            check_timestamps(timestamps, rows)?;
+            let pool = |row: &RowIndex| is_in_earlier_year(timestamps[row.get()], month, before);
+            let pool: Vec<RowIndex> = ends(transitions).filter(pool).collect();
+            if pool.is_empty() {
+                return Err(RolloutError::EmptyMonth { month, before: before.map(year_of) });
+            }
+            (0..count).map(|r| pool[draw(seed, r, pool.len())]).collect()
+        }
+    };
+    Ok(Some(chosen))
+}
+
+/// Whether a time lies in the month, in a calendar year before that of the deployment's start.
+fn is_in_earlier_year(time: Timestamp, month: u8, before: Option<Timestamp>) -> bool {
+    month_of(time) == month && before.is_none_or(|before| year_of(time) < year_of(before))
+}
+
+/// The rows that transitions end in.
+fn ends(transitions: &Transitions) -> impl Iterator<Item = RowIndex> {
+    (0..transitions.len()).map(|position| transitions.next(TransitionIndex::new(position)))
+}
+
+fn check_timestamps(timestamps: &[Timestamp], rows: usize) -> Result<(), RolloutError> {
+    if timestamps.len() == rows {
+        return Ok(());
+    }
+    Err(RolloutError::Timestamps { timestamps: timestamps.len(), rows })
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Segments;
+
+    use super::*;
+
+    #[test]
+    fn the_same_month_of_an_earlier_calendar_year() {
+        let day = |text: i64| Timestamp::from_micros(text * 86_400_000_000);
+        // 1971-01-10; 1970-12-30; 1970-01-05; 1971-12-30.
+        let (january, december, first, later) = (day(374), day(363), day(4), day(728));
+        assert!(is_in_earlier_year(first, 1, Some(january)));
+        assert!(!is_in_earlier_year(first, 12, Some(january)));
+        assert!(
+            is_in_earlier_year(december, 12, Some(january)),
+            "eleven days before, a year earlier"
+        );
+        assert!(!is_in_earlier_year(january, 1, Some(later)), "the deployment's own year");
+        assert!(!is_in_earlier_year(first, 2, Some(january)), "another month");
+        assert!(is_in_earlier_year(later, 12, None));
+    }
+
+    #[test]
+    fn recent_rows_are_those_before_the_deployment() {
+        let transitions = Transitions::new(Segments::from_lengths([4, 3]).expect("valid"));
+        let timestamps: Vec<Timestamp> = (0..7).map(Timestamp::from_micros).collect();
+        let rows = |before| {
+            let source = StartSource::Recent { timestamps: &timestamps, before };
+            let rows = recorded_rows(source, &transitions, 7, 3, Seed::new(0));
+            rows.map(|rows| rows.expect("rows").iter().map(|row| row.0).collect::<Vec<u32>>())
+        };
+        assert_eq!(rows(None).expect("rows"), [6, 5, 3]);
+        assert_eq!(rows(Some(timestamps[3])).expect("rows"), [2, 1, 2]);
+        assert!(matches!(rows(Some(timestamps[1])), Err(RolloutError::NothingBefore)));
+        let none = Transitions::new(Segments::from_lengths([1]).expect("valid"));
+        let source = StartSource::Recent { timestamps: &timestamps[..1], before: None };
+        let nothing = recorded_rows(source, &none, 1, 3, Seed::new(0));
+        assert!(matches!(nothing, Err(RolloutError::NothingBefore)));
+    }
+}
