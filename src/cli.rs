@@ -88,6 +88,9 @@ pub(crate) struct StudyArgs {
     /// Only this one of the study's [models] (default: one after the other)
     #[arg(long, value_name = "NAME")]
     pub(crate) model: Option<String>,
+    /// Only this one of the study's [deployments] (default: one after the other)
+    #[arg(long, value_name = "NAME")]
+    pub(crate) deployment: Option<String>,
     /// Where results go (default: beside the study file)
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,

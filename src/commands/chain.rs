@@ -4,8 +4,8 @@ use anyhow::{Context as _, ensure};
 use calib_core::Seed;
 
 use super::{
-    build_model, compare_models, evaluate, load_study, plant_of_study::PlantOfStudy, pretrain,
-    report, represent, rollout, several, simulate::Found, sweep, torch::NoLibtorch,
+    Of, build_model, compare, each_part, evaluate, load_study, parts,
+    plant_of_study::PlantOfStudy, pretrain, report, represent, rollout, simulate::Found, sweep, torch::NoLibtorch,
 };
 use crate::{
     cli::{BuildModelArgs, StudyArgs},
@@ -44,12 +44,17 @@ impl Step {
 
     fn run(self, args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
         match self {
-            Self::Represent => represent::run(args, None, printer),
-            Self::BuildModel => build_model::run(&BuildModelArgs::new(args.clone(), 0), printer),
-            Self::Rollout => rollout::run(args, printer),
-            Self::Sweep => sweep::run(args, printer),
+            Self::Represent => represent::run(&before(args), None, printer),
+            Self::BuildModel => build_model::run(&BuildModelArgs::new(before(args), 0), printer),
+            Self::Rollout => each_part(Of::Rollouts, args, printer, |args| rollout::run(args, printer)),
+            Self::Sweep => each_part(Of::Deployment, args, printer, |args| sweep::run(args, printer)),
         }
     }
+}
+
+/// What is made before rollouts is the same for all deployments.
+fn before(args: &StudyArgs) -> StudyArgs {
+    StudyArgs { deployment: None, ..args.clone() }
 }
 
 /// One of the models that a study compares, or its only one.
@@ -78,7 +83,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     if report::commands(&[&models[0].study]).contains(&"pretrain") {
         talk.heading("pretrain");
-        ended.and(pretrain::run(&StudyArgs { json: false, ..args.clone() }, talk)?);
+        ended.and(pretrain::run(&StudyArgs { json: false, ..before(args) }, talk)?);
     }
     for step in STEPS {
         for model in &mut models {
@@ -90,16 +95,14 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         ended.and(ExitStatus::Negative);
     }
     printer.heading("evaluate");
-    let names: Vec<String> = models
-        .iter()
-        .filter(|model| model.left_out.is_none())
-        .filter_map(|model| model.name.clone())
-        .collect();
-    let judged = if models[0].name.is_none() {
-        evaluate::run(args, printer)
-    } else {
-        ensure!(!names.is_empty(), "no model is left: {}", left_out.join("; "));
-        compare_models::run(args, &names, &left_out, printer)
+    let remaining = models.iter().filter(|model| model.left_out.is_none());
+    let all = remaining.map(|model| parts(Of::Deployment, &model.args));
+    let all: Vec<StudyArgs> =
+        all.collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect();
+    ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
+    let judged = match all.as_slice() {
+        [_] if models[0].name.is_none() => evaluate::run(args, printer),
+        all => compare::run(args, all, &left_out, printer),
     };
     match judged {
         Err(reason) if args.dry_run => not_yet("evaluate", &reason, printer),
@@ -114,11 +117,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
 
 /// The models of a study, all of them checked before the first step begins.
 fn models(args: &StudyArgs) -> anyhow::Result<Vec<Model>> {
-    let names = several(args)?;
-    let names = if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() };
-    let model = |name: Option<String>| {
-        let chosen = name.clone().or_else(|| args.model.clone());
-        let args = StudyArgs { model: chosen, json: false, ..args.clone() };
+    let several = args.model.is_none();
+    let model = |part: StudyArgs| {
+        let name = part.model.clone().filter(|_| several);
+        let args = StudyArgs { json: false, deployment: args.deployment.clone(), ..part };
         let (study, _) = load_study(&args)?;
         ensure!(
             !study.sweep.sensors.is_empty(),
@@ -128,7 +130,8 @@ fn models(args: &StudyArgs) -> anyhow::Result<Vec<Model>> {
         calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
         Ok(Model { name, args, study, left_out: None })
     };
-    names.into_iter().map(model).collect()
+    let models = parts(Of::Model, &StudyArgs { deployment: None, ..args.clone() })?;
+    models.into_iter().map(model).collect()
 }
 
 /// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.

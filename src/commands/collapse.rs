@@ -5,7 +5,7 @@ use calib_report::{Cell, Table};
 use calib_stats::{collapse_step, median};
 use serde::{Deserialize, Serialize};
 
-use super::{model_files::OpenModel, trajectory::Trajectory};
+use super::{model_files::OpenModel, trajectory::Trajectory, truth::Record};
 use crate::output::{Printer, count};
 
 /// How many rollouts stop moving, sensor by sensor, and how many end early; in the manifest of the rollouts.
@@ -47,6 +47,7 @@ pub(super) struct EndedEarly {
 /// Look for collapse in every rollout and sensor.
 pub(super) fn of(
     model: &OpenModel,
+    record: Record<'_>,
     all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
 ) -> anyhow::Result<Collapse> {
@@ -63,13 +64,13 @@ pub(super) fn of(
         }
     }
     let sensors =
-        sensors.iter().map(|(name, column)| sensor(model, &rollouts, name, *column, states));
+        sensors.iter().map(|(name, column)| sensor(record, &rollouts, name, *column, states));
     let sensors = sensors.collect::<anyhow::Result<_>>()?;
     Ok(Collapse { rollouts: rollouts.len(), sensors, ended })
 }
 
 fn sensor(
-    model: &OpenModel,
+    record: Record<'_>,
     rollouts: &[&Trajectory],
     name: &str,
     column: usize,
@@ -83,11 +84,10 @@ fn sensor(
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
         escaped += usize::from(data.is_far_out(values[values.len() - 1]));
         steps.extend(collapse_step(&values, data.variance)?.map(|step| step as f64));
-        let truth = super::rollout::recorded(model, rollout.start(), rollout.steps());
+        let truth = record.after(rollout.start().0, rollout.steps());
         if truth.len() == values.len() {
             recorded += 1;
-            let truth: Vec<f64> =
-                truth.iter().map(|row| f64::from(states.row(row.get())[column])).collect();
+            let truth: Vec<f64> = truth.values(column).map(f64::from).collect();
             recorded_collapsed += usize::from(collapse_step(&truth, data.variance)?.is_some());
         }
     }

@@ -94,7 +94,8 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         verdicts,
         notes: manifest.notes.clone(),
     };
-    let (written, _) = load_study(&StudyArgs { model: None, ..args.clone() })?;
+    let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
+    let (written, _) = load_study(&whole)?;
     Ok(Judged { study, written, paths, manifest, results, summary })
 }
 

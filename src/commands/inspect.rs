@@ -5,7 +5,7 @@ use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
     output::{Printer, bytes, count, percent, significant, table},
-    study::Study,
+    study::{Chosen, Study},
 };
 
 /// Channels that are listed without `--all`.
@@ -35,7 +35,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
-        let (study, paths) = Study::load(&args.data, &args.set, None)?;
+        let (study, paths) = Study::load(&args.data, &args.set, Chosen::default())?;
         return Ok((plant_of_study::data(&study, &paths)?, study.preprocess));
     } else {
         Study::of_data(&args.data, &args.set)?

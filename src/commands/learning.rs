@@ -64,6 +64,11 @@ fn name(environment: EnvironmentId) -> String {
     }
 }
 
+/// Whether the curves are Online.
+pub(super) fn is_online(curves: &LearningCurves) -> bool {
+    curves.environment == ONLINE
+}
+
 /// Whether the curves are the same for all models of a study.
 pub(super) fn is_shared(curves: &LearningCurves) -> bool {
     [ONLINE, LOG_REPLAY].contains(&curves.environment.as_str())

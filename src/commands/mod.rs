@@ -6,9 +6,11 @@ mod build_network;
 mod build_plan;
 mod chain;
 mod collapse;
-mod compare_models;
+mod compare;
 mod comparison;
+mod deployed;
 mod dtw;
+mod environments;
 mod evaluate;
 mod figures;
 mod generate;
@@ -35,6 +37,7 @@ mod sweep_tables;
 mod torch;
 mod train_model;
 mod trajectory;
+mod truth;
 
 use anyhow::Context as _;
 use calib_represent::RepresentationKind;
@@ -43,7 +46,7 @@ use crate::{
     cli::{BuildModelArgs, Cli, Command, StudyArgs},
     exit::ExitStatus,
     output::{Printer, watch_for_interrupts},
-    study::{Study, StudyPaths},
+    study::{Chosen, Rollouts, Study, StudyPaths},
 };
 
 /// Do what the command line says.
@@ -61,7 +64,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
         Command::Run(args) => chain::run(&args, printer),
-        Command::Represent(args) => each_model(&args.study, printer, |study_args, which| {
+        Command::Represent(args) => each(Of::Model, &args.study, printer, |study_args, which| {
             // Of several models some search among the states themselves.
             let (study, _) = load_study(study_args)?;
             let none =
@@ -72,15 +75,22 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             }
             represent::run(study_args, args.device, printer)
         }),
-        Command::BuildModel(args) => each_model(&args.study, printer, |study, _| {
+        Command::BuildModel(args) => each(Of::Model, &args.study, printer, |study, _| {
             build_model::run(&BuildModelArgs { study: study.clone(), ..args }, printer)
         }),
-        Command::Rollout(args) => each_model(&args, printer, |args, _| rollout::run(args, printer)),
-        Command::Pretrain(args) => pretrain::run(&args, printer),
-        Command::Sweep(args) => each_model(&args, printer, |args, _| sweep::run(args, printer)),
-        Command::Evaluate(args) => match several(&args)?.as_slice() {
-            [] => evaluate::run(&args, printer),
-            names => compare_models::run(&args, names, &[], printer),
+        Command::Rollout(args) => {
+            each(Of::Rollouts, &args, printer, |args, _| rollout::run(args, printer))
+        }
+        Command::Pretrain(args) => {
+            refuse_deployment(&args)?;
+            pretrain::run(&args, printer)
+        }
+        Command::Sweep(args) => {
+            each(Of::Deployment, &args, printer, |args, _| sweep::run(args, printer))
+        }
+        Command::Evaluate(args) => match parts(Of::Deployment, &args)?.as_slice() {
+            [_] => evaluate::run(&args, printer),
+            parts => compare::run(&args, parts, &[], printer),
         },
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),
@@ -88,33 +98,65 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
     }
 }
 
-/// Whether a command works on a whole study or on one of the models that it compares.
+/// Whether a command works on a whole study or on one of its models and deployments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Which {
     TheOnly,
     OneOfSeveral,
 }
 
-/// Run a command on each of the study's models, or on the study if it has no several.
-fn each_model(
+/// What a command does something for, once each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Of {
+    /// Each model.
+    Model,
+    /// Each model, and each deployment where its start states follow from the deployment.
+    Rollouts,
+    /// Each deployment of each model.
+    Deployment,
+}
+
+/// Run a command on each part of the study, or on the study if it has none.
+fn each(
+    of: Of,
     args: &StudyArgs,
     printer: &Printer,
     run: impl Fn(&StudyArgs, Which) -> anyhow::Result<ExitStatus>,
 ) -> anyhow::Result<ExitStatus> {
-    let names = several(args)?;
-    if names.is_empty() {
-        return run(args, Which::TheOnly);
+    let parts = parts(of, args)?;
+    if let [only] = parts.as_slice() {
+        return run(only, Which::TheOnly);
     }
     anyhow::ensure!(
         !args.json,
-        "--json prints one result, and the study has several models; add --model NAME ({})",
-        names.join(", ")
+        "--json prints one result, and the study has several; add {}",
+        missing_names(args, &parts).join(" and ")
     );
+    each_of(&parts, printer, |part| run(part, Which::OneOfSeveral))
+}
+
+/// Run a step of a longer chain on each deployment of a study, or of one of its models.
+fn each_part(
+    of: Of,
+    args: &StudyArgs,
+    printer: &Printer,
+    run: impl Fn(&StudyArgs) -> anyhow::Result<ExitStatus>,
+) -> anyhow::Result<ExitStatus> {
+    match parts(of, args)?.as_slice() {
+        [only] => run(only),
+        parts => each_of(parts, printer, run),
+    }
+}
+
+fn each_of(
+    parts: &[StudyArgs],
+    printer: &Printer,
+    run: impl Fn(&StudyArgs) -> anyhow::Result<ExitStatus>,
+) -> anyhow::Result<ExitStatus> {
     let mut ended = ExitStatus::Done;
-    for name in names {
-        printer.heading(&format!("model {name}"));
-        let args = StudyArgs { model: Some(name), ..args.clone() };
-        match run(&args, Which::OneOfSeveral)? {
+    for part in parts {
+        printer.heading(&name(part));
+        match run(part)? {
             ExitStatus::Done => {}
             other => ended = other,
         }
@@ -122,21 +164,116 @@ fn each_model(
     Ok(ended)
 }
 
-/// The models that a command is to go through; none if the study has no several, or one is named.
-fn several(args: &StudyArgs) -> anyhow::Result<Vec<String>> {
-    match args.model {
-        Some(_) => Ok(Vec::new()),
-        None => Study::model_names(&args.study, &args.set),
+/// What a part of the study is called.
+fn name(part: &StudyArgs) -> String {
+    let model = part.model.as_ref().map(|name| format!("model {name}"));
+    let deployment = part.deployment.as_ref().map(|name| format!("deployment {name}"));
+    model.into_iter().chain(deployment).collect::<Vec<_>>().join(", ")
+}
+
+/// What would choose one of several parts.
+fn missing_names(args: &StudyArgs, parts: &[StudyArgs]) -> Vec<String> {
+    let names = |of: fn(&StudyArgs) -> Option<&String>| {
+        let mut names: Vec<&str> = parts.iter().filter_map(of).map(String::as_str).collect();
+        names.dedup();
+        let mut once: Vec<&str> = Vec::new();
+        for name in names {
+            if !once.contains(&name) {
+                once.push(name);
+            }
+        }
+        once.join(", ")
+    };
+    let model = args.model.is_none().then(|| names(|part| part.model.as_ref()));
+    let deployment = args.deployment.is_none().then(|| names(|part| part.deployment.as_ref()));
+    [("--model", model), ("--deployment", deployment)]
+        .into_iter()
+        .filter_map(|(option, names)| Some((option, names.filter(|names| !names.is_empty())?)))
+        .map(|(option, names)| format!("{option} NAME ({names})"))
+        .collect()
+}
+
+/// The parts that a command is to go through: the study itself, if it has no several.
+fn parts(of: Of, args: &StudyArgs) -> anyhow::Result<Vec<StudyArgs>> {
+    let models = match args.model {
+        Some(_) => Vec::new(),
+        None => Study::model_names(&args.study, &args.set)?,
+    };
+    let of_model = |name| StudyArgs { model: Some(name), ..args.clone() };
+    let mut parts: Vec<StudyArgs> = models.into_iter().map(of_model).collect();
+    if parts.is_empty() {
+        parts.push(args.clone());
     }
+    if of == Of::Model {
+        refuse_deployment(args)?;
+        return Ok(parts);
+    }
+    if args.deployment.is_none() {
+        let (study, _) = Study::load(&args.study, &args.set, Chosen::default())?;
+        let names = study.deployment_names();
+        if !names.is_empty() {
+            let of_deployment = |part: StudyArgs| {
+                let part = move |name: &String| StudyArgs {
+                    deployment: Some(name.clone()),
+                    ..part.clone()
+                };
+                names.iter().map(part).collect::<Vec<_>>()
+            };
+            parts = parts.into_iter().flat_map(of_deployment).collect();
+        }
+    }
+    if of == Of::Rollouts {
+        parts = once_where_shared(parts)?;
+    }
+    Ok(parts)
+}
+
+/// The first of those parts that share their rollouts, which is then all of them.
+fn once_where_shared(parts: Vec<StudyArgs>) -> anyhow::Result<Vec<StudyArgs>> {
+    let mut directories = Vec::new();
+    let mut kept = Vec::new();
+    for part in parts {
+        let (study, paths) = load_study(&part)?;
+        if !directories.contains(&paths.rollout()) {
+            directories.push(paths.rollout());
+            let deployment =
+                part.deployment.clone().filter(|_| starts::follow_from_deployment(&study));
+            kept.push(StudyArgs { deployment, ..part });
+        }
+    }
+    Ok(kept)
+}
+
+/// Nothing that comes before rollouts knows of deployments.
+fn refuse_deployment(args: &StudyArgs) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        args.deployment.is_none(),
+        "--deployment is for rollout, sweep and evaluate: what this command makes is the same for every deployment; \
+         leave it out"
+    );
+    Ok(())
 }
 
 /// The study that `args` name, with its overrides.
 fn load_study(args: &StudyArgs) -> anyhow::Result<(Study, StudyPaths)> {
-    let model = args.model.as_deref();
-    let (study, paths) = Study::load(&args.study, &args.set, model)?;
+    let (model, deployment) = (args.model.as_deref(), args.deployment.as_deref());
+    let (study, paths) = Study::load(&args.study, &args.set, Chosen { model, deployment })?;
     let paths = match &args.output {
         Some(output) => StudyPaths::new(args.study.clone(), output.clone()),
         None => paths,
     };
-    Ok((study, model.map_or(paths.clone(), |name| paths.of_model(name))))
+    let paths = match model {
+        Some(name) => paths.of_model(name),
+        None => paths,
+    };
+    let rollouts = if starts::follow_from_deployment(&study) {
+        Rollouts::OfDeployment
+    } else {
+        Rollouts::OfModel
+    };
+    let paths = match deployment {
+        Some(name) => paths.of_deployment(name, rollouts),
+        None => paths,
+    };
+    Ok((study, paths))
 }

@@ -1,15 +1,11 @@
 //! The calibration model of a study, of whatever kind.
 
-use calib_core::{Frames, Monitor, RowIndex, Seed};
+use calib_core::{Monitor, RowIndex, Seed};
 use calib_dynamics::{Dynamics, predict};
 use calib_knn::KnnModel;
 use calib_rollout::rollouts;
 
-use super::{
-    model_files::OpenModel,
-    starts::{start_rows, starts},
-    trajectory::Trajectory,
-};
+use super::{model_files::OpenModel, starts::Starts, trajectory::Trajectory};
 use crate::study::Study;
 
 /// A model that can be rolled out.
@@ -34,7 +30,7 @@ impl Model {
 pub(super) fn roll_out(
     model: &OpenModel,
     study: &Study,
-    held_out: Option<&Frames>,
+    starts: &Starts<'_>,
     monitor: &dyn Monitor,
 ) -> anyhow::Result<Vec<Vec<Trajectory>>> {
     let config = &study.rollout;
@@ -44,14 +40,14 @@ pub(super) fn roll_out(
             let weights = study.model.weights()?;
             let member = |number| {
                 let member = knn.member(number);
-                let starts = starts(&member, config, model, held_out, config.rollouts, seed)?;
+                let starts = starts.of_member(&member, config.rollouts)?;
                 let all = rollouts(&member, &starts, config.steps, weights, seed, monitor)?;
                 Ok(all.into_iter().map(Trajectory::Recorded).collect())
             };
             (0..knn.members()).map(member).collect()
         }
         Model::Parametric(network) => {
-            let starts = start_rows(config, model, held_out, config.rollouts, seed)?;
+            let starts = starts.of_network(config.rollouts)?;
             let rows: Vec<RowIndex> = starts.iter().map(|start| start.row).collect();
             let (states, segments) = (model.frames.states(), model.frames.segments());
             let all = predict(&**network, states, segments, &rows, config.steps, monitor)?;

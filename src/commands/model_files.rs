@@ -7,7 +7,7 @@ use calib_core::{
     Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions,
 };
 use calib_data::{
-    Dataset, Profile, format_time,
+    DataConfig, Dataset, Profile, format_time,
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
@@ -205,6 +205,12 @@ fn follows_from_seed(study: &Study) -> bool {
     }
 }
 
+/// Whether a model that was built with `made` is that of `data`. One that was built without a deployment serves for all.
+fn same_training(made: &DataConfig, data: &DataConfig) -> bool {
+    let without = || DataConfig { held_out: None, ..data.clone() };
+    made == data || (made.held_out.is_none() && *made == without())
+}
+
 /// Open the model of `study`; tables and states are mapped, and checked.
 pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenModel> {
     let directory = &paths.model();
@@ -215,7 +221,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
         ("[representation]", study.is_parametric() || made.representation == study.representation),
         ("[model]", made.model == study.model),
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
-        ("[data]", made.data == study.data),
+        ("[data]", same_training(&made.data, &study.data)),
         ("[preprocess]", made.preprocess == study.preprocess),
         ("[pretrain]", made.pretrain.partition() == study.pretrain.partition()),
         ("seed", !follows_from_seed(study) || made.seed == study.seed),

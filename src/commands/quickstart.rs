@@ -21,6 +21,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
         study: study.clone(),
         set: Vec::new(),
         model: None,
+        deployment: None,
         output: None,
         force: false,
         dry_run: false,

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use calib_data::{ChannelProfile, Profile, format_time, table::read_parquet_columns};
 use calib_files::{write_atomically, write_json};
 use calib_report::{
-    Agreement, Alternative, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
+    Agreement, Alternative, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
     JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting,
     Table, TopK, Verdict,
 };
@@ -42,6 +42,11 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
     for rollout in &report.rollouts {
         figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
     }
+    write_page(paths, report)
+}
+
+/// Write `report.html`.
+pub(super) fn write_page(paths: &StudyPaths, report: &Report) -> anyhow::Result<()> {
     let html = report.html()?;
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
@@ -76,7 +81,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         },
         jumps: jumps(&model),
         tables: tables(study, paths, rollouts.as_ref()),
-        data: Some(data_profile(&profile, &model)),
+        data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
 }
@@ -85,10 +90,42 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
 fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>) -> Vec<Table> {
     let name = study.model_name();
     let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
+    let starts = rollouts.and_then(|of| starts_table(name, of));
     let compared = rollouts.and_then(|of| of.comparison.as_ref());
     let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
     let representations = representation_table(study, paths);
-    collapse.into_iter().chain(compared.into_iter().flatten()).chain(representations).collect()
+    let rolled_out = compared.into_iter().flatten().chain(starts);
+    collapse.into_iter().chain(rolled_out).chain(representations).collect()
+}
+
+/// How many start states each member lacks, and how far what stands for them is; none where all are there.
+pub(super) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Table> {
+    let all = rollouts.members.iter().map(|member| &member.starts);
+    if all.clone().all(|starts| starts.mean_distance.is_none()) {
+        return None;
+    }
+    let cell = |distance: Option<f64>| distance.map_or(Cell::Missing, Cell::Number);
+    let rows = all.enumerate().map(|(member, starts)| {
+        vec![
+            Cell::Text(format!("member {member}")),
+            Cell::Count(starts.starts as u64),
+            Cell::Count(starts.replaced as u64),
+            cell(starts.mean_distance),
+            cell(starts.largest_distance),
+        ]
+    });
+    let columns = ["member", "start states", "in the block left out", "mean distance", "largest"];
+    Some(Table {
+        title: "Start states".to_owned(),
+        caption: format!(
+            "{model}: a start state that lies in the block that a member leaves out, or in no block because it is of \
+             the deployment, is replaced by the nearest that the member has. Distances are from what was asked for \
+             to what stands for it, in the metric of the model."
+        ),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+        best: None,
+    })
 }
 
 /// The representations that could be used, if the study has any.
@@ -208,7 +245,7 @@ fn rollout_figures(
     paths: &StudyPaths,
     manifest: &RolloutManifest,
 ) -> anyhow::Result<Vec<RolloutFigure>> {
-    let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "row".to_owned()];
+    let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "wanted_row".to_owned()];
     for sensor in &manifest.sensors {
         columns.extend([sensor.clone(), format!("{sensor}.recorded")]);
     }
@@ -235,7 +272,7 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
         .collect()
 }
 
-fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
+fn data_profile(profile: &Profile, model: &ModelManifest, judged: &Judged) -> DataProfile {
     let train = &profile.train;
     let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
     let mut facts = vec![
@@ -250,11 +287,7 @@ fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
         fact("rows dropped for missing values", train.dropped_rows),
         fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
     ];
-    if let Some(held_out) = &profile.held_out {
-        facts.push(fact("held-out states", held_out.rows));
-        let range = format!("{} to {}", format_time(held_out.start), format_time(held_out.end));
-        facts.push(("held-out range".to_owned(), range));
-    }
+    facts.extend(deployment_facts(judged));
     // Of what the model was built from: agents may be pre-trained on the rest of the training range.
     let [first, last] =
         model.times.clone().unwrap_or_else(|| [train.start, train.end].map(format_time));
@@ -267,6 +300,21 @@ fn data_profile(profile: &Profile, model: &ModelManifest) -> DataProfile {
         facts,
         channels: profile.channels.iter().map(channel).collect(),
     }
+}
+
+const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
+
+/// What is known of the deployment that was judged by.
+pub(super) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
+    let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
+    let [first, last] = &held_out.times;
+    let values = [calib_report::count(held_out.rows), format!("{first} to {last}")];
+    HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
+}
+
+/// Whether a fact is one of those.
+pub(super) fn is_of_deployment(fact: &str) -> bool {
+    HELD_OUT.contains(&fact)
 }
 
 fn channel(of: &ChannelProfile) -> Channel {

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use calib_core::{Normalised, RowIndex, Timestamp};
+use calib_core::{Normalised, RowIndex, Seed, Timestamp};
 use calib_data::{Dataset, table::Table};
 use calib_rollout::{JumpStatistics, RolloutConfig};
 use serde::{Deserialize, Serialize};
@@ -13,8 +13,9 @@ use super::{
     model::{self, Model},
     model_files::{self, OpenModel},
     partition,
-    starts::starts_from_held_out,
+    starts::{StartSummary, Starts, follow_from_deployment, summaries},
     trajectory::Trajectory,
+    truth::{self, Record},
 };
 use crate::{
     cli::StudyArgs,
@@ -49,12 +50,12 @@ pub(super) struct MemberRollouts {
     /// None for models that leave the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) jumps: Option<JumpStatistics>,
-    /// Rollouts whose start state the member lacks, so that it was replaced by a near one.
-    pub(super) replaced_starts: usize,
+    /// How many start states the member lacks, and how far what stands for them is.
+    pub(super) starts: StartSummary,
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 3;
+    const FORMAT: u32 = 4;
 
     fn format(&self) -> u32 {
         self.format
@@ -69,9 +70,13 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let sensors = sensors(&study, &model, &paths.model())?;
     let directory = paths.rollout();
     let deployment = deployment(&study, &paths, &model, printer)?;
+    let seed = Seed::new(study.seed).child("rollout");
+    let held_out = deployment.as_ref().and_then(|dataset| dataset.held_out.as_ref());
+    let starts = Starts::new(&study.rollout, &model, held_out, seed)?;
+    let fingerprint = deployment.as_ref().and_then(|dataset| dataset.held_out_fingerprint.as_ref());
     let key = artefact::key(&(
         RolloutManifest::FORMAT,
-        deployment.as_ref().map(|dataset| &dataset.held_out_fingerprint),
+        starts.origin(fingerprint)?,
         &model.manifest.key,
         study.model,
         &study.rollout,
@@ -90,7 +95,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
         None => {
-            (roll_out(&study, &model, deployment, &sensors, key, &directory, printer)?, "wrote")
+            let record = Record { model: &model.frames, deployment: held_out };
+            let from = (&starts, record);
+            (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
         }
     };
     if args.json {
@@ -140,35 +147,36 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
 fn roll_out(
     study: &Study,
     model: &OpenModel,
-    deployment: Option<Dataset>,
+    (starts, record): (&Starts<'_>, Record<'_>),
     sensors: &[(String, usize)],
     key: String,
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<RolloutManifest> {
-    let held_out = deployment.and_then(|dataset| dataset.held_out);
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     let config = &study.rollout;
     let progress = printer.progress();
-    let all = model::roll_out(model, study, held_out.as_ref(), &progress)?;
+    let all = model::roll_out(model, study, starts, &progress)?;
     drop(progress);
-    let trajectories = trajectories(model, &all, sensors);
+    let trajectories = trajectories(model, record, &all, sensors);
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
     let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
     let period_secs = model.manifest.period.as_secs();
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
         figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
     }
-    let collapse = collapse::of(model, &all, sensors)?;
-    let comparison =
-        compare(model, &all, sensors, directory, config.dtw_steps.min(config.steps), printer)?;
-    let members = all.iter().enumerate();
+    let collapse = collapse::of(model, record, &all, sensors)?;
+    let steps = config.dtw_steps.min(config.steps);
+    let comparison = compare(model, record, &all, sensors, directory, steps, printer)?;
+    let of_member = |rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect();
+    let starts = summaries(&all.iter().map(of_member).collect::<Vec<_>>());
+    let members = all.iter().zip(starts).enumerate();
     let members = members
-        .map(|(member, rollouts)| MemberRollouts {
+        .map(|(member, (rollouts, starts))| MemberRollouts {
             transitions: model.manifest.members[member].transitions,
             jumps: jumps_of(rollouts),
-            replaced_starts: rollouts.iter().filter(|of| of.start_is_replaced()).count(),
+            starts,
         })
         .collect();
     let manifest = RolloutManifest {
@@ -199,6 +207,7 @@ fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
 /// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
 fn compare(
     model: &OpenModel,
+    record: Record<'_>,
     all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
     directory: &Path,
@@ -209,19 +218,19 @@ fn compare(
         comparison::remove(directory)?;
         return Ok(None);
     }
-    let compared = comparison::compare(model, all, sensors, steps, printer)?;
+    let compared = comparison::compare(model, record, all, sensors, steps, printer)?;
     comparison::write(directory, &compared.pairs, sensors)?;
     Ok(Some(compared.summary))
 }
 
-/// The data, where start states follow from its held-out range.
+/// The data, where start states follow from its deployment.
 fn deployment(
     study: &Study,
     paths: &StudyPaths,
     model: &OpenModel,
     printer: &Printer,
 ) -> anyhow::Result<Option<Dataset>> {
-    if !starts_from_held_out(study) {
+    if !follow_from_deployment(study) {
         return Ok(None);
     }
     let dataset = partition::load(study, paths, printer)?.dataset;
@@ -229,35 +238,30 @@ fn deployment(
     Ok(Some(dataset))
 }
 
-/// The recorded rows after `start`, as far as its segment goes: the true trajectory.
-pub(super) fn recorded(model: &OpenModel, start: RowIndex, steps: usize) -> Vec<RowIndex> {
-    let segments = model.frames.segments();
-    let end = segments
-        .position_of(start.get())
-        .map_or(start.get(), |position| segments.as_slice()[position].end as usize);
-    (start.get()..end.min(start.get() + steps + 1)).map(RowIndex::new).collect()
-}
-
-/// One row a step: member, rollout, step, the recorded row and its time; per sensor the value in
-/// physical and in normalised units, and the recorded trajectory from the same start. Predictions have no
-/// row and no time but at their start.
-fn trajectories(model: &OpenModel, all: &[Vec<Trajectory>], sensors: &[(String, usize)]) -> Table {
+/// One row a step: member, rollout, step, the recorded row and its time, the row that was asked for as the start; per
+/// sensor the value in physical and in normalised units, and the recorded trajectory from the row that was asked for.
+/// Predictions have no row and no time but at their start.
+fn trajectories(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+) -> Table {
     let flat = || {
         all.iter().enumerate().flat_map(|(member, rollouts)| {
             rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
         })
     };
     let mut visited: Vec<Option<RowIndex>> = Vec::new();
-    let mut truth: Vec<Option<RowIndex>> = Vec::new();
+    let mut wanted: Vec<u32> = Vec::new();
     let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (member, number, rollout) in flat() {
-        let recorded = recorded(model, rollout.start(), rollout.steps());
         for step in 0..=rollout.steps() {
             members.push(member as u32);
             numbers.push(number as u32);
             steps.push(step as u32);
             visited.push(rollout.row(step));
-            truth.push(recorded.get(step).copied());
+            wanted.push(truth::row(rollout.start().0).0);
         }
     }
     let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
@@ -268,21 +272,27 @@ fn trajectories(model: &OpenModel, all: &[Vec<Trajectory>], sensors: &[(String, 
         .with("rollout", numbers)
         .with("step", steps)
         .with_optional("row", visited.iter().map(|row| row.map(|row| row.0)).collect())
-        .with_optional("timestamp", timestamps);
+        .with_optional("timestamp", timestamps)
+        .with("wanted_row", wanted);
     for (sensor, column) in sensors {
         let normalised: Vec<f32> = flat()
             .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
             .collect();
         let physical =
             |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
-        let recorded =
-            |row: &Option<RowIndex>| row.map(|row| physical(states.row(row.get())[*column]));
+        let recorded = |(_, _, rollout): (usize, usize, &Trajectory)| {
+            let truth = record.after(rollout.start().0, rollout.steps());
+            let known: Vec<Option<f64>> =
+                truth.values(*column).map(|value| Some(physical(value))).collect();
+            let unknown = rollout.steps() + 1 - known.len();
+            known.into_iter().chain(std::iter::repeat_n(None, unknown))
+        };
         table = table
             .with(sensor, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
             .with(format!("{sensor}.normalised"), normalised)
             .with_optional(
                 format!("{sensor}.recorded"),
-                truth.iter().map(recorded).collect::<Vec<Option<f64>>>(),
+                flat().flat_map(recorded).collect::<Vec<Option<f64>>>(),
             );
     }
     table
@@ -290,10 +300,7 @@ fn trajectories(model: &OpenModel, all: &[Vec<Trajectory>], sensors: &[(String, 
 
 fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> anyhow::Result<()> {
     for (number, member) in manifest.members.iter().enumerate() {
-        let replaced = match member.replaced_starts {
-            0 => String::new(),
-            starts => format!("; {starts} start states replaced by their nearest"),
-        };
+        let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
         let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
         printer.result(&format!("  member {number}: {moves}{replaced}"))?;
     }

@@ -3,62 +3,58 @@
 use anyhow::{Context as _, bail};
 use calib_core::{Frames, RowIndex, Seed, States, Timestamp, Transitions};
 use calib_data::Moment;
+use calib_files::Fingerprint;
 use calib_knn::Member;
 use calib_rollout::{
-    RolloutConfig, StartKind, StartRow, StartSource, StartState, month_of, start_states,
+    RolloutConfig, StartKind, StartRow, StartSource, StartState, Wanted, month_of, start_rows,
+    start_states,
 };
+use serde::{Deserialize, Serialize};
 
 use super::model_files::OpenModel;
-use crate::study::Study;
+use crate::{output::significant, study::Study};
 
-/// Whether start states depend on the held-out range.
-pub(super) fn starts_from_held_out(study: &Study) -> bool {
-    matches!(study.rollout.start, StartKind::Nearest | StartKind::CalendarMonth)
+/// Whether start states follow from the deployment.
+pub(super) fn follow_from_deployment(study: &Study) -> bool {
+    match study.rollout.start {
+        StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => true,
+        StartKind::Random | StartKind::Rows => false,
+    }
 }
 
-/// `count` start states for `member`.
-pub(super) fn starts(
-    member: &Member<'_>,
-    config: &RolloutConfig,
-    model: &OpenModel,
-    held_out: Option<&Frames>,
-    count: usize,
+/// What start states follow from, beside the model and `[rollout]`. Streams are shared by deployments in which it is
+/// the same.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Origin {
+    /// A month, of calendar years before that of a time.
+    Month { month: u8, before: Option<Timestamp> },
+    /// So many rows of the model's data, which are those before the deployment.
+    Rows(usize),
+    /// The states of a deployment.
+    States(Option<Fingerprint>),
+}
+
+/// Where the rollouts of a study start.
+pub(super) struct Starts<'a> {
+    config: &'a RolloutConfig,
+    model: &'a OpenModel,
     seed: Seed,
-) -> anyhow::Result<Vec<StartState>> {
-    let seed = seed.child("member").number(member.number() as u64);
-    let given = Given::new(config, model, held_out)?;
-    start_states(member, given.source(config, model, held_out)?, count, seed).context("[rollout]")
-}
-
-/// `count` start rows for a network.
-pub(super) fn start_rows(
-    config: &RolloutConfig,
-    model: &OpenModel,
-    held_out: Option<&Frames>,
-    count: usize,
-    seed: Seed,
-) -> anyhow::Result<Vec<StartRow>> {
-    let seed = seed.child("member").number(0);
-    let given = Given::new(config, model, held_out)?;
-    let source = given.source(config, model, held_out)?;
-    let transitions = Transitions::new(model.frames.segments().clone());
-    calib_rollout::start_rows(model.frames.states(), &transitions, source, count, seed)
-        .context("[rollout]")
-}
-
-/// What a source of start states refers to.
-struct Given {
+    /// When the deployment begins.
+    deployed: Option<Timestamp>,
     /// Rows that the study lists.
     listed: Vec<RowIndex>,
     /// States of the deployment, as the model compares them.
     metric: Option<States>,
 }
 
-impl Given {
-    fn new(
-        config: &RolloutConfig,
-        model: &OpenModel,
+impl<'a> Starts<'a> {
+    /// As `config` asks for, for the deployment `held_out`.
+    pub(super) fn new(
+        config: &'a RolloutConfig,
+        model: &'a OpenModel,
         held_out: Option<&Frames>,
+        seed: Seed,
     ) -> anyhow::Result<Self> {
         let listed = match config.start {
             StartKind::Rows => listed_rows(config, &model.frames)?,
@@ -68,38 +64,137 @@ impl Given {
             StartKind::Nearest => held_out.map(|held_out| model.in_metric(held_out.states())),
             _ => None,
         };
-        Ok(Self { listed, metric: metric.transpose()? })
+        let deployed = held_out.and_then(|held_out| held_out.timestamps().first().copied());
+        Ok(Self { config, model, seed, deployed, listed, metric: metric.transpose()? })
     }
 
-    fn source<'a>(
-        &'a self,
-        config: &RolloutConfig,
-        model: &'a OpenModel,
-        held_out: Option<&Frames>,
-    ) -> anyhow::Result<StartSource<'a>> {
-        let Self { listed, metric } = self;
-        let frames = &model.frames;
-        Ok(match config.start {
+    /// `count` start states for `member`.
+    pub(super) fn of_member(
+        &self,
+        member: &Member<'_>,
+        count: usize,
+    ) -> anyhow::Result<Vec<StartState>> {
+        start_states(member, self.source()?, count, self.seed_of(member.number()))
+            .context("[rollout]")
+    }
+
+    /// `count` start rows for a network.
+    pub(super) fn of_network(&self, count: usize) -> anyhow::Result<Vec<StartRow>> {
+        let frames = &self.model.frames;
+        let transitions = Transitions::new(frames.segments().clone());
+        start_rows(frames.states(), &transitions, self.source()?, count, self.seed_of(0))
+            .context("[rollout]")
+    }
+
+    /// Members have random starts of their own; all others are chosen once for all.
+    fn seed_of(&self, member: usize) -> Seed {
+        match self.config.start {
+            StartKind::Random => self.seed.child("member").number(member as u64),
+            _ => self.seed,
+        }
+    }
+
+    /// What starts follow from, with the fingerprint of the deployment's states; none if they do from the model alone.
+    pub(super) fn origin(
+        &self,
+        deployment: Option<&Fingerprint>,
+    ) -> anyhow::Result<Option<Origin>> {
+        Ok(match self.config.start {
+            StartKind::Random | StartKind::Rows => None,
+            StartKind::Nearest => Some(Origin::States(deployment.cloned())),
+            StartKind::CalendarMonth => {
+                Some(Origin::Month { month: self.month()?, before: self.deployed })
+            }
+            StartKind::Recent => {
+                let timestamps = self.model.frames.timestamps();
+                let before = |before| timestamps.partition_point(|&time| time < before);
+                Some(Origin::Rows(self.deployed.map_or(timestamps.len(), before)))
+            }
+        })
+    }
+
+    fn month(&self) -> anyhow::Result<u8> {
+        self.config
+            .month
+            .or_else(|| self.deployed.map(month_of))
+            .context("rollout.start = \"calendar_month\" wants rollout.month, or a held-out range")
+    }
+
+    fn source(&self) -> anyhow::Result<StartSource<'_>> {
+        let (timestamps, before) = (self.model.frames.timestamps(), self.deployed);
+        Ok(match self.config.start {
             StartKind::Random => StartSource::Random,
-            StartKind::Recent => StartSource::Recent,
-            StartKind::Rows => StartSource::Rows { rows: listed, absent: config.absent },
+            StartKind::Recent => StartSource::Recent { timestamps, before },
+            StartKind::Rows => {
+                StartSource::Rows { rows: &self.listed, absent: self.config.absent }
+            }
             StartKind::Nearest => StartSource::Nearest {
-                states: metric.as_ref().context(
-                    "rollout.start = \"nearest\" wants a held-out range; set data.held_out",
+                states: self.metric.as_ref().context(
+                    "rollout.start = \"nearest\" wants a held-out range; set data.held_out, or [deployments]",
                 )?,
             },
             StartKind::CalendarMonth => {
-                let deployment =
-                    held_out.and_then(|held_out| held_out.timestamps().first().copied());
-                let month = config.month.or_else(|| deployment.map(month_of)).context(
-                    "rollout.start = \"calendar_month\" wants rollout.month, or a held-out range",
-                )?;
-                StartSource::CalendarMonth {
-                    timestamps: frames.timestamps(),
-                    month,
-                    before: deployment,
-                }
+                StartSource::CalendarMonth { timestamps, month: self.month()?, before }
             }
+        })
+    }
+}
+
+/// How many of a member's start states stand for others, and how far from them they are; in the manifest of rollouts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct StartSummary {
+    /// Start states in all.
+    pub(super) starts: usize,
+    /// Those that the member lacks, because they lie in the block that it leaves out: its nearest stands for them.
+    pub(super) replaced: usize,
+    /// From the states that were asked for to those that stand for them, in the metric of the model; none if all were
+    /// there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) mean_distance: Option<f64>,
+    /// The largest of these distances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) largest_distance: Option<f64>,
+}
+
+/// Summaries of all members, from what was asked for and, where another state stands for it, how far that is. States of
+/// a deployment are in no member: one lacks their nearest where another member has a nearer one.
+pub(super) fn summaries(members: &[Vec<(Wanted, Option<f32>)>]) -> Vec<StartSummary> {
+    let nearest = |number: usize| {
+        let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
+        of_all.fold(f32::INFINITY, f32::min)
+    };
+    let of = |starts: &Vec<(Wanted, Option<f32>)>| {
+        let lacks = |&(number, &(wanted, replaced)): &(usize, &(Wanted, Option<f32>))| match wanted
+        {
+            Wanted::Recorded(_) => replaced.is_some(),
+            Wanted::Deployment(_) => replaced.is_some_and(|distance| distance > nearest(number)),
+        };
+        let distances: Vec<f64> =
+            starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
+        let mean = || distances.iter().sum::<f64>() / distances.len() as f64;
+        StartSummary {
+            starts: starts.len(),
+            replaced: starts.iter().enumerate().filter(lacks).count(),
+            mean_distance: (!distances.is_empty()).then(mean),
+            largest_distance: distances.iter().copied().reduce(f64::max),
+        }
+    };
+    members.iter().map(of).collect()
+}
+
+impl StartSummary {
+    /// What people read; nothing where all start states were there.
+    pub(super) fn text(&self) -> Option<String> {
+        let Self { starts, replaced, mean_distance, largest_distance } = self;
+        let (mean, largest) = mean_distance.zip(*largest_distance)?;
+        let away = format!("{} away, {} at most", significant(mean), significant(largest));
+        Some(match replaced {
+            0 => format!(
+                "all {starts} start states are the model's nearest to those asked for ({away})"
+            ),
+            replaced => format!(
+                "{replaced} of {starts} start states lie in the block left out: their nearest stand for them ({away})"
+            ),
         })
     }
 }
@@ -134,4 +229,33 @@ fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> anyhow::Result<Row
         );
     }
     Ok(RowIndex::new(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_member_lacks_what_others_have() {
+        let recorded = |replaced| (Wanted::Recorded(RowIndex(1)), replaced);
+        let all = summaries(&[vec![recorded(None), recorded(Some(0.5))], vec![recorded(None); 2]]);
+        let first = StartSummary {
+            starts: 2,
+            replaced: 1,
+            mean_distance: Some(0.5),
+            largest_distance: Some(0.5),
+        };
+        assert_eq!(all, [first, StartSummary { starts: 2, ..StartSummary::default() }]);
+        assert!(
+            first.text().expect("replaced").starts_with("1 of 2 start states lie in the block")
+        );
+        assert_eq!(all[1].text(), None);
+        // States of the deployment are nobody's: what counts is who has the nearest.
+        let deployed = |distance| (Wanted::Deployment(RowIndex(1)), Some(distance));
+        let all =
+            summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
+        let told = |of: &StartSummary| (of.replaced, of.mean_distance, of.largest_distance);
+        assert_eq!(told(&all[0]), (0, Some(0.375), Some(0.5)));
+        assert_eq!(told(&all[1]), (1, Some(0.75), Some(1.0)));
+    }
 }

@@ -2,24 +2,21 @@ use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
 use calib_agent::AgentConfig;
-use calib_core::{Normaliser, Period, Seed};
+use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Completed, Environment, EnvironmentId, MemberEnvironment, NotFinite, Plan,
-    PlanOptions, PlannedUnit, PredictedEnvironment, ReplayEnvironment, RolloutOptions, Unit,
-    UnitResult, UnitStore, candidates,
+    Candidate, Completed, EnvironmentId, NotFinite, Plan, PlanOptions, PlannedUnit, UnitResult,
+    UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
-    load_study,
-    model::Model,
-    model_files::{self, OpenModel},
+    environments::Environments,
+    load_study, model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files,
-    starts::{start_rows, starts, starts_from_held_out},
     sweep_plan::{Memory, Sizes, SweepPlan},
     sweep_tables,
 };
@@ -42,12 +39,30 @@ pub(super) struct SweepManifest {
     pub(super) data: Fingerprint,
     pub(super) model: String,
     pub(super) period: Period,
+    /// What Online replays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) held_out: Option<HeldOut>,
     /// Steps of every stream.
     pub(super) steps: usize,
     pub(super) candidates: Vec<Candidate>,
     pub(super) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
     pub(super) notes: Vec<String>,
+}
+
+/// The states of a deployment.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct HeldOut {
+    pub(super) rows: u64,
+    /// Times of the first and the last.
+    pub(super) times: [String; 2],
+}
+
+impl HeldOut {
+    fn of(frames: &Frames) -> Option<Self> {
+        let times = model_files::first_and_last(frames)?;
+        Some(Self { rows: frames.rows() as u64, times })
+    }
 }
 
 impl Manifest for SweepManifest {
@@ -83,7 +98,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, printer);
-    let environments = environments(&study, &model, &dataset, lengths.steps)?;
+    let Environments { environments, starts: told_starts } =
+        Environments::new(&study, &model, &dataset, lengths.steps)?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
@@ -104,9 +120,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     };
     let directory = paths.sweep();
     let store = unit_store(&directory);
-    let mut stored = if args.force { BTreeMap::new() } else { plan.stored(&store) };
-    let shared =
-        if args.force { Vec::new() } else { from_other_models(&paths, &plan.units(), &mut stored) };
+    let own = if args.force { BTreeMap::new() } else { plan.stored(&store) };
+    // Online and log replay are the same for all models, members for all deployments that give the same start states.
+    let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
+    let stored =
+        if args.force { BTreeMap::new() } else { plan.stored(&store.clone().beside(others)) };
     let missing = plan.count() - stored.len();
     let agents: Vec<AgentConfig> =
         candidates.iter().map(|candidate| candidate.agent.clone()).collect();
@@ -130,7 +148,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     if args.force {
         remove_units(&store)?;
     }
-    shared.iter().try_for_each(|result| store.put(result))?;
+    let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
+    shared.into_iter().try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let planned =
         |result: &UnitResult| PlannedUnit { unit: result.unit.clone(), key: result.key.clone() };
@@ -147,10 +166,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         data: dataset.fingerprint.clone(),
         model: model.manifest.key.clone(),
         period: dataset.period,
+        held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
         steps: lengths.steps,
         candidates,
         units,
-        notes: [notes, lengths.notes, failed].concat(),
+        notes: [notes, lengths.notes, told_starts, failed].concat(),
     };
     sweep_tables::write(&directory, &manifest.candidates, &results)?;
     if ran > 0 {
@@ -222,85 +242,6 @@ impl Lengths {
         }
         Self { steps, notes }
     }
-}
-
-fn environments<'a>(
-    study: &'a Study,
-    model: &'a OpenModel,
-    dataset: &'a Dataset,
-    steps: usize,
-) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
-    let seed = Seed::new(study.seed);
-    let sweep = &study.sweep;
-    let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
-    let inputs = Fingerprint::of(&serde_json::to_vec(&(
-        &model.manifest.key,
-        (study.model.weights, study.model.temperature),
-        study.rollout.starts(),
-        // Start states may be taken from the deployment period.
-        starts_from_held_out(study).then_some(&dataset.held_out_fingerprint),
-    ))?);
-    let rollout_seed = seed.child("rollout");
-    let (held_out, runs) = (dataset.held_out.as_ref(), sweep.member_runs);
-    match &model.model {
-        Model::Knn(knn) => {
-            let weights = study.model.weights()?;
-            for member in (0..knn.members()).map(|member| knn.member(member)) {
-                let config = &study.rollout;
-                let starts = starts(&member, config, model, held_out, runs, rollout_seed)?;
-                let (seed, inputs) = (rollout_seed, inputs.clone());
-                let options = RolloutOptions { steps, weights, seed, inputs };
-                let states = model.frames.states();
-                environments
-                    .push(Box::new(MemberEnvironment::new(member, states, starts, options)));
-            }
-        }
-        Model::Parametric(network) => {
-            let (config, frames) = (&study.rollout, &model.frames);
-            let starts = start_rows(config, model, held_out, runs, rollout_seed)?;
-            let starts = starts.iter().map(|start| start.row).collect();
-            let predicted = PredictedEnvironment::new(&**network, frames, starts, steps, inputs)?;
-            environments.push(Box::new(predicted));
-        }
-    }
-    if let (Some(held_out), Some(inputs)) = (&dataset.held_out, &dataset.held_out_fingerprint) {
-        let inputs = inputs.clone();
-        let online = ReplayEnvironment::online(held_out, steps, sweep.online_runs, inputs);
-        environments.push(Box::new(online));
-    }
-    if sweep.log_replay_runs > 0 {
-        let inputs = dataset.fingerprint.clone();
-        environments.push(Box::new(ReplayEnvironment::log_replay(
-            &dataset.train,
-            steps,
-            sweep.log_replay_runs,
-            seed.child("log replay"),
-            inputs,
-        )));
-    }
-    Ok(environments)
-}
-
-/// Fill `stored` with what the sweeps of the study's other models have: Online and log replay are the same for
-/// all. Returns what was filled in.
-fn from_other_models(
-    paths: &StudyPaths,
-    units: &[PlannedUnit],
-    stored: &mut BTreeMap<Unit, UnitResult>,
-) -> Vec<UnitResult> {
-    let stores: Vec<UnitStore> =
-        paths.other_sweeps().iter().map(|directory| unit_store(directory)).collect();
-    let mut shared = Vec::new();
-    for PlannedUnit { unit, key } in units {
-        if !stored.contains_key(unit)
-            && !matches!(unit.environment, EnvironmentId::Member(_))
-            && let Some(result) = stores.iter().find_map(|store| store.get(unit, key))
-        {
-            shared.push(result.clone());
-            stored.insert(unit.clone(), result);
-        }
-    }
-    shared
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

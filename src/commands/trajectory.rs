@@ -2,7 +2,7 @@
 
 use calib_core::{RowIndex, States};
 use calib_dynamics::{Ended, Prediction};
-use calib_rollout::{Rollout, StartRow};
+use calib_rollout::{Rollout, StartRow, Wanted};
 
 /// What a model was rolled out to.
 pub(super) enum Trajectory {
@@ -18,19 +18,11 @@ pub(super) enum Trajectory {
 }
 
 impl Trajectory {
-    /// The recorded row that it starts from.
-    pub(super) fn start(&self) -> RowIndex {
+    /// What it was to start from, and how far from that it starts, if another state stands for it.
+    pub(super) fn start(&self) -> (Wanted, Option<f32>) {
         match self {
-            Self::Recorded(rollout) => rollout.rows()[0],
-            Self::Predicted { prediction, .. } => prediction.start(),
-        }
-    }
-
-    /// Whether the start replaces one that the model lacks.
-    pub(super) fn start_is_replaced(&self) -> bool {
-        match self {
-            Self::Recorded(rollout) => rollout.start().replaced.is_some(),
-            Self::Predicted { start, .. } => start.replaced.is_some(),
+            Self::Recorded(rollout) => (rollout.start().wanted, rollout.start().replaced),
+            Self::Predicted { start, .. } => (start.wanted, start.replaced),
         }
     }
 

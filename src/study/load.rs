@@ -11,27 +11,37 @@ use calib_data::DataConfig;
 
 use super::{Study, StudyPaths, message::friendly, models};
 
+/// The model and the deployment that are looked at, of a study that has several.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Chosen<'a> {
+    /// The `NAME` of `[models.NAME]`.
+    pub(crate) model: Option<&'a str>,
+    /// The `NAME` of `[deployments.NAME]`.
+    pub(crate) deployment: Option<&'a str>,
+}
+
 impl Study {
-    /// Read the study file `path`, apply `overrides` (`section.key=value`) and what it says of `model`, check every section,
-    /// and resolve relative paths against the file's directory.
+    /// Read the study file `path`, apply `overrides` (`section.key=value`) and what it says of what is `chosen`, check
+    /// every section, and resolve relative paths against the file's directory.
     ///
     /// # Errors
     /// A file that cannot be read, a key that does not exist, a value that is not valid:
     /// each named with file, line and key.
-    pub fn load(
+    pub(crate) fn load(
         path: &Path,
         overrides: &[String],
-        model: Option<&str>,
+        chosen: Chosen<'_>,
     ) -> anyhow::Result<(Self, StudyPaths)> {
         let mut table = read(path, overrides)?;
         models::check(&table).with_context(|| path.display().to_string())?;
-        models::choose(&mut table, model).with_context(|| path.display().to_string())?;
-        let with = || with_overrides(path, overrides, model);
-        let study = Self::deserialize(Value::Table(table))
+        models::choose(&mut table, chosen.model).with_context(|| path.display().to_string())?;
+        let with = || with_overrides(path, overrides, chosen);
+        let mut study = Self::deserialize(Value::Table(table))
             .map_err(|error| anyhow!("{}: {}", with(), located(&error)))?;
         // Empty for a bare file name, so that paths below it stay as short as they were written.
         let directory = path.parent().map(PathBuf::from).unwrap_or_default();
         study.check().with_context(with)?;
+        study.choose_deployment(chosen.deployment).with_context(|| path.display().to_string())?;
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
         Ok((study, StudyPaths::new(path.to_owned(), directory.join(output))))
@@ -65,6 +75,7 @@ impl Study {
     fn check(&self) -> anyhow::Result<()> {
         self.data.check()?;
         self.check_simulate()?;
+        self.check_deployments()?;
         self.preprocess.check()?;
         self.representation.check().context("[representation]")?;
         self.model.check().context("[model]")?;
@@ -200,9 +211,11 @@ fn plain_text(text: &str, value: &str) -> anyhow::Result<Value> {
     Ok(Value::String(value.to_owned()))
 }
 
-fn with_overrides(path: &Path, overrides: &[String], model: Option<&str>) -> String {
-    let model = model.map(|name| format!("--model {name}"));
-    let set = overrides.iter().map(|text| format!("--set {text}")).chain(model);
+fn with_overrides(path: &Path, overrides: &[String], chosen: Chosen<'_>) -> String {
+    let model = chosen.model.map(|name| format!("--model {name}"));
+    let deployment = chosen.deployment.map(|name| format!("--deployment {name}"));
+    let set = overrides.iter().map(|text| format!("--set {text}"));
+    let set = set.chain(model).chain(deployment);
     let set: Vec<String> = set.collect();
     match set.as_slice() {
         [] => path.display().to_string(),
@@ -245,7 +258,7 @@ mod tests {
         let path = directory.path().join("study.toml");
         fs::write(&path, text)?;
         let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
-        Study::load(&path, &overrides, None)
+        Study::load(&path, &overrides, Chosen::default())
     }
 
     #[test]

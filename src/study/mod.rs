@@ -1,5 +1,6 @@
 //! A study: one TOML file that says what to compute, checked before anything runs.
 
+mod deployments;
 mod load;
 mod message;
 mod models;
@@ -10,7 +11,7 @@ mod simulate;
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::AgentConfig;
-use calib_data::{DataConfig, PreprocessConfig};
+use calib_data::{DataConfig, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
 use calib_knn::{ModelConfig, ModelKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
@@ -18,6 +19,8 @@ use calib_rollout::RolloutConfig;
 use calib_sweep::SweepConfig;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use load::Chosen;
+pub(crate) use paths::Rollouts;
 pub use paths::StudyPaths;
 pub(crate) use pretrain::{MomentsRule, Partition, PretrainConfig};
 pub(crate) use simulate::SimulateConfig;
@@ -39,6 +42,9 @@ pub struct Study {
     /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub models: BTreeMap<String, toml::Table>,
+    /// Named test windows; empty where one was chosen, which is then `data.held_out`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub deployments: BTreeMap<String, TimeRange>,
     /// From log to states.
     pub preprocess: PreprocessConfig,
     /// What neighbours are searched in.

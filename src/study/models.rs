@@ -52,7 +52,7 @@ fn lay_over(table: &mut Table, own: Table) {
 
 /// Whether every name can be that of a directory, and the models differ only in what makes a model.
 pub(super) fn check(table: &Table) -> anyhow::Result<()> {
-    check_names(&names(table))?;
+    check_names(KEY, &names(table))?;
     let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
     for (name, own) in models {
         let keys = own.as_table().into_iter().flat_map(Table::keys);
@@ -67,13 +67,17 @@ pub(super) fn check(table: &Table) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn check_names(names: &[String]) -> anyhow::Result<()> {
+/// Whether every name in the section `key` can be that of a directory.
+pub(super) fn check_names<'a>(
+    key: &str,
+    names: impl IntoIterator<Item = &'a String>,
+) -> anyhow::Result<()> {
     let fine = |name: &&String| {
         !name.is_empty()
             && name.chars().all(|of| of.is_ascii_alphanumeric() || of == '-' || of == '_')
     };
-    match names.iter().find(|name| !fine(name)) {
-        Some(name) => bail!("[{KEY}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),
+    match names.into_iter().find(|name| !fine(name)) {
+        Some(name) => bail!("[{key}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),
         None => Ok(()),
     }
 }
@@ -106,8 +110,8 @@ mod tests {
         assert_eq!(error, "--model c: the study's models are a, b");
         let error = choose(&mut Table::new(), Some("c")).expect_err("unknown").to_string();
         assert!(error.contains("has no [models.c]"), "{error}");
-        assert!(check_names(&["a-1_B".to_owned()]).is_ok());
-        assert!(check_names(&["a/b".to_owned()]).is_err());
+        assert!(check_names(KEY, &["a-1_B".to_owned()]).is_ok());
+        assert!(check_names(KEY, &["a/b".to_owned()]).is_err());
     }
 
     #[test]

@@ -4,31 +4,69 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StudyPaths {
     study: PathBuf,
+    /// Of the study, or of one of its models.
     root: PathBuf,
     model: Option<String>,
+    deployment: Option<(String, Rollouts)>,
+}
+
+/// Whose rollouts a deployment has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rollouts {
+    /// Its own, because start states follow from it.
+    OfDeployment,
+    /// Those of the model, which are the same for every deployment.
+    OfModel,
 }
 
 impl StudyPaths {
     /// The layout below `root` of the results of the file `study`.
     pub fn new(study: PathBuf, root: PathBuf) -> Self {
-        Self { study, root, model: None }
+        Self { study, root, model: None, deployment: None }
     }
 
     /// The layout of one of several models of the study.
     #[must_use]
-    pub(crate) fn of_model(&self, name: &str) -> Self {
+    pub(crate) fn of_model(self, name: &str) -> Self {
         let root = self.root.join("models").join(name);
-        Self { study: self.study.clone(), root, model: Some(name.to_owned()) }
+        Self { root, model: Some(name.to_owned()), ..self }
     }
 
-    /// The sweeps of the study's other models, as far as there are any.
+    /// The layout of one of several deployments of the study, or of one of its models.
+    #[must_use]
+    pub(crate) fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
+        Self { deployment: Some((name.to_owned(), rollouts)), ..self }
+    }
+
+    /// The sweeps of the study's other models and deployments, as far as there are any.
     pub(crate) fn other_sweeps(&self) -> Vec<PathBuf> {
-        let together = self.model.as_ref().and_then(|_| self.root.parent());
-        let entries = together.and_then(|of| std::fs::read_dir(of).ok()).into_iter().flatten();
-        let roots = entries.flatten().map(|entry| entry.path()).filter(|path| *path != self.root);
-        let mut sweeps: Vec<PathBuf> = roots.map(|root| root.join("sweep")).collect();
+        let study = self.of_study();
+        let roots: Vec<PathBuf> =
+            [study.to_owned()].into_iter().chain(folders(&study.join("models"))).collect();
+        let mut sweeps: Vec<PathBuf> = roots
+            .into_iter()
+            .flat_map(|root| folders(&root.join("deployments")).into_iter().chain([root]))
+            .map(|root| root.join("sweep"))
+            .filter(|sweep| *sweep != self.sweep() && sweep.is_dir())
+            .collect();
         sweeps.sort();
         sweeps
+    }
+
+    /// The directory of all results of the study, all models and deployments.
+    fn of_study(&self) -> &Path {
+        match self.model {
+            Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
+            None => &self.root,
+        }
+    }
+
+    /// The directory of what follows from the deployment.
+    fn of_deployed(&self) -> PathBuf {
+        match &self.deployment {
+            Some((name, _)) => self.root.join("deployments").join(name),
+            None => self.root.clone(),
+        }
     }
 
     /// The study file.
@@ -40,7 +78,13 @@ impl StudyPaths {
     pub fn command(&self, command: &str) -> String {
         let model = self.model.as_ref().filter(|_| command != "pretrain");
         let model = model.map_or_else(String::new, |name| format!(" --model {name}"));
-        format!("calib {command} {}{model}", self.study.display())
+        let deployment = self.deployment.as_ref().filter(|(_, rollouts)| match command {
+            "rollout" => *rollouts == Rollouts::OfDeployment,
+            command => ["sweep", "evaluate"].contains(&command),
+        });
+        let deployment = deployment.map(|(name, _)| format!(" --deployment {name}"));
+        let deployment = deployment.unwrap_or_default();
+        format!("calib {command} {}{model}{deployment}", self.study.display())
     }
 
     /// The directory of all results.
@@ -60,30 +104,72 @@ impl StudyPaths {
 
     /// Rollouts of the model.
     pub fn rollout(&self) -> PathBuf {
-        self.root.join("rollout")
+        match &self.deployment {
+            Some((_, Rollouts::OfDeployment)) => self.of_deployed().join("rollout"),
+            Some((_, Rollouts::OfModel)) | None => self.root.join("rollout"),
+        }
     }
 
     /// Pre-trained agents; the models of a study share them.
     pub fn pretrain(&self) -> PathBuf {
-        let of_study = match self.model {
-            Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
-            None => &self.root,
-        };
-        of_study.join("pretrain")
+        self.of_study().join("pretrain")
     }
 
     /// Runs of the sweep.
     pub fn sweep(&self) -> PathBuf {
-        self.root.join("sweep")
+        self.of_deployed().join("sweep")
     }
 
     /// Verdict and figures.
     pub fn evaluate(&self) -> PathBuf {
-        self.root.join("evaluate")
+        self.of_deployed().join("evaluate")
     }
 
     /// The report.
     pub fn report(&self) -> PathBuf {
-        self.root.join("report.html")
+        self.of_deployed().join("report.html")
+    }
+}
+
+/// The folders in `directory`, none if it does not exist.
+fn folders(directory: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deployment_has_results_of_its_own_but_no_model() {
+        let study = StudyPaths::new("s.toml".into(), "r".into());
+        let paths = study.clone().of_model("m").of_deployment("april", Rollouts::OfDeployment);
+        assert_eq!(paths.model(), Path::new("r/models/m/model"));
+        assert_eq!(paths.pretrain(), Path::new("r/pretrain"));
+        assert_eq!(paths.rollout(), Path::new("r/models/m/deployments/april/rollout"));
+        assert_eq!(paths.report(), Path::new("r/models/m/deployments/april/report.html"));
+        assert_eq!(paths.command("sweep"), "calib sweep s.toml --model m --deployment april");
+        assert_eq!(paths.command("build-model"), "calib build-model s.toml --model m");
+        let shared = study.of_deployment("april", Rollouts::OfModel);
+        assert_eq!(shared.rollout(), Path::new("r/rollout"));
+        assert_eq!(shared.command("rollout"), "calib rollout s.toml");
+        assert_eq!(shared.sweep(), Path::new("r/deployments/april/sweep"));
+    }
+
+    #[test]
+    fn sweeps_of_all_other_parts_are_found() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let root = directory.path();
+        let sweeps =
+            ["sweep", "deployments/a/sweep", "models/m/sweep", "models/m/deployments/a/sweep"];
+        for sweep in sweeps {
+            std::fs::create_dir_all(root.join(sweep)).expect("writable");
+        }
+        let study = StudyPaths::new("s.toml".into(), root.to_owned());
+        let paths = study.of_model("m").of_deployment("a", Rollouts::OfModel);
+        let others =
+            ["deployments/a/sweep", "models/m/sweep", "sweep"].map(|sweep| root.join(sweep));
+        assert_eq!(paths.other_sweeps(), others);
     }
 }

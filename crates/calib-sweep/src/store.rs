@@ -8,12 +8,20 @@ use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult};
 #[derive(Clone, Debug)]
 pub struct UnitStore {
     directory: PathBuf,
+    beside: Vec<UnitStore>,
 }
 
 impl UnitStore {
     /// The store in `directory`, which need not exist.
     pub fn new(directory: PathBuf) -> Self {
-        Self { directory }
+        Self { directory, beside: Vec::new() }
+    }
+
+    /// The same store that also has the results of others: a result follows from its inputs alone, so whose it is does
+    /// not matter. What is put goes to this store.
+    #[must_use]
+    pub fn beside(self, others: Vec<UnitStore>) -> Self {
+        Self { beside: others, ..self }
     }
 
     /// The directory of the files.
@@ -24,8 +32,9 @@ impl UnitStore {
     /// The stored result of `unit`, if it was made from the inputs that `key` stands for.
     /// A file that is missing, damaged or made from other inputs is no result.
     pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitResult> {
-        let result: UnitResult = read_json(&self.path(unit)).ok()?;
-        (result.key == key && result.unit == *unit).then_some(result)
+        let own = read_json(&self.path(unit)).ok();
+        own.filter(|result: &UnitResult| result.key == key && result.unit == *unit)
+            .or_else(|| self.beside.iter().find_map(|other| other.get(unit, key)))
     }
 
     /// The stored results of all planned units, in their order.
@@ -106,6 +115,9 @@ mod tests {
         store.put(&result).expect("written");
         assert_eq!(store.get(&unit, "a"), Some(result));
         assert_eq!(store.get(&unit, "b"), None);
+        let other = UnitStore::new(directory.path().join("other")).beside(vec![store.clone()]);
+        assert_eq!(other.get(&unit, "a"), store.get(&unit, "a"), "whose it is does not matter");
+        assert_eq!(other.get(&unit, "b"), None);
         std::fs::write(store.path(&unit), b"{\"key\": \"a\"").expect("written");
         assert_eq!(store.get(&unit, "a"), None, "a damaged file is run again");
     }

@@ -2,19 +2,26 @@
 
 mod files;
 mod measures;
+mod pooled;
 mod show;
 
-use calib_core::{Monitor as _, RowIndex};
+use calib_core::Monitor as _;
 use calib_dtw::{ByPattern, PatternSet, Settings, StepPattern};
+use calib_rollout::Wanted;
 use calib_stats::{Summary, summarise};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{model_files::OpenModel, rollout::recorded, trajectory::Trajectory};
+use super::{
+    model_files::OpenModel,
+    trajectory::Trajectory,
+    truth::{Record, Truth},
+};
 use crate::{cli::STEP_PATTERNS, exit::Interrupted, output::Printer};
 
 pub(super) use files::{remove, write};
 use measures::MEASURES;
+pub(super) use pooled::pool;
 pub(super) use show::{report_tables, show};
 
 /// Fewest recorded steps that a rollout is compared with; with fewer it is left out.
@@ -39,7 +46,19 @@ pub(super) struct Comparison {
     /// Fewest and most steps that were compared; 0 if nothing was.
     pub(super) fewest_steps: usize,
     pub(super) most_steps: usize,
+    /// Where the true trajectories were recorded.
+    pub(super) against: Against,
     pub(super) sensors: Vec<SensorComparison>,
+}
+
+/// Where true trajectories were recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Against {
+    /// In the data of the model, after the start state.
+    Model,
+    /// In the deployment, after the state that the start state stands for.
+    Deployment,
 }
 
 /// Means over rollouts of all members, on the normalised sensor.
@@ -85,24 +104,25 @@ pub(super) struct Compared {
     pub(super) summary: Comparison,
 }
 
-/// A rollout that can be compared, and as many recorded rows as it has comparable states.
+/// A rollout that can be compared, and as many recorded states as it has comparable ones.
 struct Job<'a> {
     member: usize,
     rollout: usize,
     trajectory: &'a Trajectory,
-    recorded: Vec<RowIndex>,
+    recorded: Truth<'a>,
 }
 
 /// Compare the first `steps` steps of every rollout, or as many as were recorded, sensor by sensor.
 pub(super) fn compare(
     model: &OpenModel,
+    record: Record<'_>,
     all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
     steps: usize,
     printer: &Printer,
 ) -> anyhow::Result<Compared> {
     let set = PatternSet::new(step_patterns()?, Settings::default());
-    let (jobs, ended_early) = jobs(model, all, steps);
+    let (jobs, ended_early) = jobs(record, all, steps);
     let pairs: Vec<(&Job<'_>, usize)> =
         jobs.iter().flat_map(|job| (0..sensors.len()).map(move |sensor| (job, sensor))).collect();
     let progress = printer.progress();
@@ -115,8 +135,7 @@ pub(super) fn compare(
             }
             let states = model.frames.states();
             let column = sensors[sensor].1;
-            let value = |row: &RowIndex| f64::from(states.row(row.get())[column]);
-            let reference: Vec<f64> = job.recorded.iter().map(value).collect();
+            let reference: Vec<f64> = job.recorded.values(column).map(f64::from).collect();
             let query = job.trajectory.values(states, column, reference.len());
             let query: Vec<f64> = query.into_iter().map(f64::from).collect();
             let distances = set.distances(&query, &reference)?;
@@ -129,8 +148,17 @@ pub(super) fn compare(
         .collect::<anyhow::Result<Vec<_>>>()?;
     let rollouts: usize = all.iter().map(Vec::len).sum();
     let left_out = rollouts - jobs.len() - ended_early;
-    let summary = summary(&pairs, sensors, jobs.len(), [left_out, ended_early])?;
+    let against = if all.iter().flatten().any(is_of_deployment) {
+        Against::Deployment
+    } else {
+        Against::Model
+    };
+    let summary = summary(&pairs, sensors, jobs.len(), [left_out, ended_early], against)?;
     Ok(Compared { pairs, summary })
+}
+
+fn is_of_deployment(trajectory: &Trajectory) -> bool {
+    matches!(trajectory.start().0, Wanted::Deployment(_))
 }
 
 fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
@@ -138,12 +166,12 @@ fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
 }
 
 /// What is compared, and how many rollouts ended too early for that.
-fn jobs<'a>(model: &OpenModel, all: &'a [Vec<Trajectory>], steps: usize) -> (Vec<Job<'a>>, usize) {
+fn jobs<'a>(record: Record<'a>, all: &'a [Vec<Trajectory>], steps: usize) -> (Vec<Job<'a>>, usize) {
     let (mut jobs, mut ended_early) = (Vec::new(), 0);
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
             // The same stretch for every model, however far its own rollout gets.
-            let recorded = recorded(model, rollout.start(), steps);
+            let recorded = record.after(rollout.start().0, steps);
             if recorded.len() <= FEWEST_STEPS.min(steps) {
                 continue;
             }
@@ -162,6 +190,7 @@ fn summary(
     sensors: &[(String, usize)],
     rollouts: usize,
     [left_out, ended_early]: [usize; 2],
+    against: Against,
 ) -> anyhow::Result<Comparison> {
     let steps = || pairs.iter().map(|pair| pair.steps);
     let of_sensor = |(sensor, (name, _)): (usize, &(String, usize))| {
@@ -175,6 +204,7 @@ fn summary(
         ended_early,
         fewest_steps: steps().min().unwrap_or(0),
         most_steps: steps().max().unwrap_or(0),
+        against,
         sensors: sensors.iter().enumerate().map(of_sensor).collect::<anyhow::Result<_>>()?,
     })
 }

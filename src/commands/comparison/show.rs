@@ -3,7 +3,7 @@
 use calib_report::{Best, Cell, Table};
 use calib_stats::{Direction, Interval, Summary};
 
-use super::{Comparison, MEASURES, SensorComparison};
+use super::{Against, Comparison, MEASURES, SensorComparison};
 use crate::{
     cli::STEP_PATTERNS,
     output::{Printer, count, significant, table},
@@ -66,13 +66,17 @@ fn list(
 
 /// What the means are over.
 fn basis(comparison: &Comparison) -> String {
-    let Comparison { rollouts, fewest_steps: fewest, most_steps: most, .. } = comparison;
+    let Comparison { rollouts, fewest_steps: fewest, most_steps: most, against, .. } = comparison;
+    let against = match against {
+        Against::Model => "",
+        Against::Deployment => ", against the deployment",
+    };
     let steps = if fewest == most {
         count(*most)
     } else {
         format!("{} to {}", count(*fewest), count(*most))
     };
-    format!("mean ± 95 % interval over {rollouts} rollouts of {steps} steps")
+    format!("mean ± 95 % interval over {rollouts} rollouts of {steps} steps{against}")
 }
 
 fn half_width(summary: &Summary) -> Option<f64> {
@@ -140,7 +144,8 @@ pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<
     }
     let caption = |how: &str| {
         format!(
-            "Rollouts against what was recorded after the same start, on the normalised sensor: {basis}. {how}{left_out}"
+            "Rollouts against what was recorded after the same start (or the state of the deployment that it stands \
+             for), on the normalised sensor: {basis}. {how}{left_out}"
         )
     };
     vec![

@@ -1,0 +1,421 @@
+//! One report on several models and deployments of the same study.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use calib_files::write_json;
+use calib_report::{LearningCurves, Report, Sensitivity, Table, Verdict};
+use serde::Serialize;
+
+use super::{
+    artefact::{self, Below, Claim, TOOL},
+    collapse,
+    comparison::{self, Comparison},
+    deployed::{self, Deployed},
+    evaluate::{Judged, Summary, judge, print, told},
+    learning, load_study, name, report,
+    rollout::RolloutManifest,
+    starts::follow_from_deployment,
+};
+use crate::{
+    cli::StudyArgs,
+    exit::ExitStatus,
+    output::{Printer, percent, significant, table},
+    study::{Study, StudyPaths},
+};
+
+/// `summary.json` of several models and deployments.
+#[derive(Serialize)]
+struct Summaries {
+    format: u32,
+    tool: &'static str,
+    title: String,
+    /// Of a study without deployments.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    models: BTreeMap<String, Summary>,
+    /// One entry a deployment, in the order of time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    deployments: Vec<DeploymentSummary>,
+    /// What to deploy, sensor by sensor, where there are several deployments.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    what_to_deploy: Vec<Deployed>,
+}
+
+/// One deployment of a study.
+#[derive(Serialize)]
+struct DeploymentSummary {
+    deployment: String,
+    /// Its window, as the study has it.
+    window: String,
+    /// By the name of the model; a study's only model has the name of its kind.
+    models: BTreeMap<String, Summary>,
+}
+
+/// A model in a deployment, with all that is known of it.
+pub(super) struct Part {
+    model: Option<String>,
+    deployment: Option<String>,
+    pub(super) judged: Judged,
+    report: Report,
+    rollouts: Option<RolloutManifest>,
+}
+
+impl Part {
+    fn new(args: &StudyArgs) -> anyhow::Result<Self> {
+        let judged = judge(args)?;
+        let Judged { study, paths, manifest, .. } = &judged;
+        let mut report = report::assemble(&judged)?;
+        if let Some(name) = &args.model {
+            // In one report with others a model is called what the study calls it.
+            let renamed = |text: &mut String| *text = text.replace(study.model_name(), name);
+            report.verdicts.iter_mut().for_each(|verdict| renamed(&mut verdict.model));
+            report.jumps.iter_mut().for_each(|jumps| renamed(&mut jumps.model));
+            let ranks = report.sensitivities.iter_mut().flat_map(|of| &mut of.worst_ranks);
+            ranks.for_each(|curve| renamed(&mut curve.label));
+            for curves in report.learning.iter_mut().filter(|of| !learning::is_shared(of)) {
+                curves.environment = format!("{} of {name}", curves.environment);
+            }
+        }
+        let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
+            .filter(|rollouts| rollouts.model == manifest.model);
+        let (model, deployment) = (args.model.clone(), args.deployment.clone());
+        Ok(Self { model, deployment, judged, report, rollouts })
+    }
+
+    fn comparison(&self) -> Option<&Comparison> {
+        self.rollouts.as_ref()?.comparison.as_ref()
+    }
+
+    /// What its model is called.
+    pub(super) fn model_name(&self) -> &str {
+        self.model.as_deref().unwrap_or(self.judged.study.model_name())
+    }
+
+    /// What its deployment is called; nothing where there is only one.
+    pub(super) fn deployment_name(&self) -> &str {
+        self.deployment.as_deref().unwrap_or_default()
+    }
+
+    /// A sensor in its deployment.
+    fn in_deployment(&self, sensor: &str) -> String {
+        match &self.deployment {
+            Some(deployment) => format!("{sensor} ({deployment})"),
+            None => sensor.to_owned(),
+        }
+    }
+}
+
+/// Judge the finished sweeps of `parts`, each by itself and all in one report, which warns of models that were
+/// `left_out`.
+pub(super) fn run(
+    args: &StudyArgs,
+    parts: &[StudyArgs],
+    left_out: &[String],
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
+    // The study without any model says where the common results lie.
+    let (study, paths) = load_study(args)?;
+    if args.dry_run {
+        printer.say(&format!("dry run: would write {}", paths.report().display()));
+        return Ok(ExitStatus::Done);
+    }
+    let names: Vec<String> = parts.iter().map(name).collect();
+    let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
+    let mut ended = ExitStatus::Done;
+    for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
+        report::write(&judged.paths, report, &judged.summary)?;
+        if !args.json {
+            printer.heading(name);
+            print(&judged.summary, &judged.paths, printer)?;
+        }
+        match told(&judged.summary) {
+            ExitStatus::Done => {}
+            other => ended = other,
+        }
+    }
+    let what_to_deploy = deployed::all(&parts)?;
+    let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy);
+    whole.warnings.extend_from_slice(left_out);
+    let comparison = show(&parts);
+    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
+    report::write_page(&paths, &whole)?;
+    let summaries = summaries(whole.title, parts, what_to_deploy);
+    write_json(&paths.evaluate().join("summary.json"), &summaries)?;
+    if args.json {
+        printer.json(&summaries)?;
+    } else {
+        printer.result(&comparison)?;
+        deployed::show(&summaries.what_to_deploy, printer)?;
+        printer.result(&format!("report: {}", paths.report().display()))?;
+    }
+    Ok(ended)
+}
+
+fn summaries(title: String, parts: Vec<Part>, what_to_deploy: Vec<Deployed>) -> Summaries {
+    let (mut models, mut deployments) = (BTreeMap::new(), Vec::<DeploymentSummary>::new());
+    for part in parts {
+        let name = part.model_name().to_owned();
+        let Some(deployment) = part.deployment else {
+            models.insert(name, part.judged.summary);
+            continue;
+        };
+        let window = part.judged.study.data.held_out.as_ref().map(ToString::to_string);
+        let place = deployments.iter().position(|of| of.deployment == deployment);
+        let place = place.unwrap_or_else(|| {
+            let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
+            deployments.push(DeploymentSummary { deployment, window, models });
+            deployments.len() - 1
+        });
+        deployments[place].models.insert(name, part.judged.summary);
+    }
+    Summaries { format: 2, tool: TOOL, title, models, deployments, what_to_deploy }
+}
+
+/// The parts of each deployment, in the order in which deployments come first.
+pub(super) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
+    let mut groups: Vec<Vec<&Part>> = Vec::new();
+    for part in parts {
+        match groups.iter_mut().find(|group| group[0].deployment == part.deployment) {
+            Some(group) => group.push(part),
+            None => groups.push(vec![part]),
+        }
+    }
+    groups
+}
+
+/// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
+fn whole(
+    study: &Study,
+    paths: &StudyPaths,
+    args: &StudyArgs,
+    parts: &[Part],
+    what_to_deploy: &[Deployed],
+) -> Report {
+    let deployments = by_deployment(parts);
+    let first = &parts[0].report;
+    let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
+        let sensors = study.sweep.sensors.iter();
+        sensors.flat_map(|sensor| deployments.iter().flat_map(|group| of(sensor, group))).collect()
+    };
+    let verdicts = of_all(&|sensor, group| {
+        let own = group.iter().flat_map(|part| {
+            let verdicts = part.report.verdicts.iter().filter(|verdict| verdict.sensor == sensor);
+            let placed =
+                |of: &Verdict| Verdict { sensor: part.in_deployment(sensor), ..of.clone() };
+            verdicts.map(placed).collect::<Vec<_>>()
+        });
+        own.collect()
+    });
+    let sensitivities = study
+        .sweep
+        .sensors
+        .iter()
+        .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
+    let mut whole = Report {
+        title: super::evaluate::title(study, args),
+        verdicts,
+        sensitivities: sensitivities.collect(),
+        learning: learning_curves(study, parts, &deployments),
+        rollouts: Vec::new(),
+        jumps: Vec::new(),
+        warnings: Vec::new(),
+        ..first.clone()
+    };
+    let mut seen: Vec<PathBuf> = Vec::new();
+    for part in parts {
+        let directory = part.judged.paths.rollout();
+        if !seen.contains(&directory) {
+            seen.push(directory);
+            whole.rollouts.extend(part.report.rollouts.iter().map(|figure| {
+                let mut figure = figure.clone();
+                if follow_from_deployment(&part.judged.study) {
+                    figure.sensor = part.in_deployment(&figure.sensor);
+                }
+                if let Some(name) = &part.model {
+                    figure.sensor = format!("{}, {name}", figure.sensor);
+                }
+                figure
+            }));
+        }
+        for warning in &part.report.warnings {
+            let told = match &part.deployment {
+                Some(deployment) => format!("{deployment}: {warning}"),
+                None => warning.clone(),
+            };
+            if !whole.warnings.contains(&told) {
+                whole.warnings.push(told);
+            }
+        }
+    }
+    // A model is one thing, in however many deployments.
+    for part in deployments[0].iter() {
+        whole.jumps.extend(part.report.jumps.clone());
+    }
+    whole.tables = tables(&deployments, what_to_deploy);
+    if let Some(data) = &mut whole.data {
+        data.facts.retain(|(name, _)| !report::is_of_deployment(name));
+        for group in &deployments {
+            let windows = report::deployment_facts(&group[0].judged);
+            let told = |(name, value)| (format!("{}: {name}", group[0].deployment_name()), value);
+            let plain = group[0].deployment.is_none();
+            data.facts
+                .extend(windows.into_iter().map(|fact| if plain { fact } else { told(fact) }));
+        }
+    }
+    let studies: Vec<&Study> = parts.iter().map(|part| &part.judged.study).collect();
+    whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
+    whole
+}
+
+/// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
+fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
+    let own =
+        |part: &&Part| part.report.sensitivities.iter().find(|of| of.sensor == sensor).cloned();
+    let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();
+    let mut whole = all.first()?.clone();
+    whole.sensor = group[0].in_deployment(sensor);
+    whole.worst_ranks = all.iter().flat_map(|of| of.worst_ranks.clone()).collect();
+    // No model's choice is marked before others'.
+    whole.chosen = whole.chosen.filter(|_| all.iter().all(|of| of.chosen == whole.chosen));
+    Some(whole)
+}
+
+/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
+/// the report shows Online only: members' curves are in the report of each.
+fn learning_curves(
+    study: &Study,
+    parts: &[Part],
+    deployments: &[Vec<&Part>],
+) -> Vec<LearningCurves> {
+    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
+        if deployments.len() == 1 {
+            let all = parts.iter().enumerate().flat_map(|(number, part)| {
+                let own = part.report.learning.iter();
+                own.filter(move |of| number == 0 || !learning::is_shared(of))
+            });
+            return all.filter(|of| of.sensor == *sensor).cloned().collect();
+        }
+        let online = deployments.iter().flat_map(|group| {
+            let own = group[0].report.learning.iter();
+            let own = own.filter(|of| of.sensor == *sensor && learning::is_online(of));
+            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
+                .collect::<Vec<_>>()
+        });
+        online.collect()
+    };
+    study.sweep.sensors.iter().flat_map(of_sensor).collect()
+}
+
+fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table> {
+    let mut tables: Vec<Table> = deployed::report_table(what_to_deploy).into_iter().collect();
+    // Deployments that share all rollouts have one table.
+    let mut groups: Vec<(Vec<PathBuf>, &Vec<&Part>)> = Vec::new();
+    for group in deployments {
+        let directories: Vec<PathBuf> =
+            group.iter().map(|part| part.judged.paths.rollout()).collect();
+        if groups.iter().all(|(of, _)| *of != directories) {
+            groups.push((directories, group));
+        }
+    }
+    let compared = |group: &[&Part]| -> Vec<(String, Comparison)> {
+        let compared = group
+            .iter()
+            .filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?.clone())));
+        compared.collect()
+    };
+    let several = groups.len() > 1;
+    let mut pooled: BTreeMap<String, Vec<Comparison>> = BTreeMap::new();
+    for (_, group) in &groups {
+        let all = compared(group);
+        let borrowed: Vec<(&str, &Comparison)> =
+            all.iter().map(|(name, of)| (name.as_str(), of)).collect();
+        tables.extend(comparison::report_tables(&borrowed).into_iter().map(|mut table| {
+            if several {
+                table.title = format!("{} ({})", table.title, group[0].deployment_name());
+            }
+            table
+        }));
+        for (name, of) in all {
+            pooled.entry(name).or_default().push(of);
+        }
+    }
+    if several {
+        let pooled: Vec<(&str, Comparison)> = pooled
+            .iter()
+            .filter_map(|(name, all)| Some((name.as_str(), comparison::pool(all)?)))
+            .collect();
+        let borrowed: Vec<(&str, &Comparison)> =
+            pooled.iter().map(|(name, of)| (*name, of)).collect();
+        tables.extend(comparison::report_tables(&borrowed).into_iter().map(|mut table| {
+            table.title = format!("{} (all deployments)", table.title);
+            table
+        }));
+    }
+    for (_, group) in &groups {
+        for part in *group {
+            let Some(rollouts) = &part.rollouts else { continue };
+            let name = if several {
+                part.in_deployment(part.model_name())
+            } else {
+                part.model_name().to_owned()
+            };
+            tables.extend(report::starts_table(&name, rollouts));
+            tables.extend(collapse::report_table(&name, &rollouts.collapse));
+        }
+    }
+    for part in &deployments[0] {
+        let own = report::representation_table(&part.judged.study, &part.judged.paths);
+        tables.extend(own.into_iter().map(|mut table| {
+            if let Some(name) = &part.model {
+                table.title = format!("{} of {name}", table.title);
+            }
+            table
+        }));
+    }
+    tables
+}
+
+/// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
+fn show(parts: &[Part]) -> String {
+    let deployments = by_deployment(parts);
+    let named = parts.iter().any(|part| part.deployment.is_some());
+    let mut rows = Vec::new();
+    for first in &parts[0].report.verdicts {
+        for part in deployments.iter().flatten() {
+            let own = part.report.verdicts.iter().find(|of| of.sensor == first.sensor);
+            let Some(verdict) = own else { continue };
+            let online = verdict.online.as_ref();
+            let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+            let distances = part.comparison().map_or(&[][..], |of| &of.sensors);
+            let own = distances.iter().find(|of| of.sensor == first.sensor);
+            let warping = own.and_then(|of| {
+                let pattern = of.dtw.first()?;
+                Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
+            });
+            let deployment = named.then(|| part.deployment_name().to_owned());
+            let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
+            let numbers = [
+                or_none(online.and_then(|online| Some(percent(online.regret?)))),
+                or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
+                or_none(warping.map(significant)),
+                or_none(collapse(part, &first.sensor)),
+            ];
+            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(row);
+            rows.push(row.chain(numbers).collect());
+        }
+    }
+    let deployment = named.then_some("deployment");
+    let header: Vec<&str> = ["sensor"]
+        .into_iter()
+        .chain(deployment)
+        .chain(["model", "choice", "regret", "Spearman", "DTW", "collapse"])
+        .collect();
+    table(&header, &rows)
+}
+
+/// How many rollouts stop moving, and half of them by which step.
+fn collapse(part: &Part, sensor: &str) -> Option<String> {
+    let collapse = &part.rollouts.as_ref()?.collapse;
+    let own = collapse.sensors.iter().find(|of| of.sensor == sensor)?;
+    let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
+    Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
+}

@@ -1,0 +1,93 @@
+//! The environments of a sweep: members, Online and log replay.
+
+use calib_core::Seed;
+use calib_data::Dataset;
+use calib_files::Fingerprint;
+use calib_rollout::{StartState, Wanted};
+use calib_sweep::{
+    Environment, MemberEnvironment, PredictedEnvironment, ReplayEnvironment, RolloutOptions,
+};
+
+use super::{
+    model::Model,
+    model_files::OpenModel,
+    starts::{StartSummary, Starts, summaries},
+};
+use crate::study::Study;
+
+/// Everything that agents are trained in.
+pub(super) struct Environments<'a> {
+    pub(super) environments: Vec<Box<dyn Environment + 'a>>,
+    /// What the reader should know of start states.
+    pub(super) starts: Vec<String>,
+}
+
+impl<'a> Environments<'a> {
+    /// Streams of `steps` steps.
+    pub(super) fn new(
+        study: &'a Study,
+        model: &'a OpenModel,
+        dataset: &'a Dataset,
+        steps: usize,
+    ) -> anyhow::Result<Self> {
+        let seed = Seed::new(study.seed);
+        let sweep = &study.sweep;
+        let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
+        let rollout_seed = seed.child("rollout");
+        let starts = Starts::new(&study.rollout, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let inputs = Fingerprint::of(&serde_json::to_vec(&(
+            &model.manifest.key,
+            (study.model.weights, study.model.temperature),
+            study.rollout.starts(),
+            // Not the deployment itself: where start states are the same for several, so are the streams.
+            starts.origin(dataset.held_out_fingerprint.as_ref())?,
+        ))?);
+        let mut given: Vec<Vec<(Wanted, Option<f32>)>> = Vec::new();
+        match &model.model {
+            Model::Knn(knn) => {
+                let weights = study.model.weights()?;
+                for member in (0..knn.members()).map(|member| knn.member(member)) {
+                    let own: Vec<StartState> = starts.of_member(&member, sweep.member_runs)?;
+                    given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
+                    let (seed, inputs) = (rollout_seed, inputs.clone());
+                    let options = RolloutOptions { steps, weights, seed, inputs };
+                    let states = model.frames.states();
+                    environments
+                        .push(Box::new(MemberEnvironment::new(member, states, own, options)));
+                }
+            }
+            Model::Parametric(network) => {
+                let own = starts.of_network(sweep.member_runs)?;
+                given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
+                let rows = own.iter().map(|start| start.row).collect();
+                let frames = &model.frames;
+                let predicted = PredictedEnvironment::new(&**network, frames, rows, steps, inputs)?;
+                environments.push(Box::new(predicted));
+            }
+        }
+        if let (Some(held_out), Some(inputs)) = (&dataset.held_out, &dataset.held_out_fingerprint) {
+            let inputs = inputs.clone();
+            let online = ReplayEnvironment::online(held_out, steps, sweep.online_runs, inputs);
+            environments.push(Box::new(online));
+        }
+        if sweep.log_replay_runs > 0 {
+            let inputs = dataset.fingerprint.clone();
+            environments.push(Box::new(ReplayEnvironment::log_replay(
+                &dataset.train,
+                steps,
+                sweep.log_replay_runs,
+                seed.child("log replay"),
+                inputs,
+            )));
+        }
+        Ok(Self { environments, starts: notes(&summaries(&given)) })
+    }
+}
+
+/// One sentence a member whose start states are not those that were asked for.
+fn notes(summaries: &[StartSummary]) -> Vec<String> {
+    let lacking = summaries.iter().enumerate().filter(|(_, summary)| summary.replaced > 0);
+    lacking
+        .filter_map(|(member, summary)| Some(format!("member {member}: {}", summary.text()?)))
+        .collect()
+}
