@@ -137,6 +137,7 @@ pub(super) fn run(
     whole.warnings.extend_from_slice(left_out);
     let comparison = show(&parts);
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
+    figures(&paths, &whole)?;
     report::write_page(&paths, &whole)?;
     let summaries = summaries(whole.title, parts, what_to_deploy);
     write_json(&paths.evaluate().join("summary.json"), &summaries)?;
@@ -148,6 +149,17 @@ pub(super) fn run(
         printer.result(&format!("report: {}", paths.report().display()))?;
     }
     Ok(ended)
+}
+
+/// Sensitivity figures with all models: one a sensor and deployment.
+fn figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
+    let directory = paths.evaluate().join("figures");
+    for sensitivity in &whole.sensitivities {
+        let sensor = sensitivity.sensor.replace(" (", "-").replace(')', "");
+        let figure = sensitivity.figure()?;
+        super::figures::write(&directory, &format!("sensitivity-{sensor}"), &figure)?;
+    }
+    Ok(())
 }
 
 fn summaries(title: String, parts: Vec<Part>, what_to_deploy: Vec<Deployed>) -> Summaries {
@@ -323,32 +335,21 @@ fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table>
         compared.collect()
     };
     let several = groups.len() > 1;
-    let mut pooled: BTreeMap<String, Vec<Comparison>> = BTreeMap::new();
     for (_, group) in &groups {
-        let all = compared(group);
-        let borrowed: Vec<(&str, &Comparison)> =
-            all.iter().map(|(name, of)| (name.as_str(), of)).collect();
-        tables.extend(comparison::report_tables(&borrowed).into_iter().map(|mut table| {
-            if several {
-                table.title = format!("{} ({})", table.title, group[0].deployment_name());
-            }
-            table
-        }));
-        for (name, of) in all {
-            pooled.entry(name).or_default().push(of);
+        let all = group.iter().filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?)));
+        let all: Vec<(String, &Comparison)> = all.collect();
+        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of)));
+        if several {
+            let deployment = group[0].deployment_name();
+            own.iter_mut().for_each(|table| table.title = format!("{} ({deployment})", table.title));
         }
+        tables.extend(own);
     }
     if several {
-        let pooled: Vec<(&str, Comparison)> = pooled
-            .iter()
-            .filter_map(|(name, all)| Some((name.as_str(), comparison::pool(all)?)))
-            .collect();
-        let borrowed: Vec<(&str, &Comparison)> =
-            pooled.iter().map(|(name, of)| (*name, of)).collect();
-        tables.extend(comparison::report_tables(&borrowed).into_iter().map(|mut table| {
-            table.title = format!("{} (all deployments)", table.title);
-            table
-        }));
+        let all = pooled(deployments);
+        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), of)));
+        own.iter_mut().for_each(|table| table.title = format!("{} (all deployments)", table.title));
+        tables.extend(own);
     }
     for (_, group) in &groups {
         for part in *group {
@@ -372,6 +373,32 @@ fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table>
         }));
     }
     tables
+}
+
+fn warping_tables<'a>(models: impl Iterator<Item = (&'a str, &'a Comparison)>) -> Vec<Table> {
+    comparison::report_tables(&models.collect::<Vec<_>>())
+}
+
+/// The rollouts of each model in all deployments; those that deployments share count once.
+fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
+    let mut models: Vec<(String, Vec<PathBuf>, Vec<Comparison>)> = Vec::new();
+    for part in deployments.iter().flatten() {
+        let (Some(own), directory) = (part.comparison(), part.judged.paths.rollout()) else {
+            continue;
+        };
+        match models.iter_mut().find(|(name, ..)| name == part.model_name()) {
+            Some((_, seen, _)) if seen.contains(&directory) => {}
+            Some((_, seen, all)) => {
+                seen.push(directory);
+                all.push(own.clone());
+            }
+            None => {
+                models.push((part.model_name().to_owned(), vec![directory], vec![own.clone()]));
+            }
+        }
+    }
+    let pooled = models.into_iter().map(|(name, _, all)| Some((name, comparison::pool(&all)?)));
+    pooled.flatten().collect()
 }
 
 /// What each model chose, how that did Online, and how far its rollouts are from what was recorded.

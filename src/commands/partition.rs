@@ -31,7 +31,13 @@ pub(super) struct PretrainPart {
 /// Read the log of a study and divide its training range if agents are pre-trained.
 pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<Parts> {
     let data = plant_of_study::data(study, paths)?;
-    parts(study, calib_data::load(&data, &study.preprocess, &printer.progress())?)
+    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress());
+    // What is held out is the deployment, where the study has several.
+    let dataset = match paths.deployment() {
+        Some(name) => dataset.with_context(|| format!("[deployments.{name}]"))?,
+        None => dataset?,
+    };
+    parts(study, dataset)
 }
 
 /// Divide the training range of a log that was read, if agents are pre-trained.

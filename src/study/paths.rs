@@ -53,6 +53,11 @@ impl StudyPaths {
         sweeps
     }
 
+    /// The name of the deployment, of several.
+    pub(crate) fn deployment(&self) -> Option<&str> {
+        self.deployment.as_ref().map(|(name, _)| name.as_str())
+    }
+
     /// The directory of all results of the study, all models and deployments.
     fn of_study(&self) -> &Path {
         match self.model {

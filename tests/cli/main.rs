@@ -2,6 +2,7 @@
 
 mod build;
 mod chain;
+mod deployments;
 mod dtw;
 mod errors;
 mod harness;

@@ -90,7 +90,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
 
     // Start states of the deployment go through the encoder.
     let nearest = ["rollout", "study.toml", "--set", "rollout.start=nearest"];
-    assert!(place.calib(&nearest).succeeds().contains("replaced by their nearest"));
+    assert!(place.calib(&nearest).succeeds().contains("start states"));
 
     // Another representation is another model; a grid that grows keeps what is trained.
     place.edit_study("[1e-3, 3e-3]", "[1e-3, 3e-3, 1e-2]");

@@ -79,7 +79,11 @@ impl Log {
         drop(times);
         refuse_mixed_partitions(&files, &rows.irregularities)?;
         let (train, held_out) = row_ranges(data, &split, &rows.timestamps, first, last)?;
-        let detected = || gaps::detect_period(&rows.timestamps);
+        // By the training range where that is enough: what is held out must not change what a model follows from.
+        let detected = || {
+            gaps::detect_period(&rows.timestamps[train.clone()])
+                .or_else(|| gaps::detect_period(&rows.timestamps))
+        };
         let period = data
             .period_secs
             .and_then(Period::from_secs)

@@ -1,0 +1,189 @@
+//! Several deployments of one study: own Online runs and matched starts, what is the same run once.
+
+use std::fs;
+
+use insta::assert_snapshot;
+
+use crate::harness::Place;
+
+const NEAR: &str = "{ start = 2022-11-03, end = 2022-11-03T12:00:00 }";
+const DEPLOYMENTS: &str = r#"
+[deployments.near]
+start = 2022-11-03
+end = 2022-11-03T12:00:00
+
+[deployments.far]
+start = 2022-11-03T12:00:00
+end = 2022-11-04
+"#;
+
+/// Three days: two of training, two deployments of half a day.
+fn place(start: &str, more: &str) -> Place {
+    let place = Place::with_study();
+    place.edit_study("train_fraction = 0.7", "train = { end = 2022-11-03 }");
+    // Shorter than both windows, so that streams are as long in both.
+    place.edit_study("steps = 800", "steps = 500");
+    place.edit_study("rollouts = 2", &format!("rollouts = 3\nstart = \"{start}\""));
+    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    place.write("study.toml", &format!("{text}{DEPLOYMENTS}{more}"));
+    place
+}
+
+fn json(place: &Place, path: &str) -> serde_json::Value {
+    let text = fs::read_to_string(place.path().join(path)).expect("readable");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+#[test]
+fn a_deployment_is_a_study_in_which_it_is_held_out() {
+    let place = place("nearest", "");
+    let run = |args: &[&str]| place.calib(args).succeeds();
+    run(&["build-model", "study.toml"]);
+    let rolled = run(&["rollout", "study.toml"]);
+    assert!(rolled.contains("against the deployment"), "{rolled}");
+    assert!(rolled.contains("start states lie in the block left out"), "{rolled}");
+    let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
+    let told = dry.stderr();
+    assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
+    assert!(!place.path().join("study-results/deployments/near/sweep").exists());
+    let swept = run(&["sweep", "study.toml"]);
+    // Two sensors in three members with two runs, three Online and two of log replay; the second has the last already.
+    assert!(swept.contains("22 units run") && swept.contains("18 units run"), "{swept}");
+    let verdict = run(&["evaluate", "study.toml"]);
+    assert!(verdict.contains("what to deploy") && verdict.contains("for all"), "{verdict}");
+    let again = run(&["sweep", "study.toml"]);
+    assert_eq!(again.matches("up to date").count(), 2, "{again}");
+    assert_eq!(run(&["rollout", "study.toml"]).matches("up to date").count(), 2);
+
+    // In the order of time, with its window and what to deploy.
+    let summary = json(&place, "study-results/evaluate/summary.json");
+    assert_eq!(summary["deployments"][0]["deployment"], "near");
+    assert_eq!(summary["deployments"][0]["window"], "2022-11-03 .. 2022-11-03T12:00:00");
+    assert_eq!(
+        summary["deployments"][1]["models"]["Euclidean kNN"]["verdicts"][0]["sensor"],
+        "PIT300"
+    );
+    let deploy = &summary["what_to_deploy"][0];
+    assert_eq!(deploy["choices"].as_array().expect("a list").len(), 2);
+    let report =
+        fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
+    for text in [
+        "What to deploy",
+        "PIT300 (near)",
+        "PIT300 (far)",
+        "Dynamic time warping (all deployments)",
+        "far: held-out range",
+        "Start states",
+    ] {
+        assert!(report.contains(text), "{text} is missing");
+    }
+    let manifest = json(&place, "study-results/deployments/near/rollout/manifest.json");
+    let starts = &manifest["members"][0]["starts"];
+    assert_eq!(starts["starts"], 3);
+    assert!(starts["largest_distance"].as_f64() >= starts["mean_distance"].as_f64(), "{starts}");
+
+    // The same study with that window held out is the same to the byte.
+    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let held_out = format!("train = {{ end = 2022-11-03 }}\nheld_out = {NEAR}");
+    let alone = text.replace(DEPLOYMENTS, "").replace("train = { end = 2022-11-03 }", &held_out);
+    place.write("study.toml", &alone);
+    for command in ["build-model", "rollout", "sweep", "evaluate"] {
+        run(&[command, "study.toml", "--output", "alone", "--threads", "1"]);
+    }
+    for part in ["rollout", "sweep"] {
+        let one = place.content(&format!("study-results/deployments/near/{part}"));
+        let other = place.content(&format!("alone/{part}"));
+        assert!(one.keys().eq(other.keys()));
+        for (path, content) in &one {
+            assert!(*content == other[path], "{part}/{} differs", path.display());
+        }
+    }
+}
+
+#[test]
+fn what_does_not_depend_on_the_deployment_is_run_once() {
+    let models = "[models.year]\n[models.narrow.model]\nneighbors = 2\n";
+    let pretrain = "[pretrain]\nepochs = 2\nlearning_rate = 1e-3\nfraction = 0.4\n";
+    let place = place("random", &format!("{models}{pretrain}"));
+    let run = |args: &[&str]| place.calib(args).succeeds();
+    run(&["pretrain", "study.toml"]);
+    run(&["build-model", "study.toml"]);
+    // One rollout a model, whatever is deployed when.
+    assert_eq!(run(&["rollout", "study.toml"]).matches("wrote").count(), 2);
+    assert!(!place.path().join("study-results/models/year/deployments").exists());
+    let first = run(&["sweep", "study.toml", "--deployment", "near"]);
+    assert!(first.contains("22 units run") && first.contains("12 units run"), "{first}");
+    // Members and log replay are the same, Online is the same for both models.
+    let second = run(&["sweep", "study.toml"]);
+    assert!(second.contains("6 units run"), "{second}");
+    assert_eq!(second.matches("up to date").count(), 3, "{second}");
+    let verdict = run(&["evaluate", "study.toml", "-q"]);
+    assert!(verdict.contains("every choice is the same for all deployments"), "{verdict}");
+    let report =
+        fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
+    assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));
+    assert!(report.contains("calib pretrain study.toml"));
+    // One deployment, both models.
+    let one = run(&["evaluate", "study.toml", "--deployment", "far", "-q"]);
+    assert!(one.contains("study-results/deployments/far/report.html"), "{one}");
+    // One model, both deployments.
+    run(&["evaluate", "study.toml", "--model", "year", "-q"]);
+    assert!(place.path().join("study-results/models/year/report.html").is_file());
+    // Killed sweeps go on, and give the same bytes.
+    let before = place.content("study-results/models/year/deployments/far/sweep");
+    let results = place.path().join("study-results/models");
+    for model in ["year", "narrow"] {
+        for part in ["near", "far"] {
+            let sweep = results.join(model).join("deployments").join(part).join("sweep");
+            fs::remove_file(sweep.join("manifest.json")).expect("it is there");
+            fs::remove_dir_all(sweep.join("units/PIT300/online")).expect("it is there");
+        }
+    }
+    run(&["sweep", "study.toml", "--threads", "1"]);
+    assert!(place.content("study-results/models/year/deployments/far/sweep") == before);
+}
+
+#[test]
+fn recent_states_and_months_are_of_each_deployment() {
+    let place = place("recent", "");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let recent = place.calib(&["rollout", "study.toml"]).succeeds();
+    assert!(recent.contains("3 of 3 start states lie in the block left out"), "{recent}");
+    // All training data is before both, so the streams of members are the same.
+    let swept = place.calib(&["sweep", "study.toml"]).succeeds();
+    assert!(swept.contains("22 units run") && swept.contains("6 units run"), "{swept}");
+    let month = ["rollout", "study.toml", "--set", "rollout.start=calendar_month"];
+    assert_snapshot!("no_earlier_year", place.calib(&month).fails(2));
+    let later = [
+        "rollout",
+        "study.toml",
+        "--set",
+        "rollout.start=calendar_month",
+        "--set",
+        "rollout.month=7",
+    ];
+    let none = place.calib(&later).fails(2);
+    assert!(none.contains("no rows in month 7 of a year before 2022"), "{none}");
+}
+
+#[test]
+fn windows_that_do_not_fit_are_refused() {
+    let place = place("random", "");
+    let refused = |args: &[&str]| place.calib(&[args, &["study.toml"]].concat()).fails(2);
+    assert_snapshot!("unknown_deployment", refused(&["sweep", "--deployment", "may"]));
+    assert_snapshot!("no_deployment_of_models", refused(&["build-model", "--deployment", "near"]));
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let both = refused(&["sweep", "--json"]);
+    assert!(both.contains("add --deployment NAME (near, far)"), "{both}");
+    let set = |set: &str| refused(&["sweep", "--set", set]);
+    let outside = set("deployments.near={ start = 2023-01-01, end = 2023-02-01 }");
+    assert!(outside.contains("deployments.near") && outside.contains("holds no rows"), "{outside}");
+    assert_snapshot!(
+        "overlapping_deployment",
+        set("deployments.near={ start = 2022-11-02, end = 2022-11-04 }")
+    );
+    let held_out = set("data.held_out={ start = 2022-11-03 }");
+    assert!(held_out.contains("both given"), "{held_out}");
+    let key = set("deployments.near.begin=2022-11-03");
+    assert!(key.contains("did you mean `start`") || key.contains("unknown key `begin`"), "{key}");
+}
