@@ -4,8 +4,8 @@ use anyhow::{Context as _, ensure};
 use calib_core::Seed;
 
 use super::{
-    Of, build_model, compare, each_part, evaluate, load_study, parts,
-    plant_of_study::PlantOfStudy, pretrain, report, represent, rollout, simulate::Found, sweep, torch::NoLibtorch,
+    Of, build_model, compare, each_part, evaluate, load_study, parts, plant_of_study::PlantOfStudy,
+    pretrain, report, represent, rollout, simulate::Found, sweep, torch::NoLibtorch,
 };
 use crate::{
     cli::{BuildModelArgs, StudyArgs},
@@ -46,8 +46,12 @@ impl Step {
         match self {
             Self::Represent => represent::run(&before(args), None, printer),
             Self::BuildModel => build_model::run(&BuildModelArgs::new(before(args), 0), printer),
-            Self::Rollout => each_part(Of::Rollouts, args, printer, |args| rollout::run(args, printer)),
-            Self::Sweep => each_part(Of::Deployment, args, printer, |args| sweep::run(args, printer)),
+            Self::Rollout => {
+                each_part(Of::Rollouts, args, printer, |args| rollout::run(args, printer))
+            }
+            Self::Sweep => {
+                each_part(Of::Deployment, args, printer, |args| sweep::run(args, printer))
+            }
         }
     }
 }

@@ -3,13 +3,13 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_files::write_json;
-use calib_report::{LearningCurves, Report, Sensitivity, Table, Verdict};
+use calib_report::{LearningCurves, Report, Sensitivity, Verdict};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
-    collapse,
-    comparison::{self, Comparison},
+    compare_tables,
+    comparison::Comparison,
     deployed::{self, Deployed},
     evaluate::{Judged, Summary, judge, print, told},
     learning, load_study, name, report,
@@ -52,11 +52,11 @@ struct DeploymentSummary {
 
 /// A model in a deployment, with all that is known of it.
 pub(super) struct Part {
-    model: Option<String>,
+    pub(super) model: Option<String>,
     deployment: Option<String>,
     pub(super) judged: Judged,
     report: Report,
-    rollouts: Option<RolloutManifest>,
+    pub(super) rollouts: Option<RolloutManifest>,
 }
 
 impl Part {
@@ -81,7 +81,7 @@ impl Part {
         Ok(Self { model, deployment, judged, report, rollouts })
     }
 
-    fn comparison(&self) -> Option<&Comparison> {
+    pub(super) fn comparison(&self) -> Option<&Comparison> {
         self.rollouts.as_ref()?.comparison.as_ref()
     }
 
@@ -96,7 +96,7 @@ impl Part {
     }
 
     /// A sensor in its deployment.
-    fn in_deployment(&self, sensor: &str) -> String {
+    pub(super) fn in_deployment(&self, sensor: &str) -> String {
         match &self.deployment {
             Some(deployment) => format!("{sensor} ({deployment})"),
             None => sensor.to_owned(),
@@ -259,10 +259,10 @@ fn whole(
         }
     }
     // A model is one thing, in however many deployments.
-    for part in deployments[0].iter() {
+    for part in &deployments[0] {
         whole.jumps.extend(part.report.jumps.clone());
     }
-    whole.tables = tables(&deployments, what_to_deploy);
+    whole.tables = compare_tables::tables(&deployments, what_to_deploy);
     if let Some(data) = &mut whole.data {
         data.facts.retain(|(name, _)| !report::is_of_deployment(name));
         for group in &deployments {
@@ -315,90 +315,6 @@ fn learning_curves(
         online.collect()
     };
     study.sweep.sensors.iter().flat_map(of_sensor).collect()
-}
-
-fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table> {
-    let mut tables: Vec<Table> = deployed::report_table(what_to_deploy).into_iter().collect();
-    // Deployments that share all rollouts have one table.
-    let mut groups: Vec<(Vec<PathBuf>, &Vec<&Part>)> = Vec::new();
-    for group in deployments {
-        let directories: Vec<PathBuf> =
-            group.iter().map(|part| part.judged.paths.rollout()).collect();
-        if groups.iter().all(|(of, _)| *of != directories) {
-            groups.push((directories, group));
-        }
-    }
-    let compared = |group: &[&Part]| -> Vec<(String, Comparison)> {
-        let compared = group
-            .iter()
-            .filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?.clone())));
-        compared.collect()
-    };
-    let several = groups.len() > 1;
-    for (_, group) in &groups {
-        let all = group.iter().filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?)));
-        let all: Vec<(String, &Comparison)> = all.collect();
-        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of)));
-        if several {
-            let deployment = group[0].deployment_name();
-            own.iter_mut().for_each(|table| table.title = format!("{} ({deployment})", table.title));
-        }
-        tables.extend(own);
-    }
-    if several {
-        let all = pooled(deployments);
-        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), of)));
-        own.iter_mut().for_each(|table| table.title = format!("{} (all deployments)", table.title));
-        tables.extend(own);
-    }
-    for (_, group) in &groups {
-        for part in *group {
-            let Some(rollouts) = &part.rollouts else { continue };
-            let name = if several {
-                part.in_deployment(part.model_name())
-            } else {
-                part.model_name().to_owned()
-            };
-            tables.extend(report::starts_table(&name, rollouts));
-            tables.extend(collapse::report_table(&name, &rollouts.collapse));
-        }
-    }
-    for part in &deployments[0] {
-        let own = report::representation_table(&part.judged.study, &part.judged.paths);
-        tables.extend(own.into_iter().map(|mut table| {
-            if let Some(name) = &part.model {
-                table.title = format!("{} of {name}", table.title);
-            }
-            table
-        }));
-    }
-    tables
-}
-
-fn warping_tables<'a>(models: impl Iterator<Item = (&'a str, &'a Comparison)>) -> Vec<Table> {
-    comparison::report_tables(&models.collect::<Vec<_>>())
-}
-
-/// The rollouts of each model in all deployments; those that deployments share count once.
-fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
-    let mut models: Vec<(String, Vec<PathBuf>, Vec<Comparison>)> = Vec::new();
-    for part in deployments.iter().flatten() {
-        let (Some(own), directory) = (part.comparison(), part.judged.paths.rollout()) else {
-            continue;
-        };
-        match models.iter_mut().find(|(name, ..)| name == part.model_name()) {
-            Some((_, seen, _)) if seen.contains(&directory) => {}
-            Some((_, seen, all)) => {
-                seen.push(directory);
-                all.push(own.clone());
-            }
-            None => {
-                models.push((part.model_name().to_owned(), vec![directory], vec![own.clone()]));
-            }
-        }
-    }
-    let pooled = models.into_iter().map(|(name, _, all)| Some((name, comparison::pool(&all)?)));
-    pooled.flatten().collect()
 }
 
 /// What each model chose, how that did Online, and how far its rollouts are from what was recorded.

@@ -7,6 +7,7 @@ mod build_plan;
 mod chain;
 mod collapse;
 mod compare;
+mod compare_tables;
 mod comparison;
 mod deployed;
 mod dtw;

@@ -10,7 +10,7 @@ use super::simulate::{self, Found, Simulated};
 use crate::{
     cli::{PlantArgs, SimulateArgs},
     output::Printer,
-    study::{Study, StudyPaths},
+    study::{Chosen, Study, StudyPaths},
 };
 
 /// The plant of a study, where its log goes, and what there is of it.
@@ -64,7 +64,7 @@ pub(super) fn described(args: &SimulateArgs) -> anyhow::Result<(PathBuf, PlantOp
         args.plant == PlantArgs::default(),
         "{shown} describes its plant in [simulate]: change it there, or for once with --set, such as --set simulate.days=2"
     );
-    let (study, paths) = Study::load(&args.target, &args.set, None)?;
+    let (study, paths) = Study::load(&args.target, &args.set, Chosen::default())?;
     let Some(PlantOfStudy { directory, options, .. }) = PlantOfStudy::of(&study, &paths)? else {
         let unused =
             if args.set.is_empty() { "" } else { " (one is not used where --set names the data)" };

@@ -92,13 +92,12 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let existing = artefact::read::<RolloutManifest>(&directory)
         .filter(|found| found.key == key && !args.force)
         .filter(|_| artefact::has_files(&directory, ["trajectories.parquet"]));
-    let (manifest, verb) = match existing {
-        Some(manifest) => (manifest, "up to date:"),
-        None => {
-            let record = Record { model: &model.frames, deployment: held_out };
-            let from = (&starts, record);
-            (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
-        }
+    let (manifest, verb) = if let Some(manifest) = existing {
+        (manifest, "up to date:")
+    } else {
+        let record = Record { model: &model.frames, deployment: held_out };
+        let from = (&starts, record);
+        (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
     };
     if args.json {
         printer.json(&manifest)?;

@@ -6,8 +6,8 @@ use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Completed, EnvironmentId, NotFinite, Plan, PlanOptions, PlannedUnit, UnitResult,
-    UnitStore, candidates,
+    Candidate, Completed, EnvironmentId, NotFinite, Plan, PlanOptions, PlannedUnit, Unit,
+    UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -120,11 +120,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     };
     let directory = paths.sweep();
     let store = unit_store(&directory);
-    let own = if args.force { BTreeMap::new() } else { plan.stored(&store) };
-    // Online and log replay are the same for all models, members for all deployments that give the same start states.
-    let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
-    let stored =
-        if args.force { BTreeMap::new() } else { plan.stored(&store.clone().beside(others)) };
+    let Found { own, stored } =
+        if args.force { Found::default() } else { Found::of(&plan, &store, &paths) };
     let missing = plan.count() - stored.len();
     let agents: Vec<AgentConfig> =
         candidates.iter().map(|candidate| candidate.agent.clone()).collect();
@@ -182,6 +179,24 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// Units that need not be run.
+#[derive(Default)]
+struct Found {
+    /// What this sweep has.
+    own: BTreeMap<Unit, UnitResult>,
+    /// The same and what others of the study have: Online and log replay are the same for all models, members for all
+    /// deployments that give the same start states.
+    stored: BTreeMap<Unit, UnitResult>,
+}
+
+impl Found {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> Self {
+        let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
+        let stored = plan.stored(&store.clone().beside(others));
+        Self { own: plan.stored(store), stored }
+    }
 }
 
 /// The runs of each environment whose rollout left the finite numbers, and where.

@@ -7,7 +7,7 @@ use insta::assert_snapshot;
 use crate::harness::Place;
 
 const NEAR: &str = "{ start = 2022-11-03, end = 2022-11-03T12:00:00 }";
-const DEPLOYMENTS: &str = r#"
+const DEPLOYMENTS: &str = "
 [deployments.near]
 start = 2022-11-03
 end = 2022-11-03T12:00:00
@@ -15,7 +15,7 @@ end = 2022-11-03T12:00:00
 [deployments.far]
 start = 2022-11-03T12:00:00
 end = 2022-11-04
-"#;
+";
 
 /// Three days: two of training, two deployments of half a day.
 fn place(start: &str, more: &str) -> Place {

@@ -1,0 +1,99 @@
+//! Tables of several models and deployments, beside each other.
+
+use std::path::PathBuf;
+
+use calib_report::Table;
+
+use super::{
+    collapse,
+    compare::Part,
+    comparison::{self, Comparison},
+    deployed::{self, Deployed},
+    report,
+};
+
+/// What to deploy, distances of rollouts, start states, collapse and representations; `deployments` are all parts, by
+/// deployment.
+pub(super) fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table> {
+    let mut tables: Vec<Table> = deployed::report_table(what_to_deploy).into_iter().collect();
+    // Deployments that share all rollouts have one table.
+    let mut groups: Vec<(Vec<PathBuf>, &Vec<&Part>)> = Vec::new();
+    for group in deployments {
+        let directories: Vec<PathBuf> =
+            group.iter().map(|part| part.judged.paths.rollout()).collect();
+        if groups.iter().all(|(of, _)| *of != directories) {
+            groups.push((directories, group));
+        }
+    }
+    let several = groups.len() > 1;
+    for (_, group) in &groups {
+        let all = group
+            .iter()
+            .filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?)));
+        let all: Vec<(String, &Comparison)> = all.collect();
+        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of)));
+        if several {
+            let deployment = group[0].deployment_name();
+            for table in &mut own {
+                table.title = format!("{} ({deployment})", table.title);
+            }
+        }
+        tables.extend(own);
+    }
+    if several {
+        let all = pooled(deployments);
+        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), of)));
+        for table in &mut own {
+            table.title = format!("{} (all deployments)", table.title);
+        }
+        tables.extend(own);
+    }
+    for (_, group) in &groups {
+        for part in *group {
+            let Some(rollouts) = &part.rollouts else { continue };
+            let name = if several {
+                part.in_deployment(part.model_name())
+            } else {
+                part.model_name().to_owned()
+            };
+            tables.extend(report::starts_table(&name, rollouts));
+            tables.extend(collapse::report_table(&name, &rollouts.collapse));
+        }
+    }
+    for part in &deployments[0] {
+        let own = report::representation_table(&part.judged.study, &part.judged.paths);
+        tables.extend(own.into_iter().map(|mut table| {
+            if let Some(name) = &part.model {
+                table.title = format!("{} of {name}", table.title);
+            }
+            table
+        }));
+    }
+    tables
+}
+
+fn warping_tables<'a>(models: impl Iterator<Item = (&'a str, &'a Comparison)>) -> Vec<Table> {
+    comparison::report_tables(&models.collect::<Vec<_>>())
+}
+
+/// The rollouts of each model in all deployments; those that deployments share count once.
+fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
+    let mut models: Vec<(String, Vec<PathBuf>, Vec<Comparison>)> = Vec::new();
+    for part in deployments.iter().flatten() {
+        let (Some(own), directory) = (part.comparison(), part.judged.paths.rollout()) else {
+            continue;
+        };
+        match models.iter_mut().find(|(name, ..)| name == part.model_name()) {
+            Some((_, seen, _)) if seen.contains(&directory) => {}
+            Some((_, seen, all)) => {
+                seen.push(directory);
+                all.push(own.clone());
+            }
+            None => {
+                models.push((part.model_name().to_owned(), vec![directory], vec![own.clone()]));
+            }
+        }
+    }
+    let pooled = models.into_iter().map(|(name, _, all)| Some((name, comparison::pool(&all)?)));
+    pooled.flatten().collect()
+}
