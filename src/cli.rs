@@ -85,6 +85,9 @@ pub(crate) struct StudyArgs {
     /// Override a key of the study; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// The study as this one of its [profiles] has it
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Option<String>,
     /// Only this one of the study's [models] (default: one after the other)
     #[arg(long, value_name = "NAME")]
     pub(crate) model: Option<String>,
@@ -103,6 +106,13 @@ pub(crate) struct StudyArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl StudyArgs {
+    /// Whether both choose the same model and deployment, if any.
+    pub(crate) fn is_same_part(&self, other: &Self) -> bool {
+        self.model == other.model && self.deployment == other.deployment
+    }
 }
 
 /// Where networks are trained.
@@ -201,6 +211,9 @@ pub(crate) struct SimulateArgs {
     /// Override a key of the study, such as `simulate.days=2`; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// The study as this one of its [profiles] has it
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Option<String>,
     /// Write all days again, also those that exist
     #[arg(long)]
     pub(crate) force: bool,
@@ -257,6 +270,9 @@ pub(crate) struct InspectArgs {
     /// Override a key of the study, such as `preprocess.max_missing=0.2`
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// The study as this one of its [profiles] has it
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Option<String>,
     /// Show all channels, not only the first of a long list
     #[arg(long)]
     pub(crate) all: bool,

@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context as _, bail};
-use calib_files::{Fingerprint, Fingerprinter, read_json, write_json};
+use calib_files::{Fingerprint, Fingerprinter, read_json, write_atomically, write_json};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// Version of calib that wrote a file.
@@ -96,6 +96,25 @@ impl Claim {
     pub(super) fn complete<M: Manifest>(self, manifest: &M) -> anyhow::Result<()> {
         Ok(write_json(&self.directory.join(MANIFEST), manifest)?)
     }
+}
+
+/// Take over `files` and manifest of another directory, which were made from the same inputs: the models of a study
+/// may differ in nothing that an artefact follows from.
+pub(super) fn adopt<'a, M: Manifest>(
+    other: &Path,
+    files: impl IntoIterator<Item = &'a str>,
+    manifest: &M,
+    directory: &Path,
+) -> anyhow::Result<()> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    for name in files {
+        let from = other.join(name);
+        let mut file =
+            File::open(&from).with_context(|| format!("cannot read {}", from.display()))?;
+        write_atomically(&directory.join(name), |copy| io::copy(&mut file, copy).map(|_| ()))?;
+    }
+    claim.complete(manifest)
 }
 
 /// What lies in the directories below a claimed one.

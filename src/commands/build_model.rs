@@ -49,7 +49,7 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
     let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
     let config =
-        ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..study.model };
+        ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..*study.model };
     let model_rows = partition::model_rows(&study, &surveyed.timestamps())?;
     let plan =
         BuildPlan::new(&surveyed, model_rows, &config, represent::width(&study, &paths), args)?;
@@ -63,6 +63,9 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     }
     let partition::Parts { dataset, pretrain } =
         partition::parts(&study, surveyed.load(&printer.progress())?)?;
+    if study.model.period.is_some() && pretrain.is_none() {
+        printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
+    }
     // Taken apart here: states that nobody holds any more can be mapped from files.
     if let Some(part) = pretrain {
         printer.say(&format!(
@@ -74,16 +77,13 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let representation = represent::open(&study, &paths, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = up_to_date(&directory, &key);
-    let (manifest, built) = match existing {
-        Some(manifest) if !args.study.force => {
-            (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
-        }
-        _ => {
-            let representation = representation.as_ref();
-            let how = How { key, config, plan, force: args.study.force };
-            (build(&study, dataset, representation, &how, &directory, clock, printer)?, true)
-        }
+    let existing = if args.study.force { None } else { find(&paths, &key, printer)? };
+    let (manifest, built) = if let Some(manifest) = existing {
+        (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
+    } else {
+        let representation = representation.as_ref();
+        let how = How { key, config, plan, force: args.study.force };
+        (build(&study, dataset, representation, &how, &directory, clock, printer)?, true)
     };
     let status = if args.verify > 0 {
         check_against_brute_force(&paths, &study, args.verify, printer)?
@@ -105,6 +105,26 @@ pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
         let files = found.files.keys().map(String::as_str);
         found.key == key && artefact::has_files(directory, files)
     })
+}
+
+/// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
+pub(super) fn find(
+    paths: &StudyPaths,
+    key: &str,
+    printer: &Printer,
+) -> anyhow::Result<Option<ModelManifest>> {
+    let directory = paths.model();
+    if let Some(found) = up_to_date(&directory, key) {
+        return Ok(Some(found));
+    }
+    for other in paths.of_other_models("model") {
+        let Some(found) = up_to_date(&other, key) else { continue };
+        printer.say(&format!("the model is that in {}, and is copied", other.display()));
+        let files = found.files.keys().map(String::as_str);
+        artefact::adopt(&other, files, &found, &directory)?;
+        return Ok(Some(found));
+    }
+    Ok(None)
 }
 
 /// How a model is built; nothing but the key tells of its tables.

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
-    build_model::{fingerprints, up_to_date},
+    build_model::{find, fingerprints},
     model_files::{self, MemberSummary, ModelManifest},
     partition, plant_of_study, train_model,
 };
@@ -48,7 +48,7 @@ pub(super) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let existing = up_to_date(&directory, &key).filter(|_| !args.study.force);
+    let existing = if args.study.force { None } else { find(paths, &key, printer)? };
     let verb = if existing.is_some() { "up to date:" } else { "wrote" };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?

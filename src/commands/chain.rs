@@ -105,7 +105,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         all.collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     let judged = match all.as_slice() {
-        [_] if models[0].name.is_none() => evaluate::run(args, printer),
+        [only] if only.is_same_part(args) => evaluate::run(args, printer),
         all => compare::run(args, all, &left_out, printer),
     };
     match judged {

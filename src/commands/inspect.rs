@@ -1,3 +1,4 @@
+use anyhow::ensure;
 use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
 
 use super::plant_of_study;
@@ -35,9 +36,15 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
-        let (study, paths) = Study::load(&args.data, &args.set, Chosen::default())?;
+        let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
+        let (study, paths) = Study::load(&args.data, &args.set, chosen)?;
         return Ok((plant_of_study::data(&study, &paths)?, study.preprocess));
     } else {
+        ensure!(
+            args.profile.is_none(),
+            "--profile is of a study, and {} is none; leave it out",
+            args.data.display()
+        );
         Study::of_data(&args.data, &args.set)?
     };
     Ok((study.data, study.preprocess))

@@ -90,7 +90,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             each(Of::Deployment, &args, printer, |args, _| sweep::run(args, printer))
         }
         Command::Evaluate(args) => match parts(Of::Deployment, &args)?.as_slice() {
-            [_] => evaluate::run(&args, printer),
+            [only] if only.is_same_part(&args) => evaluate::run(&args, printer),
             parts => compare::run(&args, parts, &[], printer),
         },
         Command::Dtw(args) => dtw::run(&args, printer),
@@ -198,7 +198,7 @@ fn missing_names(args: &StudyArgs, parts: &[StudyArgs]) -> Vec<String> {
 fn parts(of: Of, args: &StudyArgs) -> anyhow::Result<Vec<StudyArgs>> {
     let models = match args.model {
         Some(_) => Vec::new(),
-        None => Study::model_names(&args.study, &args.set)?,
+        None => Study::model_names(&args.study, &args.set, args.profile.as_deref())?,
     };
     let of_model = |name| StudyArgs { model: Some(name), ..args.clone() };
     let mut parts: Vec<StudyArgs> = models.into_iter().map(of_model).collect();
@@ -210,7 +210,8 @@ fn parts(of: Of, args: &StudyArgs) -> anyhow::Result<Vec<StudyArgs>> {
         return Ok(parts);
     }
     if args.deployment.is_none() {
-        let (study, _) = Study::load(&args.study, &args.set, Chosen::default())?;
+        let whole = StudyArgs { model: None, ..args.clone() };
+        let (study, _) = load_study(&whole)?;
         let names = study.deployment_names();
         if !names.is_empty() {
             let of_deployment = |part: StudyArgs| {
@@ -258,9 +259,10 @@ fn refuse_deployment(args: &StudyArgs) -> anyhow::Result<()> {
 /// The study that `args` name, with its overrides.
 fn load_study(args: &StudyArgs) -> anyhow::Result<(Study, StudyPaths)> {
     let (model, deployment) = (args.model.as_deref(), args.deployment.as_deref());
-    let (study, paths) = Study::load(&args.study, &args.set, Chosen { model, deployment })?;
+    let chosen = Chosen { profile: args.profile.as_deref(), model, deployment };
+    let (study, paths) = Study::load(&args.study, &args.set, chosen)?;
     let paths = match &args.output {
-        Some(output) => StudyPaths::new(args.study.clone(), output.clone()),
+        Some(output) => paths.at(output.clone()),
         None => paths,
     };
     let paths = match model {

@@ -223,7 +223,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
         ("[data]", same_training(&made.data, &study.data)),
         ("[preprocess]", made.preprocess == study.preprocess),
-        ("[pretrain]", made.pretrain.partition() == study.pretrain.partition()),
+        ("[pretrain]", made.partition() == study.partition()),
         ("seed", !follows_from_seed(study) || made.seed == study.seed),
     ];
     if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {

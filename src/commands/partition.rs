@@ -1,6 +1,6 @@
 //! The training range, divided between pre-training and the calibration model.
 
-use std::ops::Range;
+use std::{fmt, ops::Range};
 
 use anyhow::{Context as _, ensure};
 use calib_core::{Frames, Timestamp};
@@ -28,7 +28,7 @@ pub(super) struct PretrainPart {
     pub(super) fingerprint: Fingerprint,
 }
 
-/// Read the log of a study and divide its training range if agents are pre-trained.
+/// Read the log of a study and divide its training range.
 pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<Parts> {
     let data = plant_of_study::data(study, paths)?;
     let dataset = calib_data::load(&data, &study.preprocess, &printer.progress());
@@ -40,77 +40,123 @@ pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyh
     parts(study, dataset)
 }
 
-/// Divide the training range of a log that was read, if agents are pre-trained.
+/// Divide the training range of a log that was read.
 pub(super) fn parts(study: &Study, mut dataset: Dataset) -> anyhow::Result<Parts> {
-    let Some(partition) = study.pretrain.partition() else {
-        return Ok(Parts { dataset, pretrain: None });
-    };
-    let (pretrain, model) = divide(&partition, dataset.train.timestamps())?;
-    let frames = dataset.train.slice(pretrain);
-    let fingerprint = dataset.fingerprint_of(&frames);
-    dataset.train = dataset.train.slice(model);
-    dataset.fingerprint = dataset.fingerprint_of(&dataset.train);
-    Ok(Parts { dataset, pretrain: Some(PretrainPart { frames, fingerprint }) })
+    let Division { pretrain, model } = divide(&study.partition(), dataset.train.timestamps())?;
+    let pretrain = pretrain.map(|rows| {
+        let frames = dataset.train.slice(rows);
+        let fingerprint = dataset.fingerprint_of(&frames);
+        PretrainPart { frames, fingerprint }
+    });
+    if model.len() < dataset.train.rows() {
+        dataset.train = dataset.train.slice(model);
+        dataset.fingerprint = dataset.fingerprint_of(&dataset.train);
+    }
+    Ok(Parts { dataset, pretrain })
 }
 
-/// The training states of a log that are for the model, which are all unless agents are pre-trained.
+/// The training states of a log that are for the model.
 pub(super) fn model_rows(study: &Study, times: &[Timestamp]) -> anyhow::Result<Range<usize>> {
-    match study.pretrain.partition() {
-        Some(partition) => Ok(divide(&partition, times)?.1),
-        None => Ok(0..times.len()),
+    Ok(divide(&study.partition(), times)?.model)
+}
+
+/// Rows of the training range.
+#[derive(Debug, PartialEq, Eq)]
+struct Division {
+    /// For pre-training, if there is any.
+    pretrain: Option<Range<usize>>,
+    /// For the model.
+    model: Range<usize>,
+}
+
+fn divide(partition: &Partition, times: &[Timestamp]) -> anyhow::Result<Division> {
+    match partition {
+        Partition::Model(None) => Ok(Division { pretrain: None, model: 0..times.len() }),
+        Partition::Model(Some(period)) => {
+            let model = Span::of_all(times).given(period).rows("model.period", times)?;
+            Ok(Division { pretrain: None, model })
+        }
+        Partition::Divided { fraction, pretrain, model } => {
+            in_two(*fraction, [pretrain.as_ref(), model.as_ref()], times)
+        }
     }
 }
 
-/// Rows for pre-training and rows for the model.
-fn divide(
-    partition: &Partition,
-    times: &[Timestamp],
-) -> anyhow::Result<(Range<usize>, Range<usize>)> {
-    let micros = |row: usize| times[row].as_micros();
-    let (first, end) = (micros(0), micros(times.len() - 1) + 1);
-    let instant = |at: Option<&calib_data::Moment>, otherwise: i64| {
-        at.map_or(otherwise, |at| at.instant().as_micros())
-    };
-    let given =
-        |range: &TimeRange| instant(range.start.as_ref(), first)..instant(range.end.as_ref(), end);
-    let (period, model) = match (&partition.period, &partition.model_period) {
-        (None, None) => {
-            let boundary = first + ((end - first) as f64 * partition.fraction).round() as i64;
-            (first..boundary, boundary..end)
+/// A stretch of time in microseconds, without its end.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: i64,
+    end: i64,
+}
+
+impl Span {
+    fn of_all(times: &[Timestamp]) -> Self {
+        let micros = |row: usize| times[row].as_micros();
+        Self { start: micros(0), end: micros(times.len() - 1) + 1 }
+    }
+
+    /// The range of the study, which has the ends of this one unless it says otherwise.
+    fn given(self, range: &TimeRange) -> Self {
+        let instant = |at: Option<&calib_data::Moment>, otherwise: i64| {
+            at.map_or(otherwise, |at| at.instant().as_micros())
+        };
+        Self {
+            start: instant(range.start.as_ref(), self.start),
+            end: instant(range.end.as_ref(), self.end),
         }
-        (Some(period), None) => (given(period), given(period).end..end),
-        (None, Some(model)) => (first..given(model).start, given(model)),
-        (Some(period), Some(model)) => (given(period), given(model)),
-    };
-    let told = |range: &Range<i64>| {
-        let at = |micros| format_time(Timestamp::from_micros(micros));
-        format!("{} .. {}", at(range.start), at(range.end))
-    };
-    ensure!(
-        period.end <= model.start || model.end <= period.start,
-        "pretrain.period ({}) and pretrain.model_period ({}) overlap: agents must not be pre-trained on the data \
-         of the calibration model; move one of them",
-        told(&period),
-        told(&model)
-    );
-    let rows = |key: &str, range: &Range<i64>| {
+    }
+
+    /// The rows in it, which `key` of the study asks for.
+    fn rows(self, key: &str, times: &[Timestamp]) -> anyhow::Result<Range<usize>> {
         let before = |limit: i64| times.partition_point(|time| time.as_micros() < limit);
-        let rows = before(range.start)..before(range.end.max(range.start));
+        let rows = before(self.start)..before(self.end.max(self.start));
         ensure!(
             rows.len() > 1,
-            "{key} ({}) has {} states of the training range, which runs from {}; \
-             change [pretrain] or data.train",
-            told(range),
+            "{key} ({self}) has {} states of the training range, which runs from {}; \
+             change it, or data.train",
             rows.len(),
-            told(&(first..end))
+            Self::of_all(times)
         );
         Ok(rows)
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = |micros| format_time(Timestamp::from_micros(micros));
+        write!(f, "{} .. {}", at(self.start), at(self.end))
+    }
+}
+
+/// Rows for pre-training and rows for the model, by their periods or else by a share of the time.
+fn in_two(
+    fraction: f64,
+    periods: [Option<&TimeRange>; 2],
+    times: &[Timestamp],
+) -> anyhow::Result<Division> {
+    let all = Span::of_all(times);
+    let (pretrain, model) = match periods.map(|period| period.map(|period| all.given(period))) {
+        [None, None] => {
+            let boundary = all.start + ((all.end - all.start) as f64 * fraction).round() as i64;
+            (Span { end: boundary, ..all }, Span { start: boundary, ..all })
+        }
+        [Some(pretrain), None] => (pretrain, Span { start: pretrain.end, ..all }),
+        [None, Some(model)] => (Span { end: model.start, ..all }, model),
+        [Some(pretrain), Some(model)] => (pretrain, model),
     };
-    let keys = match (&partition.period, &partition.model_period) {
-        (None, None) => ["the part for pre-training", "the part for the calibration model"],
-        _ => ["pretrain.period", "pretrain.model_period"],
+    ensure!(
+        pretrain.end <= model.start || model.end <= pretrain.start,
+        "pretrain.period ({pretrain}) and model.period ({model}) overlap: agents must not be pre-trained on the data \
+         of the calibration model; move one of them"
+    );
+    let keys = match periods {
+        [None, None] => ["the part for pre-training", "the part for the calibration model"],
+        _ => ["pretrain.period", "model.period"],
     };
-    Ok((rows(keys[0], &period)?, rows(keys[1], &model)?))
+    Ok(Division {
+        pretrain: Some(pretrain.rows(keys[0], times)?),
+        model: model.rows(keys[1], times)?,
+    })
 }
 
 /// The time from the first to the last state of a part, for people.
@@ -137,38 +183,46 @@ mod tests {
         TimeRange { start: moment(start), end: moment(end) }
     }
 
-    fn partition(period: Option<TimeRange>, model_period: Option<TimeRange>) -> Partition {
-        Partition { fraction: 0.5, period, model_period }
+    fn divided(
+        fraction: f64,
+        pretrain: Option<TimeRange>,
+        model: Option<TimeRange>,
+    ) -> anyhow::Result<(Range<usize>, Range<usize>)> {
+        let partition = Partition::Divided { fraction, pretrain, model };
+        let Division { pretrain, model } = divide(&partition, &times())?;
+        Ok((pretrain.context("agents are pre-trained")?, model))
+    }
+
+    #[test]
+    fn a_model_may_have_a_part_of_the_training_range() {
+        let of = |period| divide(&Partition::Model(period), &times());
+        assert_eq!(of(None).expect("all"), Division { pretrain: None, model: 0..100 });
+        let day = of(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
+        assert_eq!(day, Division { pretrain: None, model: 24..48 });
+        let late = of(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
+        assert!(late.starts_with("model.period") && late.contains("has 0 states"), "{late}");
     }
 
     #[test]
     fn the_first_part_is_for_pre_training() {
-        let (pretrain, model) = divide(&partition(None, None), &times()).expect("valid");
-        assert_eq!((pretrain, model), (0..50, 50..100));
-        let quarter = Partition { fraction: 0.25, ..partition(None, None) };
-        assert_eq!(divide(&quarter, &times()).expect("valid"), (0..25, 25..100));
+        assert_eq!(divided(0.5, None, None).expect("valid"), (0..50, 50..100));
+        assert_eq!(divided(0.25, None, None).expect("valid"), (0..25, 25..100));
     }
 
     #[test]
     fn one_period_leaves_the_rest_to_the_other() {
         let day = range("1970-01-01", "1970-01-02");
-        let divided = divide(&partition(Some(day.clone()), None), &times());
-        assert_eq!(divided.expect("valid"), (0..24, 24..100));
+        assert_eq!(divided(0.5, Some(day.clone()), None).expect("valid"), (0..24, 24..100));
         let late = range("1970-01-04", "");
-        assert_eq!(
-            divide(&partition(None, Some(late)), &times()).expect("valid"),
-            (0..72, 72..100)
-        );
+        assert_eq!(divided(0.5, None, Some(late)).expect("valid"), (0..72, 72..100));
         let last = range("1970-01-03", "1970-01-04");
-        let divided = divide(&partition(Some(last), Some(day)), &times());
-        assert_eq!(divided.expect("valid"), (48..72, 0..24), "the model may come first");
+        let first = divided(0.5, Some(last), Some(day)).expect("valid");
+        assert_eq!(first, (48..72, 0..24), "the model may come first");
     }
 
     #[test]
     fn overlaps_and_empty_parts_are_refused() {
-        let refused = |period, model| {
-            divide(&partition(period, model), &times()).expect_err("refused").to_string()
-        };
+        let refused = |period, model| divided(0.5, period, model).expect_err("refused").to_string();
         let overlap = refused(
             Some(range("1970-01-01", "1970-01-03")),
             Some(range("1970-01-02", "1970-01-04")),
@@ -179,6 +233,6 @@ mod tests {
             "{overlap}"
         );
         let nothing = refused(Some(range("1970-01-01", "")), None);
-        assert!(nothing.starts_with("pretrain.model_period") && nothing.contains("0 states"));
+        assert!(nothing.starts_with("model.period") && nothing.contains("0 states"));
     }
 }

@@ -64,7 +64,8 @@ pub(super) fn described(args: &SimulateArgs) -> anyhow::Result<(PathBuf, PlantOp
         args.plant == PlantArgs::default(),
         "{shown} describes its plant in [simulate]: change it there, or for once with --set, such as --set simulate.days=2"
     );
-    let (study, paths) = Study::load(&args.target, &args.set, Chosen::default())?;
+    let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
+    let (study, paths) = Study::load(&args.target, &args.set, chosen)?;
     let Some(PlantOfStudy { directory, options, .. }) = PlantOfStudy::of(&study, &paths)? else {
         let unused =
             if args.set.is_empty() { "" } else { " (one is not used where --set names the data)" };

@@ -20,6 +20,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
     let args = StudyArgs {
         study: study.clone(),
         set: Vec::new(),
+        profile: None,
         model: None,
         deployment: None,
         output: None,

@@ -78,7 +78,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
         &model.manifest.key,
-        study.model,
+        *study.model,
         &study.rollout,
         study.seed,
         &sensors,

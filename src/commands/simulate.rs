@@ -61,8 +61,8 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Exit
         plant_of_study::described(args)?
     } else {
         ensure!(
-            args.set.is_empty(),
-            "--set changes a study, and {} is a folder; give the options of the plant, such as --days",
+            args.set.is_empty() && args.profile.is_none(),
+            "--set and --profile change a study, and {} is a folder; give the options of the plant, such as --days",
             args.target.display()
         );
         let next = format!("calib inspect {}", args.target.display());

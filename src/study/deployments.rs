@@ -3,7 +3,7 @@
 use anyhow::{bail, ensure};
 use calib_data::TimeRange;
 
-use super::{Study, models::check_names};
+use super::{Study, overlay::check_names};
 
 impl Study {
     /// Names of the deployments in the order of time.
@@ -53,7 +53,7 @@ impl Study {
         let learnt = [
             ("data.train", Some(train)),
             ("pretrain.period", self.pretrain.period.as_ref()),
-            ("pretrain.model_period", self.pretrain.model_period.as_ref()),
+            ("model.period", self.model.period.as_ref()),
         ];
         for (name, range) in &self.deployments {
             if let TimeRange { start: Some(start), end: Some(end) } = range {

@@ -9,11 +9,18 @@ use toml::{Table, Value};
 
 use calib_data::DataConfig;
 
-use super::{Study, StudyPaths, message::friendly, models};
+use super::{
+    Study, StudyPaths,
+    message::friendly,
+    models,
+    profiles::{self, Results},
+};
 
-/// The model and the deployment that are looked at, of a study that has several.
+/// What is looked at, of a study that has several.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Chosen<'a> {
+    /// The `NAME` of `[profiles.NAME]`.
+    pub(crate) profile: Option<&'a str>,
     /// The `NAME` of `[models.NAME]`.
     pub(crate) model: Option<&'a str>,
     /// The `NAME` of `[deployments.NAME]`.
@@ -32,7 +39,7 @@ impl Study {
         overrides: &[String],
         chosen: Chosen<'_>,
     ) -> anyhow::Result<(Self, StudyPaths)> {
-        let mut table = read(path, overrides)?;
+        let (mut table, results) = read(path, overrides, chosen.profile)?;
         models::check(&table).with_context(|| path.display().to_string())?;
         models::choose(&mut table, chosen.model).with_context(|| path.display().to_string())?;
         let with = || with_overrides(path, overrides, chosen);
@@ -44,15 +51,24 @@ impl Study {
         study.choose_deployment(chosen.deployment).with_context(|| path.display().to_string())?;
         let stem = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
         let output = study.output.clone().unwrap_or_else(|| format!("{stem}-results").into());
-        Ok((study, StudyPaths::new(path.to_owned(), directory.join(output))))
+        let root = directory.join(output);
+        let root = match (chosen.profile, results) {
+            (Some(name), Results::InOwnFolder) => root.join(name),
+            _ => root,
+        };
+        Ok((study, StudyPaths::new(path.to_owned(), root).of_profile(chosen.profile)))
     }
 
     /// Names of the models that the study compares, in alphabetical order; none if it has no `[models]`.
     ///
     /// # Errors
     /// As [`Study::load`].
-    pub(crate) fn model_names(path: &Path, overrides: &[String]) -> anyhow::Result<Vec<String>> {
-        Ok(models::names(&read(path, overrides)?))
+    pub(crate) fn model_names(
+        path: &Path,
+        overrides: &[String],
+        profile: Option<&str>,
+    ) -> anyhow::Result<Vec<String>> {
+        Ok(models::names(&read(path, overrides, profile)?.0))
     }
 
     /// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
@@ -135,8 +151,12 @@ const MANY_RUNS: usize = 100_000;
 /// More steps than anybody asks for: three years at 1 Hz.
 const MANY_STEPS: usize = 100_000_000;
 
-/// The study file as a table, with overrides, all models in it.
-fn read(path: &Path, overrides: &[String]) -> anyhow::Result<Table> {
+/// The study file as a table, with a profile and overrides, all models in it; and where its results go.
+fn read(
+    path: &Path,
+    overrides: &[String],
+    profile: Option<&str>,
+) -> anyhow::Result<(Table, Results)> {
     let text = fs::read_to_string(path).with_context(|| {
         format!(
             "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
@@ -145,6 +165,9 @@ fn read(path: &Path, overrides: &[String]) -> anyhow::Result<Table> {
     })?;
     // The text is read for its own sake first, because only then a mistake has a line number.
     let mut table = parse(path, &text)?;
+    profiles::check(&table, is_study).with_context(|| path.display().to_string())?;
+    let results =
+        profiles::choose(&mut table, profile).with_context(|| path.display().to_string())?;
     for text in overrides {
         apply(&mut table, text)?;
     }
@@ -156,7 +179,14 @@ fn read(path: &Path, overrides: &[String]) -> anyhow::Result<Table> {
     if overrides.iter().any(|text| names_data(&text)) {
         table.remove("simulate");
     }
-    Ok(table)
+    Ok((table, results))
+}
+
+/// Whether a table has the keys and types of a study.
+fn is_study(table: Table) -> anyhow::Result<()> {
+    models::check(&table)?;
+    Study::deserialize(Value::Table(table)).map_err(|error| anyhow!("{}", located(&error)))?;
+    Ok(())
 }
 
 fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
@@ -212,10 +242,11 @@ fn plain_text(text: &str, value: &str) -> anyhow::Result<Value> {
 }
 
 fn with_overrides(path: &Path, overrides: &[String], chosen: Chosen<'_>) -> String {
+    let profile = chosen.profile.map(|name| format!("--profile {name}"));
     let model = chosen.model.map(|name| format!("--model {name}"));
     let deployment = chosen.deployment.map(|name| format!("--deployment {name}"));
     let set = overrides.iter().map(|text| format!("--set {text}"));
-    let set = set.chain(model).chain(deployment);
+    let set = profile.into_iter().chain(set).chain(model).chain(deployment);
     let set: Vec<String> = set.collect();
     match set.as_slice() {
         [] => path.display().to_string(),

@@ -3,9 +3,13 @@
 mod deployments;
 mod load;
 mod message;
+mod model;
 mod models;
+mod overlay;
+mod partition;
 mod paths;
 mod pretrain;
+mod profiles;
 mod simulate;
 
 use std::{collections::BTreeMap, path::PathBuf};
@@ -13,16 +17,18 @@ use std::{collections::BTreeMap, path::PathBuf};
 use calib_agent::AgentConfig;
 use calib_data::{DataConfig, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
-use calib_knn::{ModelConfig, ModelKind};
+use calib_knn::ModelKind;
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_rollout::RolloutConfig;
 use calib_sweep::SweepConfig;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use load::Chosen;
+pub(crate) use model::ModelSection;
+pub(crate) use partition::Partition;
 pub(crate) use paths::Rollouts;
 pub use paths::StudyPaths;
-pub(crate) use pretrain::{MomentsRule, Partition, PretrainConfig};
+pub(crate) use pretrain::{MomentsRule, PretrainConfig};
 pub(crate) use simulate::SimulateConfig;
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
@@ -39,6 +45,12 @@ pub struct Study {
     pub simulate: Option<SimulateConfig>,
     /// Where the log is, and which part of it is training and which is held out.
     pub data: DataConfig,
+    /// The same study at other sizes, by name: what replaces the rest of it; empty once one was chosen, or none.
+    #[serde(skip_serializing)]
+    pub profiles: BTreeMap<String, toml::Table>,
+    /// Which of the models are compared (default: all).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compare: Option<Vec<String>>,
     /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub models: BTreeMap<String, toml::Table>,
@@ -50,7 +62,7 @@ pub struct Study {
     /// What neighbours are searched in.
     pub representation: RepresentationConfig,
     /// The calibration model.
-    pub model: ModelConfig,
+    pub model: ModelSection,
     /// Networks, where the model is one.
     pub dynamics: DynamicsConfig,
     /// Rollouts of the model, and the start states of sweeps.

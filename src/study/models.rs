@@ -1,58 +1,55 @@
 //! Several models in one study: `[models.NAME]` says how each differs from the rest of the file.
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use toml::{Table, Value};
+
+use super::overlay::{self, check_names, lay_over, take};
 
 /// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
 /// their results could not stand beside each other.
-const SECTIONS: [&str; 3] = ["representation", "model", "dynamics"];
+const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
 
 /// The key under which they lie.
 const KEY: &str = "models";
 
-/// Names of the models, in alphabetical order.
+/// The key that says which of them are compared.
+const COMPARED: &str = "compare";
+
+/// Names of the models that are compared, in alphabetical order.
 pub(super) fn names(table: &Table) -> Vec<String> {
-    let models = table.get(KEY).and_then(Value::as_table);
-    let mut names: Vec<String> = models.map_or_else(Vec::new, |of| of.keys().cloned().collect());
-    names.sort();
-    names
+    let all = overlay::names(table, KEY);
+    match compared(table) {
+        Some(compared) => {
+            all.into_iter().filter(|name| compared.contains(&name.as_str())).collect()
+        }
+        None => all,
+    }
+}
+
+/// What `compare` lists, if it is given.
+fn compared(table: &Table) -> Option<Vec<&str>> {
+    Some(table.get(COMPARED)?.as_array()?.iter().filter_map(Value::as_str).collect())
 }
 
 /// Leave the one model called `name` in the study; without a name they stay beside it.
 pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<()> {
     let Some(name) = name else { return Ok(()) };
-    let names = names(table);
-    let models = table.remove(KEY);
-    match models {
-        Some(Value::Table(mut models)) if models.contains_key(name) => {
-            let Some(Value::Table(own)) = models.remove(name) else {
-                bail!("[{KEY}] {name} is a value, not a section")
-            };
-            lay_over(table, own);
-            Ok(())
-        }
-        _ if names.is_empty() => {
-            bail!("--model {name}: the study has no [{KEY}.{name}], nor any other [{KEY}] section")
-        }
-        _ => bail!("--model {name}: the study's models are {}", names.join(", ")),
-    }
-}
-
-/// Every key of `own` replaces that of `table`; sections are laid over each other.
-fn lay_over(table: &mut Table, own: Table) {
-    for (key, value) in own {
-        match (table.get_mut(&key), value) {
-            (Some(Value::Table(below)), Value::Table(above)) => lay_over(below, above),
-            (_, value) => {
-                table.insert(key, value);
-            }
-        }
-    }
+    let own = take(table, KEY, "--model", name)?;
+    table.remove(COMPARED);
+    lay_over(table, own);
+    Ok(())
 }
 
 /// Whether every name can be that of a directory, and the models differ only in what makes a model.
 pub(super) fn check(table: &Table) -> anyhow::Result<()> {
-    check_names(KEY, &names(table))?;
+    let all = overlay::names(table, KEY);
+    check_names(KEY, &all)?;
+    if let Some(compared) = compared(table) {
+        ensure!(!compared.is_empty(), "{COMPARED} lists no model; name some, or leave it out");
+        if let Some(unknown) = compared.into_iter().find(|name| !all.iter().any(|of| of == name)) {
+            bail!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
+        }
+    }
     let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
     for (name, own) in models {
         let keys = own.as_table().into_iter().flat_map(Table::keys);
@@ -65,21 +62,6 @@ pub(super) fn check(table: &Table) -> anyhow::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Whether every name in the section `key` can be that of a directory.
-pub(super) fn check_names<'a>(
-    key: &str,
-    names: impl IntoIterator<Item = &'a String>,
-) -> anyhow::Result<()> {
-    let fine = |name: &&String| {
-        !name.is_empty()
-            && name.chars().all(|of| of.is_ascii_alphanumeric() || of == '-' || of == '_')
-    };
-    match names.into_iter().find(|name| !fine(name)) {
-        Some(name) => bail!("[{key}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]
@@ -112,6 +94,20 @@ mod tests {
         assert!(error.contains("has no [models.c]"), "{error}");
         assert!(check_names(KEY, &["a-1_B".to_owned()]).is_ok());
         assert!(check_names(KEY, &["a/b".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn some_of_the_models_can_be_compared() {
+        let mut study = table();
+        study.insert("compare".to_owned(), Value::Array(vec!["b".into()]));
+        check(&study).expect("valid");
+        assert_eq!(names(&study), ["b"]);
+        choose(&mut study, Some("a")).expect("the other one can still be chosen");
+        assert!(!study.contains_key("compare"));
+        let mut study = table();
+        study.insert("compare".to_owned(), Value::Array(vec!["b".into(), "c".into()]));
+        let error = check(&study).expect_err("unknown").to_string();
+        assert_eq!(error, "compare lists c, and the study's models are a, b");
     }
 
     #[test]

@@ -6,6 +6,7 @@ pub struct StudyPaths {
     study: PathBuf,
     /// Of the study, or of one of its models.
     root: PathBuf,
+    profile: Option<String>,
     model: Option<String>,
     deployment: Option<(String, Rollouts)>,
 }
@@ -22,7 +23,19 @@ pub(crate) enum Rollouts {
 impl StudyPaths {
     /// The layout below `root` of the results of the file `study`.
     pub fn new(study: PathBuf, root: PathBuf) -> Self {
-        Self { study, root, model: None, deployment: None }
+        Self { study, root, profile: None, model: None, deployment: None }
+    }
+
+    /// The same layout of the study's profile called `name`: what is to be typed names it.
+    #[must_use]
+    pub(crate) fn of_profile(self, name: Option<&str>) -> Self {
+        Self { profile: name.map(str::to_owned), ..self }
+    }
+
+    /// The same layout below another directory.
+    #[must_use]
+    pub(crate) fn at(self, root: PathBuf) -> Self {
+        Self { root, ..self }
     }
 
     /// The layout of one of several models of the study.
@@ -36,6 +49,15 @@ impl StudyPaths {
     #[must_use]
     pub(crate) fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
         Self { deployment: Some((name.to_owned(), rollouts)), ..self }
+    }
+
+    /// What is called `name` in the results of the study's other models.
+    pub(crate) fn of_other_models(&self, name: &str) -> Vec<PathBuf> {
+        let roots = folders(&self.of_study().join("models")).into_iter();
+        let mut all: Vec<PathBuf> =
+            roots.filter(|root| *root != self.root).map(|root| root.join(name)).collect();
+        all.sort();
+        all
     }
 
     /// The sweeps of the study's other models and deployments, as far as there are any.
@@ -81,7 +103,10 @@ impl StudyPaths {
 
     /// What to type to run `command` on the study.
     pub fn command(&self, command: &str) -> String {
-        let model = self.model.as_ref().filter(|_| command != "pretrain");
+        let profile = self.profile.as_ref();
+        let profile = profile.map_or_else(String::new, |name| format!(" --profile {name}"));
+        let whole = ["pretrain", "simulate", "run"].contains(&command);
+        let model = self.model.as_ref().filter(|_| !whole);
         let model = model.map_or_else(String::new, |name| format!(" --model {name}"));
         let deployment = self.deployment.as_ref().filter(|(_, rollouts)| match command {
             "rollout" => *rollouts == Rollouts::OfDeployment,
@@ -89,7 +114,7 @@ impl StudyPaths {
         });
         let deployment = deployment.map(|(name, _)| format!(" --deployment {name}"));
         let deployment = deployment.unwrap_or_default();
-        format!("calib {command} {}{model}{deployment}", self.study.display())
+        format!("calib {command} {}{profile}{model}{deployment}", self.study.display())
     }
 
     /// The directory of all results.

@@ -22,12 +22,9 @@ pub struct PretrainConfig {
     /// The first part of the training range's time span, for pre-training; the calibration model has the
     /// rest (default 0.5, as in the paper).
     pub fraction: f64,
-    /// Instead of `fraction`: the period for pre-training.
+    /// Instead of `fraction`: the period for pre-training; what the model has otherwise is `model.period`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<TimeRange>,
-    /// Instead of `fraction`: the period for the calibration model.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub model_period: Option<TimeRange>,
     /// Take the agents from this `pretrain` directory of another study instead of pre-training them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint: Option<PathBuf>,
@@ -44,17 +41,6 @@ pub enum MomentsRule {
     Keep,
 }
 
-/// How the training range is divided between pre-training and the calibration model.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Partition {
-    /// Share of the time span, unless periods are given.
-    pub fraction: f64,
-    /// For pre-training.
-    pub period: Option<TimeRange>,
-    /// For the calibration model.
-    pub model_period: Option<TimeRange>,
-}
-
 impl Default for PretrainConfig {
     fn default() -> Self {
         Self {
@@ -65,7 +51,6 @@ impl Default for PretrainConfig {
             moments: MomentsRule::Reset,
             fraction: 0.5,
             period: None,
-            model_period: None,
             checkpoint: None,
         }
     }
@@ -75,15 +60,6 @@ impl PretrainConfig {
     /// Whether agents are pre-trained at all.
     pub fn is_on(&self) -> bool {
         self.epochs > 0 || self.checkpoint.is_some()
-    }
-
-    /// How the training range is divided, if agents are pre-trained.
-    pub fn partition(&self) -> Option<Partition> {
-        self.is_on().then(|| Partition {
-            fraction: self.fraction,
-            period: self.period.clone(),
-            model_period: self.model_period.clone(),
-        })
     }
 
     /// Epochs, early stopping and validation.

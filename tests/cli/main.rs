@@ -9,6 +9,7 @@ mod harness;
 mod interruption;
 mod models;
 mod networks;
+mod paper;
 mod pretrain;
 mod real_data;
 mod represent;

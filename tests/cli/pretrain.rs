@@ -91,7 +91,7 @@ fn what_does_not_fit_is_refused() {
         "--set",
         "pretrain.period={ start = 2022-11-01, end = 2022-11-02 }",
         "--set",
-        "pretrain.model_period={ start = 2022-11-01T18:00:00, end = 2022-11-03 }",
+        "model.period={ start = 2022-11-01T18:00:00, end = 2022-11-03 }",
     ];
     assert_snapshot!("overlapping_periods", place.calib(&overlap).fails(2));
     place.calib(&["build-model", "study.toml"]).succeeds();

@@ -104,7 +104,7 @@ fn mistakes_about_the_plant_are_named() {
     let message = place.calib(&["simulate", "study.toml"]).fails(2);
     assert!(message.contains("one plain folder"), "{message}");
     let message = place.calib(&["simulate", "logs", "--set", "seed=1"]).fails(2);
-    assert!(message.contains("--set changes a study"), "{message}");
+    assert!(message.contains("--set and --profile change a study"), "{message}");
 }
 
 #[test]
@@ -124,4 +124,127 @@ fn a_model_that_needs_libtorch_is_left_out_aloud() {
     assert!(std::fs::read_to_string(report).expect("written").contains("model gru is left out"));
     let only = place.calib(&["run", "study.toml", "--model", "gru"]).fails(2);
     assert!(only.contains("wants libtorch"), "{only}");
+}
+
+#[test]
+fn a_profile_is_the_study_at_another_size_with_results_of_its_own() {
+    let place = Place::with_plant();
+    place.edit_study(
+        "[model]",
+        "[profiles.tiny]\ndata.path = \"small\"\nsimulate = { days = 1.5 }\nsweep.steps = 200\n\n\
+         [profiles.here]\noutput = \"elsewhere\"\n\n[model]",
+    );
+    let message = place.calib(&["build-model", "study.toml", "--profile", "tiny"]).fails(2);
+    assert!(message.contains("run `calib simulate study.toml --profile tiny` first"), "{message}");
+    place.calib(&["simulate", "study.toml", "--profile", "tiny"]).succeeds();
+    assert!(place.path().join("small/2022-11-02.parquet").is_file());
+    let inspected = place.calib(&["inspect", "study.toml", "--profile", "tiny"]).succeeds();
+    assert!(inspected.contains("2022-11-02 1"), "{inspected}");
+    let ran = place.calib(&["run", "study.toml", "--profile", "tiny"]);
+    ran.succeeds();
+    assert!(ran.stderr().contains("of 200 steps"), "{}", ran.stderr());
+    let report = place.path().join("study-results/tiny/report.html");
+    let report = std::fs::read_to_string(report).expect("written");
+    assert!(report.contains("calib sweep study.toml --profile tiny"), "how to make it again");
+    assert!(!place.path().join("study-results/model").exists());
+
+    let next = place.calib(&["build-model", "study.toml", "--profile", "tiny"]);
+    assert!(next.stderr().contains("calib rollout study.toml --profile tiny"), "{}", next.stderr());
+    place.calib(&["simulate", "study.toml"]).succeeds();
+    place.calib(&["build-model", "study.toml", "--profile", "here"]).succeeds();
+    assert!(place.path().join("elsewhere/model/manifest.json").is_file());
+    let given = ["build-model", "study.toml", "--profile", "tiny", "--output", "given"];
+    place.calib(&given).succeeds();
+    assert!(place.path().join("given/model/manifest.json").is_file());
+}
+
+#[test]
+fn mistakes_in_profiles_are_named_before_they_are_chosen() {
+    let place = Place::with_plant();
+    let study = std::fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let of = |profiles: &str, args: &[&str]| {
+        place.write("study.toml", &format!("{study}\n{profiles}\n"));
+        place.calib(&[&["simulate", "study.toml"], args].concat()).fails(2)
+    };
+    let key = of("[profiles.tiny.agent]\ngama = 0.5", &[]);
+    assert!(
+        key.contains(
+            "study.toml: [profiles.tiny]: agent: unknown key `gama`; did you mean `gamma`"
+        ),
+        "{key}"
+    );
+    let model = of("[profiles.tiny.models.a]\nagent.gamma = 0.5", &[]);
+    assert!(model.contains("[models.a]: agent cannot differ"), "{model}");
+    let name = of("[profiles.sweep]\nseed = 1", &[]);
+    assert!(name.contains("choose another name"), "{name}");
+    let unknown = of("[profiles.tiny]\nseed = 1", &["--profile", "small"]);
+    assert!(unknown.contains("--profile small: the study's profiles are tiny"), "{unknown}");
+    let value = of("[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
+    assert!(value.contains("study.toml with --profile tiny") && value.contains("gamma"), "{value}");
+}
+
+#[test]
+fn models_of_a_part_of_the_range_have_the_units_of_all_of_it() {
+    let place = Place::with_plant();
+    place.edit_study(
+        "train_fraction = 0.7",
+        "train = { start = 2022-11-01, end = 2022-11-03 }\nheld_out = { start = 2022-11-03, end = 2022-11-04 }",
+    );
+    place.edit_study(
+        "[rollout]",
+        "[models.day.model.period]\nstart = 2022-11-02\n[models.all]\n\n[rollout]",
+    );
+    place.calib(&["run", "study.toml"]).succeeds();
+    let manifest = |model: &str| -> serde_json::Value {
+        let path = format!("study-results/models/{model}/model/manifest.json");
+        let text = std::fs::read(place.path().join(path)).expect("written");
+        serde_json::from_slice(&text).expect("JSON")
+    };
+    let (all, day) = (manifest("all"), manifest("day"));
+    assert_eq!(all["normaliser"], day["normaliser"]);
+    assert!(day["rows"].as_u64() < all["rows"].as_u64().map(|rows| rows * 2 / 3));
+    assert!(day["times"][0].as_str().expect("a time").starts_with("2022-11-02"));
+    let of = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
+    let late = of("models.day.model.period.start=2022-11-05");
+    assert!(late.contains("model.period") && late.contains("has 0 states"), "{late}");
+    let key = of("models.day.model.perriod=1");
+    assert!(key.contains("unknown key `perriod`; did you mean `period`"), "{key}");
+}
+
+#[test]
+fn models_that_differ_in_their_rollouts_share_tables() {
+    let place = Place::with_plant();
+    place.edit_study(
+        "[rollout]",
+        "[models.near.rollout]\nstart = \"recent\"\n[models.anywhere]\n\n[rollout]",
+    );
+    place.calib(&["simulate", "study.toml"]).succeeds();
+    let built = place.calib(&["build-model", "study.toml"]);
+    built.succeeds();
+    assert!(
+        built.stderr().contains("the model is that in study-results/models/anywhere/model"),
+        "{}",
+        built.stderr()
+    );
+    let verified = ["build-model", "study.toml", "--model", "near", "--verify", "5"];
+    place.calib(&verified).succeeds();
+    for command in ["rollout", "sweep", "evaluate"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    // Each is the same to the byte as alone.
+    let alone = ["build-model", "study.toml", "--model", "near", "--output", "alone"];
+    place.calib(&alone).succeeds();
+    let (mut copied, mut made) = (
+        place.content("study-results/models/near/model"),
+        place.content("alone/models/near/model"),
+    );
+    for content in [&mut copied, &mut made] {
+        content.retain(|path, _| path.file_name().is_some_and(|name| name != "manifest.json"));
+    }
+    assert!(copied == made);
+    // Only some of the models: the others are as if they were not there.
+    let some = ["evaluate", "study.toml", "--set", "compare=[\"near\"]"];
+    place.calib(&some).succeeds();
+    let message = place.calib(&["run", "study.toml", "--set", "compare=[\"far\"]"]).fails(2);
+    assert!(message.contains("compare lists far"), "{message}");
 }

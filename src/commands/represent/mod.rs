@@ -104,10 +104,7 @@ pub(super) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let existing = artefact::read::<RepresentationManifest>(&directory).filter(|found| {
-        let files = found.files.keys().map(String::as_str);
-        found.key == key && !args.force && artefact::has_files(&directory, files)
-    });
+    let existing = if args.force { None } else { find(&paths, &key, printer)? };
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
         None => (make((&study, &paths), &dataset, key, (args, device), printer)?, "wrote"),
@@ -125,6 +122,32 @@ pub(super) fn run(
     }
     printer.warn(NONE_QUALIFIES);
     Ok(ExitStatus::Negative)
+}
+
+/// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
+fn find(
+    paths: &StudyPaths,
+    key: &str,
+    printer: &Printer,
+) -> anyhow::Result<Option<RepresentationManifest>> {
+    let up_to_date = |directory: &Path| {
+        artefact::read::<RepresentationManifest>(directory).filter(|found| {
+            let files = found.files.keys().map(String::as_str);
+            found.key == key && artefact::has_files(directory, files)
+        })
+    };
+    let directory = paths.representation();
+    if let Some(found) = up_to_date(&directory) {
+        return Ok(Some(found));
+    }
+    for other in paths.of_other_models("representation") {
+        let Some(found) = up_to_date(&other) else { continue };
+        printer.say(&format!("the representation is that in {}, and is copied", other.display()));
+        let files = found.files.keys().map(String::as_str);
+        artefact::adopt(&other, files, &found, &directory)?;
+        return Ok(Some(found));
+    }
+    Ok(None)
 }
 
 /// What to do where no candidate may be used.

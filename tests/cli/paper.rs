@@ -1,0 +1,52 @@
+//! The paper's studies are valid as they stand, and their small profiles run.
+
+use std::{fs, path::Path};
+
+use crate::harness::Place;
+
+/// A directory with the three studies.
+fn place() -> Place {
+    let place = Place::new();
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper");
+    for entry in fs::read_dir(configs).expect("readable").flatten() {
+        let name = entry.file_name().into_string().expect("a name");
+        fs::copy(entry.path(), place.path().join(name)).expect("copied");
+    }
+    place
+}
+
+#[test]
+fn the_papers_studies_are_valid_at_both_sizes() {
+    let place = place();
+    for (study, steps) in [
+        ("one-week.toml", "then: represent, build-model, rollout, sweep, evaluate"),
+        ("twelve-months.toml", "then: represent, build-model, rollout, sweep, evaluate"),
+        ("fine-tuning.toml", "then: pretrain, represent, build-model, rollout, sweep, evaluate"),
+    ] {
+        let whole = place.calib(&["run", study, "--dry-run"]);
+        assert_eq!(whole.code(), 0, "{}", whole.stderr());
+        assert!(whole.stderr().contains("days of 480 channels"), "{}", whole.stderr());
+        assert!(whole.stderr().contains(steps), "{}", whole.stderr());
+        let tiny = place.calib(&["run", study, "--dry-run", "--profile", "tiny"]);
+        assert_eq!(tiny.code(), 0, "{}", tiny.stderr());
+        assert!(tiny.stderr().contains(steps), "{}", tiny.stderr());
+    }
+}
+
+#[test]
+fn the_week_runs_to_one_report_on_its_models() {
+    let place = place();
+    let tiny = ["run", "one-week.toml", "--profile", "tiny"];
+    let verdict = place.calib(&tiny).succeeds();
+    for model in ["euclidean", "laplacian", "nn"] {
+        assert!(verdict.contains(model), "{verdict}");
+    }
+    let results = place.path().join("one-week-results/tiny");
+    let report = fs::read_to_string(results.join("report.html")).expect("written");
+    assert!(report.contains("Four models of one week"), "the title");
+    assert!(!verdict.contains("gru"), "the profile compares the others: {verdict}");
+    // What is there can be looked at again, and a dry run looks into every step.
+    let dry = place.calib(&[&tiny[..], &["--dry-run"]].concat());
+    assert_eq!(dry.code(), 0, "{}", dry.stderr());
+    assert!(dry.stderr().contains("0 units are left"), "{}", dry.stderr());
+}
