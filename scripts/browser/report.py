@@ -4,9 +4,10 @@
     python3 scripts/browser/report.py calib-quickstart/results/report.html [SCREENSHOTS]
 
 Needs Chromium (`apt-get install chromium`); pinned Playwright goes into a virtual environment of its
-own. Checks that the page loads without a console error or a request, that every chart answers to the
-pointer, its legend, a drag and the keyboard, that tables can be copied, that both themes are legible
-(contrast of text at least 4.5), that a narrow screen never scrolls sideways, and that the page prints.
+own. Checks that the page loads without a console error or a request; that in both themes every chart
+answers to the pointer, its legend, a drag, the wheel and the keyboard; that a zoomed rollout shows
+every step; that pictures and numbers can be saved; that text has a contrast of at least 4.5; that a
+narrow screen never scrolls sideways; and that what is printed has its tables and no controls.
 Writes screenshots of wide, narrow, dark and printed pages to SCREENSHOTS, if given.
 """
 
@@ -14,6 +15,8 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+import xml.etree.ElementTree
 from pathlib import Path
 
 PINNED = ["playwright==1.65.2"]
@@ -65,49 +68,116 @@ def check(truth: bool, what: str) -> None:
 
 def use_chart(page, figure) -> None:
     """Read, hide, zoom and walk over one chart."""
-    name = figure.get_attribute("id") or figure.locator("h3, figcaption").first.inner_text()
+    name = figure.get_attribute("id")
     figure.scroll_into_view_if_needed()
-    plot = figure.locator(".plot").first
+    plot = figure.locator(".plot")
+    plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
-    tip = figure.locator(".tip").first
-
     at = lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
+    tip, axis, reset = figure.locator(".tip"), figure.locator("svg .axis.x"), figure.locator("button.reset")
+
     shown = False
     for x in [0.25, 0.4, 0.5, 0.6, 0.75]:
         page.mouse.move(*at(x, 0.45))
-        shown = shown or (tip.is_visible() and tip.inner_text().strip() != "")
+        shown = shown or (tip.is_visible() and any(c.isdigit() for c in tip.inner_text()))
     check(shown, f"{name}: the pointer shows no values")
 
     keys = figure.locator("button.key")
     for i in range(min(keys.count(), 3)):
         key = keys.nth(i)
-        before = key.get_attribute("aria-pressed")
+        curve = figure.locator(f"svg .series[data-series='{key.get_attribute('data-series')}']")
+        before = curve.is_visible()
         key.click()
-        check(key.get_attribute("aria-pressed") != before, f"{name}: a curve cannot be hidden or shown")
-        key.click()
-        check(key.get_attribute("aria-pressed") == before, f"{name}: a curve does not come back")
+        check(curve.is_visible() != before, f"{name}: a click neither hides nor shows a curve")
+        check((key.get_attribute("aria-pressed") == "true") != before, f"{name}: a key does not say what it did")
+        key.press("Space")
+        check(curve.is_visible() == before, f"{name}: the keyboard neither hides nor shows a curve")
 
-    plot.scroll_into_view_if_needed()
-    box = plot.bounding_box()
-    axis = figure.locator("svg .axis.x").first
     whole = axis.inner_html()
+
+    def zoomed(by: str) -> None:
+        check(reset.is_visible() and axis.inner_html() != whole, f"{name}: {by} does not zoom")
+
     page.mouse.move(*at(0.3, 0.4))
     page.mouse.down()
     page.mouse.move(*at(0.6, 0.42), steps=4)
     page.mouse.up()
-    reset = figure.locator("button.reset").first
-    check(reset.is_visible(), f"{name}: a drag does not zoom")
-    check(axis.inner_html() != whole, f"{name}: the axis does not follow the zoom")
+    zoomed("a drag")
     reset.click()
     check(axis.inner_html() == whole and reset.is_hidden(), f"{name}: the zoom cannot be undone")
 
+    page.mouse.move(*at(0.5, 0.45))
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -200)
+    page.keyboard.up("Control")
+    figure.locator("button.reset:visible").wait_for(timeout=2000)
+    zoomed("the wheel")
+    figure.locator("button.zoom[data-zoom=out]").click()
+    check(axis.inner_html() == whole, f"{name}: the button does not zoom out")
+
     plot.focus()
-    page.keyboard.press("Home")
-    first = figure.locator("[aria-live]").first.inner_text()
-    page.keyboard.press("End")
-    last = figure.locator("[aria-live]").first.inner_text()
-    check(first != "" and last != "", f"{name}: the keyboard reads no values aloud")
-    page.keyboard.press("Escape")
+    live = figure.locator("[aria-live]")
+    said = []
+    for key in ["Home", "ArrowRight", "End", "ArrowDown", "+", "Shift+ArrowRight", "0"]:
+        page.keyboard.press(key)
+        said.append(live.inner_text())
+        if key == "+":
+            zoomed("the keyboard")
+    check(all(said), f"{name}: the keyboard reads no values aloud: {said}")
+    check(len({said[0], said[1], said[2]}) > 1, f"{name}: the arrow keys stay where they are")
+    check(axis.inner_html() == whole, f"{name}: the key 0 does not show all")
+
+
+def check_detail(page, figure) -> None:
+    """A rollout that is zoomed far in shows every step: what it draws has as many points as the view has steps."""
+    name = figure.get_attribute("id")
+    figure.locator(".plot").focus()
+    for _ in range(5):
+        page.keyboard.press("+")
+    drawn = figure.locator("svg .series:not(.off) .scaled path").first.get_attribute("d").count("L")
+    numbers = figure.evaluate("f => JSON.parse(f.querySelector('script').textContent)")
+    steps = (numbers["x"]["max"] - numbers["x"]["min"]) / 32 / numbers["series"][0]["step"]
+    check(min(steps, 20) <= drawn <= steps + 4, f"{name}: {drawn} points drawn of {steps:.0f} steps in view")
+    page.keyboard.press("0")
+
+
+def save_chart(page, figure, folder: Path) -> None:
+    """Whatever can be saved is a file of its kind."""
+    name = figure.get_attribute("id")
+    buttons = figure.locator("button.save")
+    for i in range(buttons.count()):
+        with page.expect_download() as download:
+            buttons.nth(i).click()
+        file = folder / download.value.suggested_filename
+        download.value.save_as(file)
+        content = file.read_bytes()
+        if file.suffix == ".svg":
+            texts = [element.text for element in xml.etree.ElementTree.fromstring(content).iter() if element.text]
+            check(len(texts) > 5, f"{name}: the saved SVG has no text")
+        elif file.suffix == ".png":
+            check(content[:4] == b"\x89PNG" and len(content) > 5000, f"{name}: the saved PNG is none")
+        else:
+            lines = content.decode().splitlines()
+            check(lines[0].startswith("curve,") and len(lines) > 2, f"{name}: the saved CSV has no numbers")
+    check(buttons.count() >= 2, f"{name}: nothing can be saved")
+
+
+def check_print(page, pictures: Path | None) -> None:
+    """Paper has the reasons and the tables, and nothing to press."""
+    page.emulate_media(media="print", color_scheme="dark")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    for control in ["nav", ".theme", ".tools", ".copy"]:
+        check(page.locator(f"{control}:visible").count() == 0, f"{control} is printed")
+    for content in ["article.card .why li", "#sensitivity details.data table"]:
+        check(page.locator(content).first.is_visible(), f"'{content}' is not printed")
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    check(paper == "rgb(255, 255, 255)", f"paper is {paper} in the dark theme")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.emulate_media(media="null", color_scheme="light")
+    printed = page.pdf(format="A4")
+    check(printed[:4] == b"%PDF", "the page does not print")
+    if pictures:
+        (pictures / "printed.pdf").write_bytes(printed)
 
 
 def main() -> None:
@@ -139,35 +209,43 @@ def main() -> None:
             if pictures:
                 page.screenshot(path=pictures / f"{name}.png", full_page=True)
 
-        figures = page.locator("figure:has(.plot)")
-        page.evaluate("document.querySelectorAll('details.more').forEach((more) => { more.open = true; })")
+        figures = page.locator("figure.chart")
         check(figures.count() > 0, "there is no chart")
         picture("wide-light")
-        for i in range(figures.count()):
-            use_chart(page, figures.nth(i))
+        page.evaluate("document.querySelectorAll('details.more').forEach((more) => { more.open = true; })")
         for theme in ["light", "dark"]:
             page.emulate_media(color_scheme=theme)
             ratio, text = page.evaluate(CONTRAST)
             check(ratio >= 4.5, f"in the {theme} theme the contrast of '{text}' is {ratio:.1f}, expected 4.5")
+            # Some of each kind, as charts of a kind differ in their data only.
+            for section in ["#sensitivity", "#rollouts", "#learning"]:
+                for figure in page.locator(f"{section} figure.chart").all()[: 3 if theme == "light" else 1]:
+                    use_chart(page, figure)
+        page.evaluate("document.querySelectorAll('details.more').forEach((more) => { more.open = false; })")
         picture("wide-dark")
+        for rollout in page.locator("#rollouts figure.chart").all():
+            check_detail(page, rollout)
+        with tempfile.TemporaryDirectory() as folder:
+            for section in ["#sensitivity figure.chart", "#rollouts figure.chart", "#rollouts figure.still"]:
+                if page.locator(section).count():
+                    save_chart(page, page.locator(section).first, Path(folder))
         button = page.locator("button.theme")
         background = "getComputedStyle(document.body).backgroundColor"
         before = page.evaluate(background)
         button.click()
         check(page.evaluate(background) != before, "the theme button changes nothing")
+        button.click()
+        check(page.evaluate(background) == before, "the theme button does not change back")
         page.emulate_media(color_scheme="light")
         page.reload()
 
-        for width in [360, 768]:
-            page.set_viewport_size({"width": width, "height": 800})
+        for width in [360, 390, 768]:
+            page.set_viewport_size({"width": width, "height": 844})
             overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
             check(overflow <= 0, f"on a screen {width} pixels wide the page is {overflow} pixels too wide")
             picture(f"narrow-{width}")
         page.set_viewport_size({"width": 1280, "height": 900})
-        printed = page.pdf(format="A4")
-        check(printed[:4] == b"%PDF", "the page does not print")
-        if pictures:
-            (pictures / "printed.pdf").write_bytes(printed)
+        check_print(page, pictures)
 
         links = page.eval_on_selector_all("a[href^='#']", "all => all.map((a) => a.getAttribute('href'))")
         for link in links:

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_files::write_json;
-use calib_report::{LearningCurves, Report, Sensitivity, Verdict};
+use calib_report::{LearningCurves, Report, RolloutGrid, Sensitivity, Verdict};
 use serde::Serialize;
 
 use super::{
@@ -12,7 +12,8 @@ use super::{
     comparison::Comparison,
     deployed::{self, Deployed},
     evaluate::{Judged, Summary, judge, print, told},
-    learning, load_study, name, report,
+    figures::{self, Starts},
+    learning, load_study, name, report, report_data,
     rollout::RolloutManifest,
     starts::follow_from_deployment,
 };
@@ -57,6 +58,7 @@ pub(super) struct Part {
     pub(super) judged: Judged,
     report: Report,
     pub(super) rollouts: Option<RolloutManifest>,
+    starts: Vec<Starts>,
 }
 
 impl Part {
@@ -78,7 +80,11 @@ impl Part {
         let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
             .filter(|rollouts| rollouts.model == manifest.model);
         let (model, deployment) = (args.model.clone(), args.deployment.clone());
-        Ok(Self { model, deployment, judged, report, rollouts })
+        let starts = match &rollouts {
+            Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
+            None => Vec::new(),
+        };
+        Ok(Self { model, deployment, judged, report, rollouts, starts })
     }
 
     pub(super) fn comparison(&self) -> Option<&Comparison> {
@@ -137,7 +143,7 @@ pub(super) fn run(
     whole.warnings.extend_from_slice(left_out);
     let comparison = show(&parts);
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
-    figures(&paths, &whole)?;
+    write_figures(&paths, &whole)?;
     report::write_page(&paths, &whole)?;
     let summaries = summaries(whole.title, parts, what_to_deploy);
     write_json(&paths.evaluate().join("summary.json"), &summaries)?;
@@ -151,15 +157,14 @@ pub(super) fn run(
     Ok(ended)
 }
 
-/// Sensitivity figures with all models: one a sensor and deployment.
-fn figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
+/// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
+fn write_figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
     let directory = paths.evaluate().join("figures");
     for sensitivity in &whole.sensitivities {
-        let sensor = sensitivity.sensor.replace(" (", "-").replace(')', "");
-        let figure = sensitivity.figure()?;
-        super::figures::write(&directory, &format!("sensitivity-{sensor}"), &figure)?;
+        let name = format!("sensitivity-{}", report::placed(&sensitivity.sensor));
+        figures::write(&directory, &name, &sensitivity.figure()?)?;
     }
-    Ok(())
+    report::write_comparisons(&directory, whole)
 }
 
 fn summaries(title: String, parts: Vec<Part>, what_to_deploy: Vec<Deployed>) -> Summaries {
@@ -227,7 +232,9 @@ fn whole(
         verdicts,
         sensitivities: sensitivities.collect(),
         learning: learning_curves(study, parts, &deployments),
+        decision: deployed::report_table(what_to_deploy),
         rollouts: Vec::new(),
+        rollout_grids: rollout_grids(study, &deployments),
         jumps: Vec::new(),
         warnings: Vec::new(),
         ..first.clone()
@@ -258,15 +265,19 @@ fn whole(
             }
         }
     }
+    // Parts that learned from, or were judged by, different times have no line in common.
+    if parts.iter().any(|part| part.report.subtitle != whole.subtitle) {
+        whole.subtitle = None;
+    }
     // A model is one thing, in however many deployments.
     for part in &deployments[0] {
         whole.jumps.extend(part.report.jumps.clone());
     }
-    whole.tables = compare_tables::tables(&deployments, what_to_deploy);
+    whole.tables = compare_tables::tables(&deployments);
     if let Some(data) = &mut whole.data {
-        data.facts.retain(|(name, _)| !report::is_of_deployment(name));
+        data.facts.retain(|(name, _)| !report_data::is_of_deployment(name));
         for group in &deployments {
-            let windows = report::deployment_facts(&group[0].judged);
+            let windows = report_data::deployment_facts(&group[0].judged);
             let told = |(name, value)| (format!("{}: {name}", group[0].deployment_name()), value);
             let plain = group[0].deployment.is_none();
             data.facts
@@ -276,6 +287,28 @@ fn whole(
     let studies: Vec<&Study> = parts.iter().map(|part| &part.judged.study).collect();
     whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
     whole
+}
+
+/// Every model's rollouts from the same starts: a figure a sensor, and a deployment where starts follow from it.
+fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> {
+    let mut grids = Vec::new();
+    for sensor in &study.sweep.sensors {
+        for (number, group) in deployments.iter().enumerate() {
+            let follows = follow_from_deployment(&group[0].judged.study);
+            let own = group.iter().filter_map(|part| {
+                let starts = part.starts.iter().find(|starts| starts.sensor == *sensor)?;
+                Some((part.model_name(), starts))
+            });
+            let own: Vec<(&str, &Starts)> = own.collect();
+            if let Some(mut grid) = figures::grid(&own).filter(|_| number == 0 || follows) {
+                if follows {
+                    grid.sensor = group[0].in_deployment(sensor);
+                }
+                grids.push(grid);
+            }
+        }
+    }
+    grids
 }
 
 /// The panel of one sensor in one deployment: Online, and the worst ranks of all models.

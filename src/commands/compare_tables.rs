@@ -8,14 +8,12 @@ use super::{
     collapse,
     compare::Part,
     comparison::{self, Comparison},
-    deployed::{self, Deployed},
     report,
 };
 
-/// What to deploy, distances of rollouts, start states, collapse and representations; `deployments` are all parts, by
-/// deployment.
-pub(super) fn tables(deployments: &[Vec<&Part>], what_to_deploy: &[Deployed]) -> Vec<Table> {
-    let mut tables: Vec<Table> = deployed::report_table(what_to_deploy).into_iter().collect();
+/// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
+pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
+    let mut tables = Vec::new();
     // Deployments that share all rollouts have one table.
     let mut groups: Vec<(Vec<PathBuf>, &Vec<&Part>)> = Vec::new();
     for group in deployments {

@@ -4,7 +4,7 @@ use std::{io::Write as _, path::Path};
 
 use calib_data::table::Table;
 use calib_files::{file_name, write_atomically};
-use calib_report::{Figure, RolloutFigure, Trajectory};
+use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
 /// Write a figure as `NAME.svg` and `NAME.png`.
 pub(super) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
@@ -63,6 +63,84 @@ pub(super) fn rollouts(
         });
     }
     Ok(figures)
+}
+
+/// Starts that a grid of small plots shows.
+const GRID_STARTS: usize = 4;
+
+/// The first rollout from each start, for one sensor: what was recorded, and what the model did.
+pub(super) struct Starts {
+    pub(super) sensor: String,
+    period_secs: f64,
+    pairs: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+/// All starts of `trajectories`, sensor by sensor, in the order in which they were rolled out.
+pub(super) fn starts(
+    trajectories: &Table,
+    sensors: &[String],
+    period_secs: f64,
+) -> anyhow::Result<Vec<Starts>> {
+    let groups = groups(trajectories)?;
+    let mut all = Vec::with_capacity(sensors.len());
+    for sensor in sensors {
+        let values = trajectories.column::<f64>(sensor)?;
+        let recorded = trajectories.optional::<f64>(&format!("{sensor}.recorded"))?;
+        let mut seen: Vec<u32> = Vec::new();
+        let mut pairs = Vec::new();
+        for Group { wanted, rows, .. } in &groups {
+            if !seen.contains(wanted) {
+                seen.push(*wanted);
+                let truth: Vec<f64> = recorded[rows.clone()].iter().flatten().copied().collect();
+                pairs.push((truth, values[rows.clone()].to_vec()));
+            }
+        }
+        all.push(Starts { sensor: sensor.clone(), period_secs, pairs });
+    }
+    Ok(all)
+}
+
+/// Small plots of one sensor: the longest recorded trajectories of the first model's starts, and each model's rollout
+/// from there. Models that learned from other rows number them otherwise, so a start is known by what was recorded
+/// after it.
+pub(super) fn grid(models: &[(&str, &Starts)]) -> Option<RolloutGrid> {
+    let (_, first) = models.first()?;
+    let mut order: Vec<usize> =
+        (0..first.pairs.len()).filter(|&place| first.pairs[place].0.len() > 1).collect();
+    order.sort_by_key(|&place| std::cmp::Reverse(first.pairs[place].0.len()));
+    order.truncate(GRID_STARTS);
+    order.sort_unstable();
+    let rows: Vec<RolloutRow> = order
+        .iter()
+        .enumerate()
+        .map(|(number, &place)| {
+            let truth = &first.pairs[place].0;
+            let trajectory = |label: &str, values: &[f64]| Trajectory {
+                label: label.to_owned(),
+                period_secs: first.period_secs,
+                values: values.to_vec(),
+            };
+            let rollout = |(name, of): &(&str, &Starts)| {
+                let same = |(recorded, _): &&(Vec<f64>, Vec<f64>)| {
+                    let known = recorded.len().min(truth.len());
+                    known > 1 && recorded[..known] == truth[..known]
+                };
+                let (_, values) = of.pairs.iter().find(same)?;
+                Some(trajectory(name, values))
+            };
+            RolloutRow {
+                label: format!("start {}", number + 1),
+                truth: trajectory("recorded", truth),
+                rollouts: models.iter().map(rollout).collect(),
+            }
+        })
+        .collect();
+    (!rows.is_empty()).then(|| RolloutGrid {
+        sensor: first.sensor.clone(),
+        unit: None,
+        models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        rows,
+    })
 }
 
 /// The rows of one rollout in the table of trajectories.

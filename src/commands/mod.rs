@@ -26,6 +26,7 @@ mod pretrain;
 mod pretrain_files;
 mod quickstart;
 mod report;
+mod report_data;
 mod represent;
 mod rollout;
 

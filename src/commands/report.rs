@@ -1,13 +1,12 @@
 //! The report: results as typed rows for the page.
 
-use std::io::Write as _;
+use std::{io::Write as _, path::Path};
 
-use calib_data::{ChannelProfile, Profile, format_time, table::read_parquet_columns};
+use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
-    Agreement, Alternative, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve, ErrorSource,
-    JumpStatistics, RankCurve, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting,
-    Table, TopK, Verdict,
+    Agreement, Alternative, Cell, ErrorCurve, ErrorSource, JumpStatistics, RankCurve, Report,
+    Reproduction, RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Verdict,
 };
 use calib_represent::RepresentationKind;
 use calib_stats::Summary as ScoreSummary;
@@ -17,8 +16,10 @@ use super::{
     artefact::{self, Below, Claim},
     collapse, comparison,
     evaluate::{Judged, Summary},
-    figures, jumps as jump_text, learning,
+    figures::{self, Starts},
+    jumps as jump_text, learning,
     model_files::{self, ModelManifest},
+    report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::RolloutManifest,
     sweep::SweepManifest,
@@ -30,6 +31,7 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
+    write_comparisons(&directory, report)?;
     for sensitivity in &report.sensitivities {
         let name = format!("sensitivity-{}", sensitivity.sensor);
         figures::write(&directory, &name, &sensitivity.figure()?)?;
@@ -51,6 +53,22 @@ pub(super) fn write_page(paths: &StudyPaths, report: &Report) -> anyhow::Result<
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
 
+/// Write the figures that show all sensors, or all models, beside each other.
+pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Result<()> {
+    if !report.sensitivities.is_empty() {
+        figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
+    }
+    for grid in &report.rollout_grids {
+        figures::write(directory, &format!("rollouts-{}", placed(&grid.sensor)), &grid.figure()?)?;
+    }
+    Ok(())
+}
+
+/// A sensor in a deployment, as a part of file names: "PIT300 (april)" is `PIT300-april`.
+pub(super) fn placed(sensor: &str) -> String {
+    sensor.replace(" (", "-").replace(')', "")
+}
+
 /// Everything that is known of a finished sweep and its model.
 pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
@@ -59,10 +77,16 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
         .filter(|manifest| manifest.model == model.key);
+    let (shown, starts) = match &rollouts {
+        Some(rollouts) => rollout_figures(paths, rollouts)?,
+        None => (Vec::new(), Vec::new()),
+    };
+    let grids = starts.iter().filter_map(|of| figures::grid(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
-        subtitle: None,
+        subtitle: Some(subtitle(&profile, &model, judged)),
         score: Score::nrmse(),
+        decision: None,
         verdicts: summary
             .verdicts
             .iter()
@@ -75,10 +99,8 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
-        rollouts: match &rollouts {
-            Some(rollouts) => rollout_figures(paths, rollouts)?,
-            None => Vec::new(),
-        },
+        rollouts: shown,
+        rollout_grids: grids.collect(),
         jumps: jumps(&model),
         tables: tables(study, paths, rollouts.as_ref()),
         data: Some(data_profile(&profile, &model, judged)),
@@ -241,10 +263,11 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -
     }
 }
 
-fn rollout_figures(
+/// The rollouts over what was recorded, and all starts that they were made from.
+pub(super) fn rollout_figures(
     paths: &StudyPaths,
     manifest: &RolloutManifest,
-) -> anyhow::Result<Vec<RolloutFigure>> {
+) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
     let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "wanted_row".to_owned()];
     for sensor in &manifest.sensors {
         columns.extend([sensor.clone(), format!("{sensor}.recorded")]);
@@ -252,7 +275,9 @@ fn rollout_figures(
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let path = paths.rollout().join("trajectories.parquet");
     let trajectories = read_parquet_columns(&path, &columns)?;
-    figures::rollouts(&trajectories, &manifest.sensors, manifest.period_secs)
+    let (sensors, period_secs) = (&manifest.sensors, manifest.period_secs);
+    let shown = figures::rollouts(&trajectories, sensors, period_secs)?;
+    Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
 }
 
 fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
@@ -270,65 +295,6 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
             })
         })
         .collect()
-}
-
-fn data_profile(profile: &Profile, model: &ModelManifest, judged: &Judged) -> DataProfile {
-    let train = &profile.train;
-    let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
-    let mut facts = vec![
-        fact("rows of the log", profile.rows),
-        fact("files", profile.files as u64),
-        fact("gaps", profile.gaps.count),
-        fact(
-            "duplicate rows dropped",
-            profile.duplicates.identical + profile.duplicates.conflicting,
-        ),
-        fact("steps back in time", profile.backward_steps.count),
-        fact("rows dropped for missing values", train.dropped_rows),
-        fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
-    ];
-    facts.extend(deployment_facts(judged));
-    // Of what the model was built from: agents may be pre-trained on the rest of the training range.
-    let [first, last] =
-        model.times.clone().unwrap_or_else(|| [train.start, train.end].map(format_time));
-    DataProfile {
-        rows: model.rows as u64,
-        segments: model.segments as u64,
-        period_secs: model.period.as_secs(),
-        first,
-        last,
-        facts,
-        channels: profile.channels.iter().map(channel).collect(),
-    }
-}
-
-const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
-
-/// What is known of the deployment that was judged by.
-pub(super) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
-    let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
-    let [first, last] = &held_out.times;
-    let values = [calib_report::count(held_out.rows), format!("{first} to {last}")];
-    HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
-}
-
-/// Whether a fact is one of those.
-pub(super) fn is_of_deployment(fact: &str) -> bool {
-    HELD_OUT.contains(&fact)
-}
-
-fn channel(of: &ChannelProfile) -> Channel {
-    Channel {
-        name: of.name.clone(),
-        unit: None,
-        min: of.values.as_ref().map(|values| values.min),
-        max: of.values.as_ref().map(|values| values.max),
-        missing: of.missing_fraction,
-        status: of
-            .dropped
-            .as_ref()
-            .map_or(ChannelStatus::Kept, |reason| ChannelStatus::Dropped(reason.to_string())),
-    }
 }
 
 /// The commands that make the report of studies that differ in their models only.

@@ -1,6 +1,6 @@
 //! Typed rows to figures and pages: SVG, PNG, HTML. Reads no files.
 //!
-//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
+//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
 //! - [`Report`]: everything a study found; [`Report::html`] makes one self-contained page of it.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
 //! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers as people read them.
@@ -22,7 +22,7 @@ pub use downsample::min_max_indices;
 pub use error::ReportError;
 pub use figures::{
     ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, RankCurve,
-    RolloutFigure, Score, Sensitivity, Trajectory,
+    RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use report::{

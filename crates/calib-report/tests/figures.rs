@@ -4,9 +4,11 @@
 #[expect(dead_code, reason = "the page's tests use the rest of it")]
 mod fixture;
 
-use calib_report::{Dash, Figure, ReportError, RolloutFigure, ScaleKind, Setting, Side};
+use calib_report::{
+    Dash, Figure, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting, Side,
+};
 use calib_stats::Direction;
-use fixture::{learning, rollout, sensitivity};
+use fixture::{grid, learning, rollout, sensitivity};
 
 /// Width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {
@@ -65,6 +67,7 @@ fn small_svg() {
     insta::assert_snapshot!(curves.replace("><", ">\n<"), @r##"
 <g class="series" data-series="0" clip-path="url(#figure-clip0)">
 <g class="scaled">
+<path class="area c0" d="M125.5 213.4l729.9 217.5l0 -98.3l-729.9 -217.5z" fill="#0072b2" fill-opacity="0.18"/>
 <path class="line c0" d="M125.5 213.4l0 -98.3" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
 <path class="line c0" d="M121.5 213.4l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
 <path class="line c0" d="M121.5 115.1l8 0" fill="none" stroke="#0072b2" stroke-width="1.4" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>
@@ -132,6 +135,55 @@ fn every_rollout_gets_its_own_panel_over_the_truth() {
     );
     assert_eq!(svg.matches("time since start (s)").count(), 1);
     assert_eq!(svg.matches("<clipPath").count(), 2);
+}
+
+#[test]
+fn the_sensitivity_of_all_sensors_is_one_figure_with_one_legend() {
+    let all = ["PIT300", "TIT101", "TUIT101", "FIT101"].map(sensitivity);
+    let figure = Sensitivity::panels(&all).unwrap();
+    let svg = figure.svg();
+    for sensor in ["PIT300", "TIT101", "TUIT101", "FIT101"] {
+        assert_eq!(svg.matches(&format!(">{sensor}<")).count(), 1, "{sensor}");
+    }
+    assert_eq!(svg.matches(">Log replay<").count(), 1, "one legend");
+    assert_eq!(svg.matches(">diverged<").count(), 1);
+    assert_eq!(svg.matches("<clipPath").count(), 4);
+    assert_eq!(svg.matches(">mean NRMSE<").count(), 2, "once a row");
+    png_size(&figure.png().unwrap());
+    assert!(Sensitivity::panels(&[]).is_err());
+}
+
+#[test]
+fn rollouts_from_the_same_starts_stand_beside_what_was_recorded() {
+    let mut grid = grid(500);
+    let figure = grid.figure().unwrap();
+    let svg = figure.svg();
+    for text in ["recorded, kPa", "year", "week", "start 1", "start 2"] {
+        assert_eq!(svg.matches(&format!(">{text}<")).count(), 1, "{text}");
+    }
+    assert_eq!(svg.matches("<clipPath").count(), 5, "the place of a missing rollout stays free");
+    assert_eq!(svg.matches("time since start").count(), 2, "below the last plot of two columns");
+    png_size(&figure.png().unwrap());
+
+    // A model that runs away leaves the others legible.
+    grid.rows[0].rollouts[1].as_mut().unwrap().values[100] = 1e30;
+    assert_eq!(grid.figure().unwrap().chart().left.scale, {
+        grid.rows[0].rollouts[1].as_mut().unwrap().values[100] = 1e3;
+        grid.figure().unwrap().chart().left.scale.clone()
+    });
+    grid.rows.clear();
+    assert!(grid.figure().unwrap_err().to_string().contains("PIT300"));
+}
+
+#[test]
+fn a_spike_is_drawn_and_a_runaway_presses_nothing_flat() {
+    let mut figure = fixture::long_rollout();
+    figure.rollouts[0].values[12_345] = -13.0;
+    let chart = figure.figure().unwrap().chart().clone();
+    assert!(chart.series[1].points.iter().any(|point| point.y == -13.0));
+    figure.rollouts[1].values[20_000..].fill(5e34);
+    let scale = figure.figure().unwrap().chart().left.scale.clone();
+    assert!(scale.max < 10.0, "{scale:?}");
 }
 
 #[test]

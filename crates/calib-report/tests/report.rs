@@ -54,6 +54,9 @@ fn every_element_is_closed() {
     for figure in report().rollouts {
         assert_balanced(&figure.figure().unwrap().svg());
     }
+    for figure in report().rollout_grids {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
 }
 
 #[test]
@@ -150,9 +153,11 @@ fn a_report_without_held_out_data_says_so_and_shows_ranks() {
 fn an_empty_report_is_still_a_page() {
     let mut report = report();
     report.verdicts.clear();
+    report.decision = None;
     report.sensitivities.clear();
     report.learning.clear();
     report.rollouts.clear();
+    report.rollout_grids.clear();
     report.jumps.clear();
     report.tables.clear();
     report.data = None;
@@ -172,13 +177,15 @@ fn a_report_with_many_rollouts_stays_small() {
 }
 
 #[test]
-fn a_long_report_stays_small() {
-    // Three sensors with three trajectories of 30,000 steps each.
+fn a_report_of_a_papers_size_holds_every_step_and_stays_small() {
+    // Three sensors, five members and the truth, 30,000 steps each.
     let mut report = report();
-    let long = fixture::long_rollout();
-    report.rollouts = vec![long.clone(), long.clone(), long];
-    let bytes = report.html().unwrap().len();
-    assert!(bytes < 1_000_000, "{bytes} bytes");
+    let mut long = fixture::long_rollout();
+    long.rollouts = vec![long.rollouts[0].clone(); 5];
+    report.rollouts = vec![long; 3];
+    let html = report.html().unwrap();
+    assert_eq!(html.matches("\"packed\":").count(), 18);
+    assert!(html.len() < 2_500_000, "{} bytes", html.len());
 }
 
 #[test]

@@ -10,6 +10,8 @@ mod sample;
 use std::path::PathBuf;
 use std::{env, error, fs};
 
+use calib_report::Sensitivity;
+
 fn main() -> Result<(), Box<dyn error::Error>> {
     let folder = PathBuf::from(env::args().nth(1).unwrap_or_else(|| "sample-report".to_owned()));
     fs::create_dir_all(&folder)?;
@@ -25,6 +27,15 @@ fn main() -> Result<(), Box<dyn error::Error>> {
         fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
         fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
     }
+    for grid in sample::grids() {
+        let name = format!("rollouts-{}", grid.sensor);
+        let figure = grid.figure()?;
+        fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
+        fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
+    }
+    let panels = Sensitivity::panels(&sample::sensitivities())?;
+    fs::write(folder.join("sensitivity.svg"), panels.svg())?;
+    fs::write(folder.join("sensitivity.png"), panels.png()?)?;
     for curves in sample::learning() {
         let name = format!("learning-{}-{}", curves.sensor, curves.environment.replace(' ', "-"));
         let figure = curves.figure()?;

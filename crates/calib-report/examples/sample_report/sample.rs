@@ -3,7 +3,8 @@
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
     ErrorSource, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Report, Reproduction,
-    RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Trajectory, Verdict,
+    RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory,
+    Verdict,
 };
 use calib_stats::{
     Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
@@ -186,6 +187,32 @@ fn trajectory(label: &str, steps: usize, level: f64, size: f64, seed: usize) -> 
 }
 
 /// A rollout figure for each sensor.
+/// The rollouts as small plots, with a row of the first third.
+pub(crate) fn grids() -> Vec<RolloutGrid> {
+    let first_third = |of: &Trajectory| Trajectory {
+        values: of.values[..of.values.len() / 3].to_vec(),
+        ..of.clone()
+    };
+    let grid = |figure: RolloutFigure| {
+        let truth = figure.truth?;
+        let rows = vec![
+            RolloutRow {
+                label: "start 1".to_owned(),
+                truth: first_third(&truth),
+                rollouts: figure.rollouts.iter().map(|of| Some(first_third(of))).collect(),
+            },
+            RolloutRow {
+                label: "start 2".to_owned(),
+                truth,
+                rollouts: figure.rollouts.iter().cloned().map(Some).collect(),
+            },
+        ];
+        let models = figure.rollouts.iter().map(|of| of.label.clone()).collect();
+        Some(RolloutGrid { sensor: figure.sensor, unit: figure.unit, models, rows })
+    };
+    rollouts().into_iter().filter_map(grid).collect()
+}
+
 pub(crate) fn rollouts() -> Vec<RolloutFigure> {
     [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
         .into_iter()
@@ -249,7 +276,9 @@ pub(crate) fn report() -> Report {
         ],
         sensitivities: sensitivities(),
         learning: learning(),
+        decision: None,
         rollouts: rollouts(),
+        rollout_grids: grids(),
         jumps: jumps(),
         tables: vec![dtw()],
         data: Some(data()),

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::packed::Detail;
 use super::scene::Scene;
 use super::{Axis, Chart, ScaleKind, Side};
 
@@ -11,15 +12,24 @@ const POSITION_DIGITS: usize = 8;
 
 /// Plot rectangle, scales and points of `chart` as laid out in `scene`, as JSON that is safe inside a script element.
 ///
-/// Points are `null` where a value is missing and `"diverged"` where it is infinite.
-pub(crate) fn chart_data(chart: &Chart, scene: &Scene) -> String {
+/// Points are `null` where a value is missing and `"diverged"` where it is infinite. Series i that has a `details[i]`
+/// comes with all its values, [packed](Detail::fields), instead of the points that are drawn.
+pub(crate) fn chart_data(chart: &Chart, scene: &Scene, details: &[Detail<'_>]) -> String {
     let plot = scene.plot;
     let rect = [plot.x, plot.y, plot.width, plot.height].map(|side| (side * 10.0).round() / 10.0);
     let series: Vec<Value> = chart
         .series
         .iter()
-        .map(|series| {
+        .enumerate()
+        .map(|(place, series)| {
             let points = &series.points;
+            if let Some(detail) = details.get(place) {
+                let scale = &chart.left.scale;
+                let mut fields = detail.fields(scale.max - scale.min);
+                fields.insert("label".to_owned(), json!(series.label));
+                fields.insert("side".to_owned(), json!("left"));
+                return Value::Object(fields);
+            }
             let mut value = json!({
                 "label": series.label,
                 "side": match series.side { Side::Left => "left", Side::Right => "right" },

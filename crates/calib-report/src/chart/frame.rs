@@ -24,7 +24,8 @@ pub(crate) fn vertical_axis_width(axis: &Axis) -> f64 {
         .filter_map(|tick| tick.label.as_deref())
         .map(|label| text_width(label, TICK_SIZE))
         .fold(0.0, f64::max);
-    widest + 46.0
+    // Without a label there need be no room for one.
+    widest + if axis.label.is_empty() { 18.0 } else { 46.0 }
 }
 
 /// The horizontal axis below `plot`, and its grid lines.
@@ -81,6 +82,9 @@ pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
         }
     }
     marks.push(rule((x, plot.y), (x, plot.bottom()), Colour::Muted));
+    if axis.label.is_empty() {
+        return marks;
+    }
     let beside = x + outwards * (vertical_axis_width(axis) - 14.0);
     let centre = plot.y + plot.height / 2.0;
     let mut label = Text::new(beside, centre, &*axis.label, LABEL_SIZE, Anchor::Middle);

@@ -5,16 +5,16 @@ use super::legend;
 use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, text_width};
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
 
-const WIDTH: f64 = 960.0;
+pub(super) const WIDTH: f64 = 960.0;
 const PLOT_HEIGHT: f64 = 360.0;
-const MARGIN: f64 = 14.0;
+pub(super) const MARGIN: f64 = 14.0;
 const PANEL_HEIGHT: f64 = 210.0;
 /// Room for tick labels, and for the label of the horizontal axis as well.
 const BELOW_UNLABELLED: f64 = 34.0;
 const BELOW: f64 = 58.0;
 const RULE_SIZE: u32 = 12;
 const RULE_ROW: f64 = 17.0;
-/// Curves with more intervals than this get a band instead of whiskers.
+/// Curves with more intervals than this have a band only, without whiskers.
 const BAND_ABOVE_POINTS: usize = 40;
 
 /// Where title and legend go.
@@ -51,9 +51,9 @@ pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
 
 /// Left end and width of the plots.
 #[derive(Clone, Copy)]
-struct Sides {
-    left: f64,
-    width: f64,
+pub(super) struct Sides {
+    pub(super) left: f64,
+    pub(super) width: f64,
 }
 
 impl Sides {
@@ -70,7 +70,7 @@ impl Sides {
 }
 
 /// Title and legend; returns where the picture goes on below them.
-fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides: Sides) -> f64 {
+pub(super) fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides: Sides) -> f64 {
     let mut title = Text::new(sides.left, MARGIN + 16.0, title, 17, Anchor::Start);
     title.weight = Weight::Bold;
     let top = MARGIN + 28.0;
@@ -82,7 +82,7 @@ fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides: Sides) ->
 }
 
 /// Adds one plot with its axes below what `scene` already has.
-fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
+pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
     let rule_labels = rule_rows(chart, left, width);
     let rows = rule_labels.iter().map(|label| label.row + 1).max().unwrap_or(0);
     let top = scene.height + rows as f64 * RULE_ROW + 6.0;
@@ -184,7 +184,7 @@ impl Placing<'_> {
         let Series { colour, width, dash, .. } = *series;
         let mut marks = Vec::new();
         for run in series.points.split(|point| !point.y.is_finite()).filter(|run| !run.is_empty()) {
-            marks.extend(self.intervals(run, colour));
+            marks.extend(self.intervals(run, colour, dash));
             let points = run.iter().map(|point| self.pixel(point.x, point.y)).collect();
             marks.push(Mark::Line { points, colour, width, dash });
         }
@@ -201,22 +201,27 @@ impl Placing<'_> {
         marks
     }
 
-    /// Whiskers with caps for a sparse curve; a band for a dense one.
-    fn intervals(&self, run: &[Point], colour: Colour) -> Vec<Mark> {
+    /// A band behind unbroken and dense curves, and whiskers with caps on sparse ones: the band shows the shape, whiskers
+    /// where it was measured.
+    fn intervals(&self, run: &[Point], colour: Colour, dash: Dash) -> Vec<Mark> {
         let ends: Vec<(f64, f64, f64)> =
             run.iter().filter_map(|p| p.interval.map(|(low, high)| (p.x, low, high))).collect();
-        if ends.len() > BAND_ABOVE_POINTS {
+        let is_dense = ends.len() > BAND_ABOVE_POINTS;
+        let mut marks = Vec::new();
+        if is_dense || (dash == Dash::Solid && ends.len() > 1) {
             let lower = ends.iter().map(|&(x, low, _)| self.pixel(x, low));
             let upper = ends.iter().rev().map(|&(x, _, high)| self.pixel(x, high));
-            return vec![Mark::Area { points: lower.chain(upper).collect(), colour }];
+            marks.push(Mark::Area { points: lower.chain(upper).collect(), colour });
+        }
+        if is_dense {
+            return marks;
         }
         let line = |points| Mark::Line { points, colour, width: 1.4, dash: Dash::Solid };
-        ends.iter()
-            .flat_map(|&(x, low, high)| {
-                let ((x, bottom), (_, top)) = (self.pixel(x, low), self.pixel(x, high));
-                let cap = |y| line(vec![(x - 4.0, y), (x + 4.0, y)]);
-                [line(vec![(x, bottom), (x, top)]), cap(bottom), cap(top)]
-            })
-            .collect()
+        marks.extend(ends.iter().flat_map(|&(x, low, high)| {
+            let ((x, bottom), (_, top)) = (self.pixel(x, low), self.pixel(x, high));
+            let cap = |y| line(vec![(x - 4.0, y), (x + 4.0, y)]);
+            [line(vec![(x, bottom), (x, top)]), cap(bottom), cap(top)]
+        }));
+        marks
     }
 }

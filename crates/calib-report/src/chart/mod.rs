@@ -7,8 +7,10 @@
 
 mod data;
 mod frame;
+mod grid;
 mod layout;
 mod legend;
+mod packed;
 mod png;
 mod scale;
 mod scene;
@@ -16,8 +18,10 @@ mod svg;
 mod ticks;
 
 pub(crate) use data::chart_data;
+pub(crate) use grid::{GridCell, draw_grid};
 pub(crate) use layout::{LegendPlace, draw, draw_panels};
 pub(crate) use legend::{Key, keys};
+pub(crate) use packed::Detail;
 pub(crate) use png::png;
 pub(crate) use scale::extent;
 pub use scale::{Scale, ScaleKind};

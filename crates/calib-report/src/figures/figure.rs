@@ -1,23 +1,39 @@
 //! A drawn figure.
 
 use crate::ReportError;
-use crate::chart::{Chart, LegendPlace, Scene, draw, draw_panels, png, svg};
+use crate::chart::{Chart, GridCell, LegendPlace, Scene, draw, draw_grid, draw_panels, png, svg};
 
 /// A figure ready to be written in either format.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     chart: Chart,
-    panels: Vec<Chart>,
+    layout: Layout,
+}
+
+/// What the files of a figure show.
+#[derive(Debug, Clone, PartialEq)]
+enum Layout {
+    /// All curves in one plot.
+    Single,
+    /// Plots below each other.
+    Stack(Vec<Chart>),
+    /// Small plots of this height in rows and columns.
+    Grid(Vec<Vec<GridCell>>, f64),
 }
 
 impl Figure {
     pub(crate) const fn new(chart: Chart) -> Self {
-        Self { chart, panels: Vec::new() }
+        Self { chart, layout: Layout::Single }
     }
 
     /// A figure whose files show `panels` below each other instead of all curves of `chart` in one plot.
     pub(crate) const fn with_panels(chart: Chart, panels: Vec<Chart>) -> Self {
-        Self { chart, panels }
+        Self { chart, layout: Layout::Stack(panels) }
+    }
+
+    /// A figure of `rows` of small plots, with title and legend of `chart`.
+    pub(crate) const fn with_grid(chart: Chart, rows: Vec<Vec<GridCell>>, height: f64) -> Self {
+        Self { chart, layout: Layout::Grid(rows, height) }
     }
 
     /// The chart behind it, with all curves in one plot.
@@ -30,6 +46,11 @@ impl Figure {
         svg(&self.scene(), "figure", &self.chart.title, &self.chart.description)
     }
 
+    /// The figure as an SVG element of a page, in which `id` is unique.
+    pub(crate) fn element(&self, id: &str) -> String {
+        svg(&self.scene(), id, &self.chart.title, &self.chart.description)
+    }
+
     /// The figure as the bytes of a PNG file, 1920 pixels wide, on white.
     ///
     /// # Errors
@@ -40,10 +61,10 @@ impl Figure {
     }
 
     fn scene(&self) -> Scene {
-        if self.panels.len() > 1 {
-            draw_panels(&self.chart, &self.panels)
-        } else {
-            draw(&self.chart, LegendPlace::Inside)
+        match &self.layout {
+            Layout::Stack(panels) if panels.len() > 1 => draw_panels(&self.chart, panels),
+            Layout::Grid(rows, height) => draw_grid(&self.chart, rows, *height),
+            _ => draw(&self.chart, LegendPlace::Inside),
         }
     }
 }

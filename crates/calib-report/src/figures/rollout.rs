@@ -1,8 +1,8 @@
 //! Rollouts over the true trajectory, in physical units.
 
-use crate::chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side};
+use crate::chart::{Axis, Chart, Colour, Dash, Detail, Point, Scale, Series, Side, extent};
 use crate::downsample::min_max_indices;
-use crate::number::time_unit;
+use crate::number::{duration, number, time_unit};
 use crate::{Figure, ReportError};
 
 /// Points drawn for each trajectory; longer ones are thinned so that every peak stays visible.
@@ -46,20 +46,7 @@ impl RolloutFigure {
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: rollouts over the true trajectory", self.sensor);
         let all = || self.truth.iter().chain(&self.rollouts);
-        for trajectory in all() {
-            if trajectory.period_secs <= 0.0 || !trajectory.period_secs.is_finite() {
-                let trajectory_label = trajectory.label.clone();
-                let got = trajectory.period_secs.to_string();
-                return Err(ReportError::Period { trajectory: trajectory_label, got });
-            }
-        }
-        let length = all()
-            .map(|t| t.period_secs * t.values.len().saturating_sub(1) as f64)
-            .fold(0.0, f64::max);
-        if all().all(|trajectory| trajectory.values.is_empty()) {
-            return Err(ReportError::Empty { figure: title, missing: "values" });
-        }
-
+        let length = checked_length(all(), &title)?;
         let (unit_secs, unit_name) = time_unit(length);
         let curves = all().count();
         let points = (FULL_CURVES * MAX_POINTS / curves).clamp(MIN_POINTS, MAX_POINTS);
@@ -69,19 +56,10 @@ impl RolloutFigure {
             t.series(unit_secs, points, Colour::Curve(1 + index), 1.3)
         });
         let series: Vec<Series> = truth.chain(rollouts).collect();
-        let values: Vec<f64> = series.iter().flat_map(|s| s.points.iter().map(|p| p.y)).collect();
-        let scale = Scale::linear_around(&values);
-        let label = match &self.unit {
-            Some(unit) => format!("{} ({unit})", self.sensor),
-            None => format!("{} (physical unit)", self.sensor),
-        };
+        let scale = scale_around(self.truth.iter(), self.rollouts.iter());
+        let label = axis_label(&self.sensor, self.unit.as_deref());
         let chart = Chart {
-            description: format!(
-                "{} over {} from the start: {}.",
-                self.sensor,
-                crate::number::duration(length),
-                series.iter().map(|s| s.label.as_str()).collect::<Vec<_>>().join(", "),
-            ),
+            description: self.description(length),
             title,
             x: Axis {
                 label: format!("time since start ({unit_name})"),
@@ -94,6 +72,33 @@ impl RolloutFigure {
         };
         let panels = self.panels(&chart);
         Ok(Figure::with_panels(chart, panels))
+    }
+
+    /// Names of the rollouts that leave the plot somewhere.
+    pub(crate) fn runaways(&self) -> Vec<&str> {
+        let (low, high) = limits(self.truth.iter());
+        let leaves = |of: &&Trajectory| of.values.iter().any(|&value| value < low || value > high);
+        self.rollouts.iter().filter(leaves).map(|of| of.label.as_str()).collect()
+    }
+
+    /// What is drawn, and between which values each curve moves, for those who cannot see it.
+    fn description(&self, length: f64) -> String {
+        let range = |of: &Trajectory| match extent(&of.values) {
+            Some((low, high)) => {
+                format!("{} between {} and {}", of.label, number(low), number(high))
+            }
+            None => format!("{} without values", of.label),
+        };
+        let curves: Vec<String> = self.truth.iter().chain(&self.rollouts).map(range).collect();
+        format!("{} over {} from the start: {}.", self.sensor, duration(length), curves.join("; "))
+    }
+
+    /// Every value of every curve, in the order and the unit of the chart.
+    pub(crate) fn details(&self) -> Vec<Detail<'_>> {
+        let all = || self.truth.iter().chain(&self.rollouts);
+        let end = |of: &Trajectory| of.period_secs * of.values.len().saturating_sub(1) as f64;
+        let (unit_secs, _) = time_unit(all().map(end).fold(0.0, f64::max));
+        all().map(|of| Detail { step: of.period_secs / unit_secs, values: &of.values }).collect()
     }
 
     /// One plot for each rollout, over the truth: several noisy curves in one plot hide each other.
@@ -113,7 +118,13 @@ impl RolloutFigure {
 }
 
 impl Trajectory {
-    fn series(&self, unit_secs: f64, max_points: usize, colour: Colour, width: f64) -> Series {
+    pub(super) fn series(
+        &self,
+        unit_secs: f64,
+        max_points: usize,
+        colour: Colour,
+        width: f64,
+    ) -> Series {
         let points = min_max_indices(&self.values, max_points)
             .into_iter()
             .map(|index| Point {
@@ -125,4 +136,47 @@ impl Trajectory {
         let label = self.label.clone();
         Series { label, side: Side::Left, colour, dash: Dash::Solid, width, marker: None, points }
     }
+}
+
+/// The longest span of `all` in seconds.
+pub(super) fn checked_length<'a>(
+    all: impl Iterator<Item = &'a Trajectory>,
+    title: &str,
+) -> Result<f64, ReportError> {
+    let mut longest = None;
+    for of in all {
+        if of.period_secs <= 0.0 || !of.period_secs.is_finite() {
+            let (trajectory, got) = (of.label.clone(), of.period_secs.to_string());
+            return Err(ReportError::Period { trajectory, got });
+        }
+        if let Some(steps) = of.values.len().checked_sub(1) {
+            longest = Some(longest.unwrap_or(0.0_f64).max(of.period_secs * steps as f64));
+        }
+    }
+    longest.ok_or_else(|| ReportError::Empty { figure: title.to_owned(), missing: "values" })
+}
+
+/// A scale that holds the truths and, within one height of them on either side, the rollouts: a model that runs away
+/// must not press everything flat.
+pub(super) fn scale_around<'a>(
+    truths: impl Iterator<Item = &'a Trajectory> + Clone,
+    rollouts: impl Iterator<Item = &'a Trajectory>,
+) -> Scale {
+    let (low, high) = limits(truths.clone());
+    let finite = truths.chain(rollouts).flat_map(|of| &of.values).filter(|value| value.is_finite());
+    Scale::linear_around(&finite.map(|value| value.clamp(low, high)).collect::<Vec<_>>())
+}
+
+/// One height of the truths below them and above them; no limits where they have no height.
+fn limits<'a>(truths: impl Iterator<Item = &'a Trajectory>) -> (f64, f64) {
+    let ends = truths.filter_map(|truth| extent(&truth.values));
+    match ends.reduce(|(low, high), (least, most)| (low.min(least), high.max(most))) {
+        Some((low, high)) if low < high => (low - (high - low), high + (high - low)),
+        _ => (f64::NEG_INFINITY, f64::INFINITY),
+    }
+}
+
+/// The sensor with its unit.
+pub(super) fn axis_label(sensor: &str, unit: Option<&str>) -> String {
+    format!("{sensor} ({})", unit.unwrap_or("physical unit"))
 }

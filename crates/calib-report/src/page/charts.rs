@@ -1,11 +1,12 @@
-//! Figures of the page: the chart, its legend as buttons, and its numbers as a table.
+//! The sections of sensitivity curves and of rollouts.
 
 use std::fmt::Write;
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::tables::rows;
-use crate::chart::{Key, LegendPlace, chart_data, draw, keys, sample_svg, svg};
+use super::figure::{Drawn, Numbers, still};
+use super::{Part, Section};
+use crate::number::count;
 use crate::{Cell, Chart, Report, ReportError, RolloutFigure, Sensitivity, Table, Trajectory};
 
 /// Rows of a rollout's data table; copying gives every point drawn.
@@ -14,24 +15,30 @@ const ROLLOUT_ROWS: usize = 40;
 /// More dense curves than this hide each other.
 const MANY_CURVES: usize = 3;
 
+/// Values of trajectories that a page holds in full, some 2.7 bytes each; what comes after them is thinned to
+/// what is drawn.
+pub(super) const WHOLE_VALUES: usize = 600_000;
+
 /// The section of sensitivity curves.
-pub(super) fn sensitivities(report: &Report) -> Result<Markup, ReportError> {
-    let mut figures = Vec::with_capacity(report.sensitivities.len());
+pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
+    let (mut figures, mut parts) = (Vec::new(), Vec::new());
     for (index, sensitivity) in report.sensitivities.iter().enumerate() {
         let figure = sensitivity.figure()?;
-        let caption = sensitivity.caption();
         let id = format!("sensitivity-{index}");
-        figures.push(chart(
-            figure.chart(),
-            &id,
-            &caption,
-            "Copy table",
-            &sensitivity_table(sensitivity),
-            shown(figure.chart()),
-        ));
+        let drawn = Drawn {
+            chart: figure.chart(),
+            id: &id,
+            caption: &sensitivity.caption(),
+            table: &sensitivity_table(sensitivity),
+            numbers: Numbers::All,
+            shown: shown(figure.chart()),
+            details: &[],
+        };
+        figures.push(drawn.markup());
+        parts.push(Part { id, title: sensitivity.sensor.clone() });
     }
     let two_axes = report.sensitivities.iter().any(Sensitivity::has_two_axes);
-    Ok(html! {
+    let body = html! {
         p.lead {
             "How much the choice matters, and whether the models see it as held-out data does. "
             @if two_axes {
@@ -39,82 +46,80 @@ pub(super) fn sensitivities(report: &Report) -> Result<Markup, ReportError> {
                  not by absolute values."
             }
         }
+        (help())
         @for figure in figures { (figure) }
-    })
+    };
+    Ok(Section { id: "sensitivity", title: "Sensitivity curves", parts, body })
+}
+
+/// What can be done with a chart.
+fn help() -> Markup {
+    html! {
+        details.help.sampled {
+            summary { "Using the charts" }
+            ul {
+                li { "Point at a chart to read its values. A click on a name hides or shows a curve." }
+                li {
+                    "Drag over a part to zoom in, or hold " kbd { "Ctrl" } " and turn the wheel; a double click shows all again. "
+                    "A zoomed rollout is drawn with every recorded step."
+                }
+                li {
+                    "By keyboard: " kbd { "Tab" } " to a chart, " kbd { "←" } " " kbd { "→" } " read values, "
+                    kbd { "↑" } " " kbd { "↓" } " change the curve, " kbd { "+" } " " kbd { "−" } " zoom, "
+                    kbd { "Shift" } " with " kbd { "←" } " " kbd { "→" } " moves, " kbd { "0" } " shows all."
+                }
+                li { "SVG, PNG and CSV save a chart as you see it, or its numbers. Nothing is sent anywhere." }
+            }
+        }
+    }
 }
 
 /// The section of rollouts.
-pub(super) fn rollouts(report: &Report) -> Result<Markup, ReportError> {
-    let mut figures = Vec::with_capacity(report.rollouts.len());
+pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
+    let (mut figures, mut parts) = (Vec::new(), Vec::new());
+    let mut left = WHOLE_VALUES;
     for (index, rollout) in report.rollouts.iter().enumerate() {
         let figure = rollout.figure()?;
-        let caption = rollout.caption();
         let id = format!("rollout-{index}");
-        figures.push(chart(
-            figure.chart(),
-            &id,
-            &caption,
-            "Copy all points",
-            &rollout_table(rollout),
-            shown(figure.chart()),
-        ));
+        let mut details = rollout.details();
+        let values = details.iter().map(|detail| detail.values.len()).sum();
+        match left.checked_sub(values) {
+            Some(rest) => left = rest,
+            None => details.clear(),
+        }
+        let drawn = Drawn {
+            chart: figure.chart(),
+            id: &id,
+            caption: &rollout.caption(!details.is_empty()),
+            table: &rollout_table(rollout),
+            numbers: Numbers::Sampled,
+            shown: shown(figure.chart()),
+            details: &details,
+        };
+        figures.push(drawn.markup());
+        parts.push(Part { id, title: rollout.sensor.clone() });
     }
-    Ok(html! {
+    let mut stills = Vec::new();
+    for (index, grid) in report.rollout_grids.iter().enumerate() {
+        let id = format!("grid-{index}");
+        stills.push(still(&grid.figure()?, &id));
+        parts.push(Part { id, title: format!("{}, start by start", grid.sensor) });
+    }
+    let body = html! {
         p.lead {
             "What the models believe the plant could do, over what it did. A rollout need not follow the true \
              trajectory in time; it should move in the same range, with the same shapes and rhythm."
         }
         @for figure in figures { (figure) }
-    })
-}
-
-pub(super) fn chart(
-    chart: &Chart,
-    id: &str,
-    caption: &str,
-    copy: &str,
-    table: &Table,
-    shown: usize,
-) -> Markup {
-    let scene = draw(chart, LegendPlace::Outside);
-    html! {
-        figure.chart id=(id) data-shown=(shown) {
-            figcaption { h3 { (chart.title) } p { (caption) } }
-            div.legend role="group" aria-label={ "Curves of " (chart.title) } {
-                @for (index, key) in keys(chart).iter().enumerate() { (legend_entry(index, key)) }
-                button.reset type="button" hidden { "Reset zoom" }
-            }
-            div.plot tabindex="0" role="group" aria-label={ (chart.title) ". Arrow keys read the values." } {
-                (PreEscaped(svg(&scene, id, &chart.title, &chart.description)))
-                div.tip hidden {}
-            }
-            p.hidden aria-live="polite" {}
-            script type="application/json" { (PreEscaped(chart_data(chart, &scene))) }
-            details {
-                summary { "Data table" }
-                button.copy type="button" { (copy) }
-                (rows(table))
-            }
-        }
-    }
+        @for still in stills { (still) }
+    };
+    Ok(Section { id: "rollouts", title: "Rollouts", parts, body })
 }
 
 /// How many curves are on at first: all, unless they are dense and many; then the truth and one rollout.
 fn shown(chart: &Chart) -> usize {
     let dense = chart.series.iter().any(|series| series.marker.is_none());
     if dense && chart.series.len() > MANY_CURVES { 2 } else { chart.series.len() }
-}
-
-/// Curves can be switched off; the sign for diverged values is only explained.
-fn legend_entry(index: usize, key: &Key) -> Markup {
-    let sample = PreEscaped(sample_svg(key));
-    html! {
-        @if key.line.is_some() {
-            button.key type="button" aria-pressed="true" data-series=(index) { (sample) span { (key.label) } }
-        } @else {
-            span.key { (sample) span { (key.label) ", at the upper edge" } }
-        }
-    }
 }
 
 impl Sensitivity {
@@ -127,8 +132,13 @@ impl Sensitivity {
             );
         }
         let mut caption = format!(
-            "Mean {} over runs with 95 % t-intervals, for each {field} of the grid.",
-            score.name
+            "Mean {} of the predictions over runs, with 95 % t-intervals, for each {field} of the grid.{}",
+            score.name,
+            if score.name == "NRMSE" {
+                " NRMSE 0.1: errors are 10 % of the predicted quantity."
+            } else {
+                ""
+            },
         );
         if !self.worst_ranks.is_empty() {
             caption.push_str(
@@ -140,17 +150,24 @@ impl Sensitivity {
 }
 
 impl RolloutFigure {
-    fn caption(&self) -> String {
+    fn caption(&self, whole: bool) -> String {
         let longest =
             self.truth.iter().chain(&self.rollouts).map(|t| t.values.len()).max().unwrap_or(0);
-        let mut caption =
-            format!("In physical units, {} steps.", crate::number::count(longest as u64));
+        let mut caption = format!("{} steps.", count(longest as u64));
         if longest > crate::MAX_POINTS {
+            caption.push_str(if whole {
+                " Thinned so that every peak stays visible; zoom in to see every step."
+            } else {
+                " Thinned so that every peak stays visible."
+            });
+        }
+        let runaways = self.runaways();
+        if !runaways.is_empty() {
             // Writing to a String cannot fail.
             let _ = write!(
                 caption,
-                " Drawn with up to {} points for each curve, thinned so that every peak stays visible.",
-                crate::number::count(crate::MAX_POINTS as u64)
+                " Leaving the plot, far from what was recorded: {}.",
+                runaways.join(", ")
             );
         }
         if usize::from(self.truth.is_some()) + self.rollouts.len() > MANY_CURVES {

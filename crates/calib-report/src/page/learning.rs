@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::charts::chart;
+use super::figure::{Drawn, Numbers};
+use super::{Part, Section};
 use crate::{Cell, LearningCurves, Report, ReportError, Table};
 
 /// More curves than there are colours and patterns for are switched off at first.
@@ -12,26 +13,31 @@ const MANY_CURVES: usize = 18;
 const ROWS: usize = 50;
 
 /// The first figure of each sensor is open, the others wait behind a line.
-pub(super) fn curves(report: &Report) -> Result<Markup, ReportError> {
+pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
     let mut sensors: Vec<(&str, Vec<Markup>)> = Vec::new();
+    let mut parts = Vec::new();
     for (index, curves) in report.learning.iter().enumerate() {
         let figure = curves.figure()?;
-        let shown = curves.curves.len().min(MANY_CURVES);
         let id = format!("learning-{index}");
-        let drawn = chart(
-            figure.chart(),
-            &id,
-            &curves.caption(),
-            "Copy all points",
-            &curves.table(),
-            shown,
-        );
-        match sensors.last_mut().filter(|(sensor, _)| *sensor == curves.sensor) {
-            Some((_, figures)) => figures.push(drawn),
-            None => sensors.push((&curves.sensor, vec![drawn])),
+        let drawn = Drawn {
+            chart: figure.chart(),
+            id: &id,
+            caption: &curves.caption(),
+            table: &curves.table(),
+            numbers: Numbers::Sampled,
+            shown: curves.curves.len().min(MANY_CURVES),
+            details: &[],
+        };
+        let drawn = drawn.markup();
+        let own = sensors.last_mut().filter(|(sensor, _)| *sensor == curves.sensor);
+        if let Some((_, figures)) = own {
+            figures.push(drawn);
+        } else {
+            sensors.push((&curves.sensor, vec![drawn]));
+            parts.push(Part { id, title: curves.sensor.clone() });
         }
     }
-    Ok(html! {
+    let body = html! {
         p.lead {
             "How the error falls along the run, for each value. A value that is still falling at the end would gain from \
              a longer run; one that falls early and rises again has lost track."
@@ -47,7 +53,8 @@ pub(super) fn curves(report: &Report) -> Result<Markup, ReportError> {
                 }
             }
         }
-    })
+    };
+    Ok(Section { id: "learning", title: "Learning curves", parts, body })
 }
 
 impl LearningCurves {

@@ -1,6 +1,7 @@
 //! The report as one self-contained HTML document.
 
 mod charts;
+mod figure;
 mod learning;
 mod tables;
 mod verdicts;
@@ -10,7 +11,17 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::{Report, ReportError};
 
 const STYLE: &str = include_str!("style.css");
-const SCRIPT: &str = include_str!("script.js");
+/// One block, so that its names are not the page's.
+const SCRIPT: &str = concat!(
+    "\"use strict\";\n{\n",
+    include_str!("script/numbers.js"),
+    include_str!("script/chart.js"),
+    include_str!("script/zoom.js"),
+    include_str!("script/read.js"),
+    include_str!("script/save.js"),
+    include_str!("script/page.js"),
+    "}\n"
+);
 /// Nothing may be loaded from anywhere, whatever a label contains.
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
@@ -34,6 +45,7 @@ pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
                 a.skip href="#verdict" { "Skip to the verdict" }
                 header.top {
                     div {
+                        p.kind { "Calibration report" }
                         h1 { (report.title) }
                         @if let Some(subtitle) = &report.subtitle { p.subtitle { (subtitle) } }
                     }
@@ -46,6 +58,7 @@ pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
                     @for section in &sections {
                         section id=(section.id) aria-labelledby={ (section.id) "-title" } {
                             h2 id={ (section.id) "-title" } { (section.title) }
+                            @if section.parts.len() > 1 { (contents(section)) }
                             (section.body)
                         }
                     }
@@ -58,36 +71,47 @@ pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
     Ok(page.into_string())
 }
 
+/// Links to the parts of a section.
+fn contents(section: &Section) -> Markup {
+    html! {
+        ul.contents aria-label={ "In this section: " (section.title) } {
+            @for part in &section.parts { li { a href={ "#" (part.id) } { (part.title) } } }
+        }
+    }
+}
+
 struct Section {
     id: &'static str,
     title: &'static str,
+    /// Its figures and tables, in order.
+    parts: Vec<Part>,
     body: Markup,
 }
 
-/// The sections that have something to show, in order.
+/// A figure or table that the contents of its section lead to.
+struct Part {
+    id: String,
+    title: String,
+}
+
+/// The sections that have something to show: the verdict, then its evidence, then what it rests on.
 fn sections(report: &Report) -> Result<Vec<Section>, ReportError> {
-    let mut sections =
-        vec![Section { id: "verdict", title: "Verdict", body: verdicts::verdicts(report) }];
+    let mut sections = vec![verdicts::verdicts(report)];
     if !report.sensitivities.is_empty() {
-        let body = charts::sensitivities(report)?;
-        sections.push(Section { id: "sensitivity", title: "Sensitivity curves", body });
+        sections.push(charts::sensitivities(report)?);
     }
-    if !report.learning.is_empty() {
-        let body = learning::curves(report)?;
-        sections.push(Section { id: "learning", title: "Learning curves", body });
-    }
-    if !report.rollouts.is_empty() {
-        let body = charts::rollouts(report)?;
-        sections.push(Section { id: "rollouts", title: "Rollouts", body });
+    if !report.rollouts.is_empty() || !report.rollout_grids.is_empty() {
+        sections.push(charts::rollouts(report)?);
     }
     if !report.jumps.is_empty() || !report.tables.is_empty() {
-        let body = tables::statistics(report);
-        sections.push(Section { id: "tables", title: "Tables", body });
+        sections.push(tables::statistics(report));
+    }
+    if !report.learning.is_empty() {
+        sections.push(learning::curves(report)?);
     }
     if let Some(data) = &report.data {
-        sections.push(Section { id: "data", title: "Data", body: tables::data(data) });
+        sections.push(tables::data(data));
     }
-    let body = tables::reproduction(&report.reproduction);
-    sections.push(Section { id: "reproduce", title: "Reproduce", body });
+    sections.push(tables::reproduction(&report.reproduction));
     Ok(sections)
 }

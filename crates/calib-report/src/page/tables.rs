@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::{Part, Section};
 use crate::number::{count, duration, number, percent};
 use crate::{
     Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Table,
@@ -11,9 +12,9 @@ use crate::{
 const SHORT: usize = 16;
 
 /// A table with a title, a caption and a copy button.
-pub(super) fn table(table: &Table) -> Markup {
+pub(super) fn table(table: &Table, id: &str) -> Markup {
     html! {
-        div.table {
+        div.table id=(id) {
             div.table-head {
                 h3 { (table.title) }
                 button.copy type="button" { "Copy table" }
@@ -68,11 +69,16 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
 }
 
 /// Jump statistics, and the tables that came with the report.
-pub(super) fn statistics(report: &Report) -> Markup {
-    html! {
-        @if !report.jumps.is_empty() { (table(&jumps(&report.jumps))) }
-        @for other in &report.tables { (table(other)) }
+pub(super) fn statistics(report: &Report) -> Section {
+    let jumps = (!report.jumps.is_empty()).then(|| jumps(&report.jumps));
+    let (mut body, mut parts) = (Vec::new(), Vec::new());
+    for (index, of) in report.tables.iter().chain(&jumps).enumerate() {
+        let id = format!("table-{index}");
+        body.push(table(of, &id));
+        parts.push(Part { id, title: of.title.clone() });
     }
+    let body = html! { @for table in body { (table) } };
+    Section { id: "tables", title: "The models in numbers", parts, body }
 }
 
 fn jumps(jumps: &[JumpStatistics]) -> Table {
@@ -99,9 +105,9 @@ fn jumps(jumps: &[JumpStatistics]) -> Table {
 }
 
 /// The data profile.
-pub(super) fn data(data: &DataProfile) -> Markup {
+pub(super) fn data(data: &DataProfile) -> Section {
     let kept = data.channels.iter().filter(|channel| channel.status == ChannelStatus::Kept).count();
-    html! {
+    let body = html! {
         dl.facts {
             (fact("Rows", &count(data.rows)))
             (fact("Segments", &count(data.segments)))
@@ -113,8 +119,9 @@ pub(super) fn data(data: &DataProfile) -> Markup {
             }
             @for (name, value) in &data.facts { (fact(name, value)) }
         }
-        @if !data.channels.is_empty() { (table(&channels(&data.channels))) }
-    }
+        @if !data.channels.is_empty() { (table(&channels(&data.channels), "channels")) }
+    };
+    Section { id: "data", title: "Data", parts: Vec::new(), body }
 }
 
 fn fact(name: &str, value: &str) -> Markup {
@@ -147,8 +154,8 @@ fn channels(channels: &[Channel]) -> Table {
 }
 
 /// Command, study file, versions, seeds and fingerprint.
-pub(super) fn reproduction(reproduction: &Reproduction) -> Markup {
-    html! {
+pub(super) fn reproduction(reproduction: &Reproduction) -> Section {
+    let body = html! {
         p { "The same command on the same data with the same versions gives the same numbers, to the byte." }
         (block("Command", &reproduction.command))
         dl.facts {
@@ -157,7 +164,8 @@ pub(super) fn reproduction(reproduction: &Reproduction) -> Markup {
             @for (name, seed) in &reproduction.seeds { (fact(&format!("Seed, {name}"), &seed.to_string())) }
         }
         (block("Study file, resolved", &reproduction.study_toml))
-    }
+    };
+    Section { id: "reproduce", title: "Reproduce", parts: Vec::new(), body }
 }
 
 fn block(title: &str, text: &str) -> Markup {

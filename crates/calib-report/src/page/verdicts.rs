@@ -2,20 +2,39 @@
 
 use maud::{Markup, html};
 
+use super::Section;
 use super::tables::table;
 use crate::number::{number, percent};
 use crate::report::{are_of_several_models, summary};
 use crate::{Alternative, Cell, Report, Setting, Table, Verdict};
 
+/// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
+const MANY_CARDS: usize = 9;
+
 /// One card for each sensor, warnings, and a table of all verdicts.
-pub(super) fn verdicts(report: &Report) -> Markup {
-    html! {
+pub(super) fn verdicts(report: &Report) -> Section {
+    let judged = report.verdicts.iter().any(|verdict| verdict.online.is_some());
+    let body = html! {
         @if report.verdicts.is_empty() {
             p.empty { "There is no verdict: nothing was swept." }
         }
-        @if let Some(summary) = summary(report) { p.summary { (unbroken(&summary)) } }
-        div.cards {
-            @for verdict in &report.verdicts { (card(verdict, report)) }
+        @match summary(report).as_slice() {
+            [] => {}
+            [one] => { p.summary { (unbroken(one)) } }
+            several => { ul.summary { @for line in several { li { (unbroken(line)) } } } }
+        }
+        @if let Some(decision) = &report.decision { (table(decision, "decision")) }
+        @if report.verdicts.len() > MANY_CARDS {
+            (all_verdicts(report))
+            details.many { summary { "Each verdict with its reasons (" (report.verdicts.len()) ")" } (cards(report)) }
+        } @else {
+            (cards(report))
+        }
+        @if judged {
+            p.caption {
+                "Regret: how much larger the prediction error on held-out data is than with the best value. \
+                 A bar is full at 50 %."
+            }
         }
         @if !report.warnings.is_empty() {
             div.warnings role="note" {
@@ -23,8 +42,17 @@ pub(super) fn verdicts(report: &Report) -> Markup {
                 ul { @for warning in &report.warnings { li { (warning) } } }
             }
         }
-        @if !report.verdicts.is_empty() { (table(&comparison(report).without_empty_columns())) }
-    }
+        @if (1..=MANY_CARDS).contains(&report.verdicts.len()) { (all_verdicts(report)) }
+    };
+    Section { id: "verdict", title: "Verdict", parts: Vec::new(), body }
+}
+
+fn cards(report: &Report) -> Markup {
+    html! { div.cards { @for verdict in &report.verdicts { (card(verdict, report)) } } }
+}
+
+fn all_verdicts(report: &Report) -> Markup {
+    table(&comparison(report).without_empty_columns(), "verdicts")
 }
 
 /// `text` with percentages that stay on one line.
@@ -32,6 +60,7 @@ fn unbroken(text: &str) -> String {
     text.replace(" %", "\u{a0}%")
 }
 
+/// The advice and what it would have cost; how it came about is behind a line.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
     let grade = verdict.grade();
     html! {
@@ -41,13 +70,17 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
                 @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
                 (verdict.headline())
             }
-            ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
+            p.plain { (unbroken(&verdict.plain())) }
             dl.costs {
                 @if let Some(regret) = verdict.online.as_ref().and_then(|online| online.regret) {
                     (cost("This choice", &verdict.chosen, Some(regret)))
                 }
                 @if let Some(Alternative { value, regret }) = &verdict.default { (cost("Default", value, *regret)) }
                 @if let Some(Alternative { value, regret }) = &verdict.log_replay { (cost("Log replay", value, *regret)) }
+            }
+            details.why open[report.verdicts.len() == 1] {
+                summary { "Why" }
+                ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
             }
         }
     }
@@ -61,7 +94,8 @@ fn cost(name: &str, value: &Setting, regret: Option<f64>) -> Markup {
             dt { (name) " " code { (value) } }
             dd {
                 @match regret {
-                    Some(regret) => { (percent(regret)) " regret" }
+                    Some(regret) if regret.is_finite() => { (percent(regret)) " regret" }
+                    Some(_) => { "diverged" }
                     None => { "not checked" }
                 }
             }

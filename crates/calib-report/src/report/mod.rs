@@ -1,6 +1,7 @@
 //! What a report says, before it is a page.
 
 mod data;
+mod plain;
 mod sentence;
 mod summary;
 mod table;
@@ -11,7 +12,7 @@ pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
 pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
 
-use crate::{LearningCurves, ReportError, RolloutFigure, Score, Sensitivity, page};
+use crate::{LearningCurves, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity, page};
 
 /// Everything the report shows. Empty lists and `None` leave their section out.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +23,8 @@ pub struct Report {
     pub subtitle: Option<String>,
     /// What runs are judged by.
     pub score: Score,
+    /// What to deploy where there are several deployments: a choice for each, and one for all.
+    pub decision: Option<Table>,
     /// What to deploy, sensor by sensor. Several on one sensor, from several models, stand beside each other:
     /// which of them had the smallest regret is told, and no other preference.
     pub verdicts: Vec<Verdict>,
@@ -33,6 +36,8 @@ pub struct Report {
     pub learning: Vec<LearningCurves>,
     /// Rollouts over the true trajectory.
     pub rollouts: Vec<RolloutFigure>,
+    /// Rollouts of all models from the same starts, beside what was recorded.
+    pub rollout_grids: Vec<RolloutGrid>,
     /// How often rollouts left the log.
     pub jumps: Vec<JumpStatistics>,
     /// Further tables: DTW distances, representation scores.
@@ -48,7 +53,8 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`] and [`RolloutFigure::figure`].
+    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`], [`RolloutFigure::figure`] and
+    /// [`RolloutGrid::figure`].
     pub fn html(&self) -> Result<String, ReportError> {
         page::html(self)
     }

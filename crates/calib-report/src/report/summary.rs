@@ -13,14 +13,14 @@ pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
 }
 
 /// What to do for all sensors, what it costs, and what the alternatives would have cost; what each model says where
-/// there are several. `None` for a single verdict, which says it all.
-pub(crate) fn summary(report: &Report) -> Option<String> {
+/// there are several: a line for each sensor, or one line. None for a single verdict, which says it all.
+pub(crate) fn summary(report: &Report) -> Vec<String> {
     if are_of_several_models(&report.verdicts) {
-        return Some(choices_of_models(&report.verdicts));
+        return choices_of_models(&report.verdicts);
     }
     let verdicts: Vec<&Verdict> = report.verdicts.iter().collect();
     if verdicts.len() < 2 {
-        return None;
+        return Vec::new();
     }
     let (poor, usable): (Vec<&Verdict>, Vec<&Verdict>) =
         verdicts.iter().partition(|verdict| verdict.grade() == Grade::Poor);
@@ -39,19 +39,19 @@ pub(crate) fn summary(report: &Report) -> Option<String> {
     } else if let Some(costs) = costs(&online) {
         sentences.push(costs);
     }
-    Some(sentences.join(" "))
+    vec![sentences.join(" ")]
 }
 
 /// Sensor by sensor what each model chooses, and whose choice is best on held-out data. No model is preferred to
 /// another before such data tells them apart.
-fn choices_of_models(verdicts: &[Verdict]) -> String {
+fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     let mut sensors: Vec<&str> = Vec::new();
     for verdict in verdicts {
         if !sensors.contains(&verdict.sensor.as_str()) {
             sensors.push(&verdict.sensor);
         }
     }
-    let mut sentences: Vec<String> = Vec::new();
+    let mut lines: Vec<String> = Vec::new();
     for sensor in sensors {
         let own: Vec<&Verdict> = verdicts.iter().filter(|of| of.sensor == sensor).collect();
         let choice = |verdict: &&Verdict| {
@@ -61,24 +61,25 @@ fn choices_of_models(verdicts: &[Verdict]) -> String {
             format!("{model} chooses {field} = {chosen}{regret}")
         };
         let all: Vec<String> = own.iter().map(choice).collect();
-        sentences.push(format!("{sensor}: {}.", listed(&all)));
+        let mut line = format!("{sensor}: {}.", listed(&all));
         let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
         if let Some(smallest) = smallest {
             let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
             let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
-            sentences.push(if best.len() == own.len() {
-                "On held-out data these choices are equally good.".to_owned()
+            line.push_str(&if best.len() == own.len() {
+                " On held-out data these choices are equally good.".to_owned()
             } else {
-                format!("The smallest regret on held-out data is that of {}.", listed(&best))
+                format!(" The smallest regret on held-out data is that of {}.", listed(&best))
             });
         }
+        lines.push(line);
     }
     if verdicts.iter().all(|verdict| regret(verdict).is_none()) {
-        sentences.push(
+        lines.push(
             "No data was held out, so nothing here says which of the models to trust.".to_owned(),
         );
     }
-    sentences.join(" ")
+    lines
 }
 
 fn regret(verdict: &Verdict) -> Option<f64> {

@@ -2,6 +2,7 @@
 
 mod axes;
 mod curves;
+mod panels;
 
 use calib_stats::{Direction, Summary};
 

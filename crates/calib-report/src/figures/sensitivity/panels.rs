@@ -1,0 +1,67 @@
+//! The sensitivity curves of all sensors in one figure.
+
+use super::Sensitivity;
+use crate::chart::{Chart, GridCell};
+use crate::{Figure, ReportError};
+
+const COLUMNS: usize = 3;
+const HEIGHT: f64 = 210.0;
+
+impl Sensitivity {
+    /// Draws several sensitivity figures beside each other, three a row, under one legend, as the paper prints them.
+    ///
+    /// # Errors
+    ///
+    /// One of them cannot be drawn, or there is none.
+    pub fn panels(all: &[Self]) -> Result<Figure, ReportError> {
+        let mut charts = Vec::with_capacity(all.len());
+        for one in all {
+            charts.push(one.figure()?.chart().clone());
+        }
+        let title = "Sensitivity".to_owned();
+        let Some(first) = charts.first() else {
+            return Err(ReportError::Empty { figure: title, missing: "panels" });
+        };
+        let mut head = first.clone();
+        let field = &all[0].field;
+        let same_field = all.iter().all(|one| one.field == *field);
+        head.title = if same_field { format!("{title} to {field}") } else { title };
+        head.description =
+            charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ");
+        // The sign for diverged values is explained if any plot has one.
+        head.series = widest(&charts);
+        let columns = all.len().min(COLUMNS);
+        let last = charts.len() - 1;
+        let cell = |(place, (chart, one)): (usize, (Chart, &Self))| {
+            let mut chart = chart;
+            let column = place % columns;
+            if column != 0 {
+                chart.left.label = spacing_only(&chart.left.label);
+            }
+            if let Some(right) =
+                chart.right.as_mut().filter(|_| column + 1 != columns && place != last)
+            {
+                right.label.clear();
+            }
+            GridCell { heading: Some(one.sensor.clone()), chart: Some(chart) }
+        };
+        let cells: Vec<GridCell> = charts.into_iter().zip(all).enumerate().map(cell).collect();
+        Ok(Figure::with_grid(head, cells.chunks(columns).map(<[_]>::to_vec).collect(), HEIGHT))
+    }
+}
+
+/// The curves of the chart that has most of them, and a diverged point if any chart has one.
+fn widest(charts: &[Chart]) -> Vec<crate::Series> {
+    let diverges = |chart: &&Chart| {
+        chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
+    };
+    let most = charts.iter().map(|chart| chart.series.len()).max().unwrap_or(0);
+    let mut fullest = charts.iter().filter(|chart| chart.series.len() == most);
+    let chosen = fullest.clone().find(diverges).or_else(|| fullest.next());
+    chosen.map(|chart| chart.series.clone()).unwrap_or_default()
+}
+
+/// Plots further right say only what differs: whether the axis is logarithmic.
+fn spacing_only(label: &str) -> String {
+    if label.contains("log scale") { "log scale".to_owned() } else { String::new() }
+}
