@@ -3,6 +3,7 @@
 
 mod fixture;
 
+use calib_report::Report;
 use fixture::{HOSTILE, report};
 
 /// Elements that have no end tag.
@@ -117,7 +118,9 @@ fn infinities_are_called_by_their_name() {
 
 #[test]
 fn the_page_opens_with_the_verdict() {
-    let html = report().html().unwrap();
+    let report = Report { decision: None, ..report() };
+    // Settings and percentages stay on one line.
+    let html = report.html().unwrap().replace('\u{a0}', " ");
     let main = &html[html.find("<main>").unwrap()..];
     let first_text = main
         .split('>')
@@ -126,10 +129,24 @@ fn the_page_opens_with_the_verdict() {
     let opening: Vec<&str> = first_text.take(4).collect();
     insta::assert_snapshot!(opening.join("\n"), @r"
 Verdict
-Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
+Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
 Good: within 5 % of the best
 Use learning_rate = 1e-4 for PIT300.
 ");
+}
+
+#[test]
+fn what_to_deploy_comes_before_the_cards_and_many_cards_wait_behind_the_table() {
+    let mut report = report();
+    report.decision.as_mut().unwrap().title = "What to deploy".to_owned();
+    let place = |html: &str, needle: &str| html.find(needle).unwrap_or_else(|| panic!("{needle}"));
+    let html = report.html().unwrap();
+    assert!(place(&html, "id=\"decision\"") < place(&html, "class=\"cards\""));
+    assert!(place(&html, "class=\"cards\"") < place(&html, "id=\"verdicts\""));
+    report.verdicts = report.verdicts.iter().cycle().take(12).cloned().collect();
+    let html = report.html().unwrap();
+    assert!(place(&html, "id=\"verdicts\"") < place(&html, "class=\"cards\""));
+    assert_balanced(&html);
 }
 
 #[test]
@@ -196,7 +213,7 @@ fn several_models_stand_beside_each_other() {
     other.online.as_mut().unwrap().regret = Some(0.9);
     // The order of models is no preference.
     report.verdicts.insert(0, other);
-    let html = report.html().unwrap();
+    let html = report.html().unwrap().replace('\u{a0}', " ");
     assert!(html.contains("<h3>other: "), "each model has its card");
     let better = html.split("The smallest regret on held-out data is that of ").nth(1).unwrap();
     assert!(!better.starts_with("other"), "the other one's is larger");

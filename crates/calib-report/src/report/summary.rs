@@ -66,10 +66,13 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
         if let Some(smallest) = smallest {
             let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
             let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
-            line.push_str(&if best.len() == own.len() {
-                " On held-out data these choices are equally good.".to_owned()
+            line.extend(if best.len() == own.len() {
+                [" On held-out data these choices are equally good".to_owned(), ".".to_owned()]
             } else {
-                format!(" The smallest regret on held-out data is that of {}.", listed(&best))
+                [
+                    " The smallest regret on held-out data is that of ".to_owned(),
+                    listed(&best) + ".",
+                ]
             });
         }
         lines.push(line);
