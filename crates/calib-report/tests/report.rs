@@ -211,6 +211,7 @@ fn several_models_stand_beside_each_other() {
     let mut other = report.verdicts[0].clone();
     other.model = "other".to_owned();
     other.online.as_mut().unwrap().regret = Some(0.9);
+    other.chosen = 1e-3.into();
     // The order of models is no preference.
     report.verdicts.insert(0, other);
     let html = report.html().unwrap().replace('\u{a0}', " ");
@@ -218,4 +219,7 @@ fn several_models_stand_beside_each_other() {
     let better = html.split("The smallest regret on held-out data is that of ").nth(1).unwrap();
     assert!(!better.starts_with("other"), "the other one's is larger");
     assert_balanced(&html);
+    report.verdicts[0].chosen = report.verdicts[1].chosen.clone();
+    let html = report.html().unwrap().replace('\u{a0}', " ");
+    assert!(html.contains("PIT300: all models choose learning_rate = 1e-4: "), "told once");
 }

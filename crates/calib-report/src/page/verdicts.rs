@@ -11,6 +11,9 @@ use crate::{Alternative, Cell, Report, Setting, Table, Verdict};
 /// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
 const MANY_CARDS: usize = 9;
 
+/// More lines than this are no summary.
+const MANY_LINES: usize = 5;
+
 /// One card for each sensor, warnings, and a table of all verdicts.
 pub(super) fn verdicts(report: &Report) -> Section {
     let judged = report.verdicts.iter().any(|verdict| verdict.online.is_some());
@@ -20,6 +23,8 @@ pub(super) fn verdicts(report: &Report) -> Section {
         }
         @match summary(report).as_slice() {
             [] => {}
+            // The table says it shorter.
+            many if many.len() > MANY_LINES && report.decision.is_some() => {}
             [one] => { p.summary { (unbroken(one)) } }
             several => { ul.summary { @for line in several { li { (unbroken(line)) } } } }
         }

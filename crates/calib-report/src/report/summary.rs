@@ -54,28 +54,7 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for sensor in sensors {
         let own: Vec<&Verdict> = verdicts.iter().filter(|of| of.sensor == sensor).collect();
-        let choice = |verdict: &&Verdict| {
-            let Verdict { model, field, chosen, .. } = verdict;
-            let regret = regret(verdict)
-                .map_or_else(String::new, |regret| format!(" ({} regret)", percent(regret)));
-            format!("{model} chooses {field} = {chosen}{regret}")
-        };
-        let all: Vec<String> = own.iter().map(choice).collect();
-        let mut line = format!("{sensor}: {}.", listed(&all));
-        let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
-        if let Some(smallest) = smallest {
-            let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
-            let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
-            line.extend(if best.len() == own.len() {
-                [" On held-out data these choices are equally good".to_owned(), ".".to_owned()]
-            } else {
-                [
-                    " The smallest regret on held-out data is that of ".to_owned(),
-                    listed(&best) + ".",
-                ]
-            });
-        }
-        lines.push(line);
+        lines.push(agreed(sensor, &own).unwrap_or_else(|| differing(sensor, &own)));
     }
     if verdicts.iter().all(|verdict| regret(verdict).is_none()) {
         lines.push(
@@ -83,6 +62,40 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
         );
     }
     lines
+}
+
+/// What all models choose, if it is the same.
+fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
+    let (first, others) = own.split_first()?;
+    let same = |of: &&Verdict| of.chosen == first.chosen && of.field == first.field;
+    let Verdict { field, chosen, .. } = first;
+    let cost = regret(first).map_or_else(String::new, |cost| format!(": {} regret", percent(cost)));
+    others
+        .iter()
+        .all(same)
+        .then(|| format!("{sensor}: all models choose {field} = {chosen}{cost}."))
+}
+
+/// What each model chooses, and which choice held-out data likes best.
+fn differing(sensor: &str, own: &[&Verdict]) -> String {
+    let choice = |verdict: &&Verdict| {
+        let Verdict { model, field, chosen, .. } = verdict;
+        let cost = regret(verdict)
+            .map_or_else(String::new, |regret| format!(" ({} regret)", percent(regret)));
+        format!("{model} chooses {field} = {chosen}{cost}")
+    };
+    let all: Vec<String> = own.iter().map(choice).collect();
+    let all = listed(&all);
+    let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
+    let Some(smallest) = smallest else { return format!("{sensor}: {all}.") };
+    let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
+    let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
+    if best.len() == own.len() {
+        format!("{sensor}: {all}. On held-out data these choices are equally good.")
+    } else {
+        let best = listed(&best);
+        format!("{sensor}: {all}. The smallest regret on held-out data is that of {best}.")
+    }
 }
 
 fn regret(verdict: &Verdict) -> Option<f64> {
