@@ -2,16 +2,21 @@
 
 use anyhow::{Context as _, ensure};
 use calib_core::Seed;
+use calib_plant::Plant;
 
 use super::{
-    Of, build_model, compare, each_part, evaluate, load_study, parts, plant_of_study::PlantOfStudy,
-    pretrain, report, represent, rollout, simulate::Found, sweep, torch::NoLibtorch,
+    Of, build_model, compare, each_part, evaluate, load_study, parts,
+    plant_of_study::PlantOfStudy,
+    pretrain, report, represent, rollout,
+    simulate::{Found, sentence},
+    sweep,
+    torch::NoLibtorch,
 };
 use crate::{
     cli::{BuildModelArgs, StudyArgs},
     clock::Stopwatch,
     exit::{ExitStatus, was_interrupted},
-    output::{Printer, count, duration},
+    output::{Printer, duration},
     study::Study,
 };
 
@@ -151,11 +156,8 @@ fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Re
         Found::Whole | Found::Unfinished | Found::Another => {
             talk.heading("simulate");
             if args.dry_run {
-                talk.say(&format!(
-                    "dry run: {} days of {} channels would go to {shown}",
-                    plant.options.days,
-                    count(plant.options.channels)
-                ));
+                let takes = sentence(&Plant::new(plant.options.clone())?);
+                talk.say(&format!("dry run: would write {takes}, to {shown}"));
                 return Ok(plant.found == Found::Whole);
             }
             let simulated = plant.make(args.force, talk).context("[simulate]")?;

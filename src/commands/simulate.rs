@@ -115,15 +115,7 @@ pub(super) fn simulate(
     let _claim = Claim::new(directory, Below::Unknown)?;
     own(directory, &simulation, force)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
-    let per_day = plant.instants() * (4 * names.len() as u64 + 8) / u64::from(plant.days()).max(1);
-    printer.say(&format!(
-        "simulate: {} days x {} channels, {} rows; about {} of memory, at most {} on disk",
-        plant.days(),
-        count(names.len()),
-        count(plant.instants() as usize),
-        bytes(3 * per_day),
-        bytes(per_day * u64::from(plant.days())),
-    ));
+    printer.say(&format!("simulate: {}", sentence(&plant)));
     let progress = printer.progress();
     progress.begin("simulating", u64::from(plant.days()));
     let mut simulated = Simulated {
@@ -151,6 +143,20 @@ pub(super) fn simulate(
         progress.advance(1);
     }
     Ok(simulated)
+}
+
+/// What simulating a plant takes.
+pub(super) fn sentence(plant: &Plant) -> String {
+    let channels = plant.schema().len();
+    let per_day = plant.instants() * (4 * channels as u64 + 8) / u64::from(plant.days()).max(1);
+    format!(
+        "{} days x {} channels, {} rows; about {} of memory, at most {} on disk",
+        plant.days(),
+        count(channels),
+        count(plant.instants() as usize),
+        bytes(3 * per_day),
+        bytes(per_day * u64::from(plant.days())),
+    )
 }
 
 /// What lies where the log of a plant should be.

@@ -25,7 +25,7 @@ fn the_papers_studies_are_valid_at_both_sizes() {
     ] {
         let whole = place.calib(&["run", study, "--dry-run"]);
         assert_eq!(whole.code(), 0, "{}", whole.stderr());
-        assert!(whole.stderr().contains("days of 480 channels"), "{}", whole.stderr());
+        assert!(whole.stderr().contains("days x 480 channels"), "{}", whole.stderr());
         assert!(whole.stderr().contains(steps), "{}", whole.stderr());
         let tiny = place.calib(&["run", study, "--dry-run", "--profile", "tiny"]);
         assert_eq!(tiny.code(), 0, "{}", tiny.stderr());
