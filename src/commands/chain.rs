@@ -10,6 +10,7 @@ use super::{
     pretrain, report, represent, rollout,
     simulate::{Found, sentence},
     sweep,
+    sweep_plan::Counted,
     torch::NoLibtorch,
 };
 use crate::{
@@ -47,7 +48,12 @@ impl Step {
         self != Self::Represent || report::commands(&[study]).contains(&"represent")
     }
 
-    fn run(self, args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    fn run(
+        self,
+        args: &StudyArgs,
+        counted: &Counted,
+        printer: &Printer,
+    ) -> anyhow::Result<ExitStatus> {
         match self {
             Self::Represent => represent::run(&before(args), None, printer),
             Self::BuildModel => build_model::run(&BuildModelArgs::new(before(args), 0), printer),
@@ -55,7 +61,7 @@ impl Step {
                 each_part(Of::Rollouts, args, printer, |args| rollout::run(args, printer))
             }
             Self::Sweep => {
-                each_part(Of::Deployment, args, printer, |args| sweep::run(args, printer))
+                each_part(Of::Deployment, args, printer, |args| sweep::run(args, counted, printer))
             }
         }
     }
@@ -94,9 +100,10 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         talk.heading("pretrain");
         ended.and(pretrain::run(&StudyArgs { json: false, ..before(args) }, talk)?);
     }
+    let counted = Counted::default();
     for step in STEPS {
         for model in &mut models {
-            ended.and(model.take(step, talk)?);
+            ended.and(model.take(step, &counted, talk)?);
         }
     }
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
@@ -174,7 +181,12 @@ fn remaining(models: &[Model]) -> Vec<&'static str> {
 
 impl Model {
     /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
-    fn take(&mut self, step: Step, talk: &Printer) -> anyhow::Result<ExitStatus> {
+    fn take(
+        &mut self,
+        step: Step,
+        counted: &Counted,
+        talk: &Printer,
+    ) -> anyhow::Result<ExitStatus> {
         if self.left_out.is_some() || !step.is_wanted(&self.study) {
             return Ok(ExitStatus::Done);
         }
@@ -182,7 +194,7 @@ impl Model {
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         talk.heading(&format!("{command}{of_model}"));
-        match step.run(&self.args, talk) {
+        match step.run(&self.args, counted, talk) {
             Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
                 let name = self.name.as_deref().unwrap_or_default();
                 let told = format!("model {name} is left out: {reason}");

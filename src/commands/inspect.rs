@@ -1,4 +1,4 @@
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
 
 use super::plant_of_study;
@@ -14,7 +14,7 @@ const LISTED: usize = 60;
 
 /// Show what is in a log, and what preprocessing would make of it.
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    let (data, preprocess) = settings(args)?;
+    let Settings { data, preprocess, deployments } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     if args.json {
@@ -22,7 +22,14 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
     } else {
         show_log(&profile, printer)?;
         show_channels(&profile, args, printer)?;
-        show_parts(&profile, printer)?;
+        let of = |(name, data): (String, DataConfig)| {
+            let profile = calib_data::inspect(&data, &preprocess, &printer.progress())
+                .with_context(|| format!("[deployments.{name}]"))?;
+            Ok(profile.held_out.map(|held_out| (name, held_out)))
+        };
+        let deployments: Vec<_> = deployments.into_iter().map(of).collect::<anyhow::Result<_>>()?;
+        let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
+        show_parts(&profile, &deployments, printer)?;
     }
     let usable = profile.train.transitions > 0 && profile.kept().next().is_some();
     if !usable {
@@ -34,11 +41,17 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 }
 
 /// A study's own sections, or the defaults for data alone.
-fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)> {
+fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
         let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
         let (study, paths) = Study::load(&args.data, &args.set, chosen)?;
-        return Ok((plant_of_study::data(&study, &paths)?, study.preprocess));
+        let data = plant_of_study::data(&study, &paths)?;
+        let of = |name: String| {
+            let held_out = study.deployments.get(&name).cloned();
+            (name, DataConfig { held_out, ..data.clone() })
+        };
+        let deployments = study.deployment_names().into_iter().map(of).collect();
+        return Ok(Settings { data, preprocess: study.preprocess, deployments });
     } else {
         ensure!(
             args.profile.is_none(),
@@ -47,7 +60,15 @@ fn settings(args: &InspectArgs) -> anyhow::Result<(DataConfig, PreprocessConfig)
         );
         Study::of_data(&args.data, &args.set)?
     };
-    Ok((study.data, study.preprocess))
+    Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
+}
+
+/// What to look at.
+struct Settings {
+    data: DataConfig,
+    preprocess: PreprocessConfig,
+    /// The deployments of a study, each as what is held out.
+    deployments: Vec<(String, DataConfig)>,
 }
 
 fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
@@ -147,7 +168,11 @@ fn channel_row(channel: &ChannelProfile) -> Vec<String> {
     ]
 }
 
-fn show_parts(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
+fn show_parts(
+    profile: &Profile,
+    deployments: &[(String, PartProfile)],
+    printer: &Printer,
+) -> anyhow::Result<()> {
     printer.result("")?;
     let imputed: u64 = profile.channels.iter().map(|channel| channel.imputed).sum();
     printer.result(&format!(
@@ -161,7 +186,10 @@ fn show_parts(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     printer.result(&part("training", &profile.train))?;
     match &profile.held_out {
         Some(held_out) => printer.result(&part("held out", held_out)),
-        None => printer.result("held out: nothing"),
+        None if deployments.is_empty() => printer.result("held out: nothing"),
+        None => deployments
+            .iter()
+            .try_for_each(|(name, of)| printer.result(&part(&format!("deployment {name}"), of))),
     }
 }
 

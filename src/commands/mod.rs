@@ -88,7 +88,8 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             pretrain::run(&args, printer)
         }
         Command::Sweep(args) => {
-            each(Of::Deployment, &args, printer, |args, _| sweep::run(args, printer))
+            let counted = sweep_plan::Counted::default();
+            each(Of::Deployment, &args, printer, |args, _| sweep::run(args, &counted, printer))
         }
         Command::Evaluate(args) => match parts(Of::Deployment, &args)?.as_slice() {
             [only] if only.is_same_part(&args) => evaluate::run(&args, printer),

@@ -17,7 +17,7 @@ use super::{
     load_study, model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files,
-    sweep_plan::{Memory, Sizes, SweepPlan},
+    sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
 use crate::{
@@ -78,8 +78,12 @@ pub(super) fn unit_store(directory: &Path) -> UnitStore {
     UnitStore::new(directory.join("units"))
 }
 
-/// Train every candidate in every environment.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+/// Train every candidate in every environment. A dry run says what was `counted` before.
+pub(super) fn run(
+    args: &StudyArgs,
+    counted: &Counted,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
     let (study, paths) = load_study(args)?;
     if study.sweep.sensors.is_empty() {
@@ -130,6 +134,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         candidates: &candidates,
         units: plan.count(),
         left: missing,
+        shared: if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 },
         steps: lengths.steps,
         threads: rayon::current_num_threads(),
         memory: Memory::of(&sizes, &agents, rayon::current_num_threads()),
@@ -179,6 +184,13 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// Units that are left to run, and that another part of the same command runs before.
+fn shared_units(plan: &Plan<'_>, stored: &BTreeMap<Unit, UnitResult>, counted: &Counted) -> usize {
+    let units = plan.units();
+    let left = units.iter().filter(|planned| !stored.contains_key(&planned.unit));
+    counted.again(left.map(|planned| &planned.key))
 }
 
 /// Units that need not be run.

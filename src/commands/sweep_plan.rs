@@ -1,5 +1,7 @@
 //! What a sweep would do, before it does it.
 
+use std::{cell::RefCell, collections::BTreeSet};
+
 use anyhow::bail;
 use calib_agent::{AgentConfig, training_bytes};
 use calib_data::Dataset;
@@ -12,6 +14,18 @@ use crate::{
     study::Study,
 };
 
+/// Units that a dry run of several models and deployments has counted: those that are the same are run once.
+#[derive(Debug, Default)]
+pub(super) struct Counted(RefCell<BTreeSet<String>>);
+
+impl Counted {
+    /// Count these units, and say how many had been counted before.
+    pub(super) fn again<'a>(&self, keys: impl Iterator<Item = &'a String>) -> usize {
+        let mut counted = self.0.borrow_mut();
+        keys.filter(|&key| !counted.insert(key.clone())).count()
+    }
+}
+
 /// What is to be done: the result of a dry run.
 #[derive(Debug, Serialize)]
 pub(super) struct SweepPlan<'a> {
@@ -21,6 +35,8 @@ pub(super) struct SweepPlan<'a> {
     pub(super) units: usize,
     /// Units that have no result yet.
     pub(super) left: usize,
+    /// Of these, units that an earlier model or deployment of the same command runs already.
+    pub(super) shared: usize,
     /// Steps of every stream.
     pub(super) steps: usize,
     /// Threads that share the work.
@@ -123,8 +139,12 @@ impl Memory {
 impl SweepPlan<'_> {
     /// Say what will be done, and refuse what would not fit.
     pub(super) fn announce(&self, study: &Study, printer: &Printer) -> anyhow::Result<()> {
+        let shared = match self.shared {
+            0 => String::new(),
+            shared => format!(", {} of them with an earlier model or deployment", count(shared)),
+        };
         printer.say(&format!(
-            "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads",
+            "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads{shared}",
             self.candidates.len(),
             count(self.units),
             count(self.steps),
@@ -182,6 +202,15 @@ impl SweepPlan<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_same_units_are_counted_once() {
+        let counted = Counted::default();
+        let keys = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!(counted.again(keys[..2].iter()), 0);
+        assert_eq!(counted.again(keys.iter()), 2);
+        assert_eq!(counted.again(keys.iter()), 3);
+    }
 
     #[test]
     fn every_array_counts_once() {

@@ -42,8 +42,13 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let rolled = run(&["rollout", "study.toml"]);
     assert!(rolled.contains("against the deployment"), "{rolled}");
     assert!(rolled.contains("start states lie in the block left out"), "{rolled}");
+    let seen = run(&["inspect", "study.toml"]);
+    assert!(seen.contains("deployment near: 2022-11-03 00:00:00 to"), "{seen}");
+    assert!(seen.contains("deployment far: 2022-11-03 12:00:00 to"), "{seen}");
     let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
     let told = dry.stderr();
+    assert!(told.contains("all units are left to run on"), "{told}");
+    assert!(told.contains("4 of them with an earlier model or deployment"), "{told}");
     assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
     assert!(!place.path().join("study-results/deployments/near/sweep").exists());
     let swept = run(&["sweep", "study.toml"]);
@@ -77,6 +82,10 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     ] {
         assert!(report.contains(text), "{text} is missing");
     }
+    assert!(place.path().join("study-results/evaluate/figures/sensitivity-PIT300-near.svg").is_file());
+    let own = place.path().join("study-results/deployments/near/report.html");
+    let own = fs::read_to_string(own).expect("readable");
+    assert!(own.contains("deployment near (2022-11-03 .. 2022-11-03T12:00:00)"));
     let manifest = json(&place, "study-results/deployments/near/rollout/manifest.json");
     let starts = &manifest["members"][0]["starts"];
     assert_eq!(starts["starts"], 3);
@@ -141,6 +150,28 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     }
     run(&["sweep", "study.toml", "--threads", "1"]);
     assert!(place.content("study-results/models/year/deployments/far/sweep") == before);
+}
+
+#[test]
+fn one_command_runs_them_all() {
+    let models = "[models.knn]\n[models.network]\nmodel.kind = \"nn\"\n\
+        dynamics = { hidden_units = 16, epochs = 2 }\n";
+    let place = place("nearest", models);
+    let dry = place.calib(&["run", "study.toml", "--dry-run"]);
+    dry.succeeds();
+    let ran = place.calib(&["run", "study.toml"]);
+    assert!([0, 1].contains(&ran.code()), "{}{}", ran.stdout(), ran.stderr());
+    assert!(ran.stdout().contains("what to deploy"), "{}", ran.stdout());
+    for model in ["knn", "network"] {
+        for part in ["near", "far"] {
+            let directory = format!("study-results/models/{model}/deployments/{part}");
+            let manifest = json(&place, &format!("{directory}/rollout/manifest.json"));
+            assert_eq!(manifest["comparison"]["against"], "deployment");
+            assert!(place.path().join(directory).join("report.html").is_file());
+        }
+    }
+    let again = place.calib(&["run", "study.toml"]);
+    assert!(again.stderr().matches("up to date").count() >= 10, "{}", again.stderr());
 }
 
 #[test]
