@@ -12,7 +12,9 @@ pub(super) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
     match &judged.manifest.held_out {
         Some(held_out) => {
             let [start, end] = &held_out.times;
-            format!("{learned}; judged on {start} to {end}, which nothing had learned from.")
+            let name = judged.paths.deployment();
+            let name = name.map_or_else(String::new, |name| format!("{name}, "));
+            format!("{learned}; judged on {name}{start} to {end}, which nothing had learned from.")
         }
         None => format!("{learned}; no data was held out."),
     }

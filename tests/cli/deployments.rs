@@ -82,10 +82,12 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     ] {
         assert!(report.contains(text), "{text} is missing");
     }
-    assert!(place.path().join("study-results/evaluate/figures/sensitivity-PIT300-near.svg").is_file());
+    assert!(
+        place.path().join("study-results/evaluate/figures/sensitivity-PIT300-near.svg").is_file()
+    );
     let own = place.path().join("study-results/deployments/near/report.html");
     let own = fs::read_to_string(own).expect("readable");
-    assert!(own.contains("deployment near (2022-11-03 .. 2022-11-03T12:00:00)"));
+    assert!(own.contains("judged on near, 2022-11-03 00:00:00 to"));
     let manifest = json(&place, "study-results/deployments/near/rollout/manifest.json");
     let starts = &manifest["members"][0]["starts"];
     assert_eq!(starts["starts"], 3);
