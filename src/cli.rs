@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
     Evaluate(StudyArgs),
+    /// Judge how well calib chooses, over several studies with held-out data
+    Validity(ValidityArgs),
     /// Dynamic time warping distance between two series
     Dtw(DtwArgs),
     /// Print a completion script for a shell
@@ -113,6 +115,34 @@ impl StudyArgs {
     pub(crate) fn is_same_part(&self, other: &Self) -> bool {
         self.model == other.model && self.deployment == other.deployment
     }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ValidityArgs {
+    /// Study files, each of one plant, or folders of them
+    #[arg(required = true, value_name = "STUDY|FOLDER")]
+    pub(crate) studies: Vec<PathBuf>,
+    /// Override a key of all studies; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Where the judgement goes (default: validity-results beside the first study)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// How often plants are drawn again for each interval
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    pub(crate) resamples: usize,
+    /// Root of these draws
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Judge the sweeps that there are; run nothing
+    #[arg(long)]
+    pub(crate) judge_only: bool,
+    /// Say which models are to be run, and stop
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// Print the judgement as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Where networks are trained.

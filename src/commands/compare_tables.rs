@@ -8,6 +8,8 @@ use super::{
     collapse,
     compare::Part,
     comparison::{self, Comparison},
+    evaluate::Judged,
+    one_step::{self, OneStep},
     report,
 };
 
@@ -29,7 +31,8 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
             .iter()
             .filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?)));
         let all: Vec<(String, &Comparison)> = all.collect();
-        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of)));
+        let mut own = one_step_table(group);
+        own.extend(warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of))));
         if several {
             let deployment = group[0].deployment_name();
             for table in &mut own {
@@ -68,6 +71,17 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
         }));
     }
     tables
+}
+
+/// One-step errors of the models, side by side.
+fn one_step_table(group: &[&Part]) -> Vec<Table> {
+    let own = |part: &&Part| {
+        let Judged { paths, manifest, .. } = &part.judged;
+        Some((part.model_name().to_owned(), one_step::read(paths, &manifest.model)?))
+    };
+    let all: Vec<(String, OneStep)> = group.iter().filter_map(own).collect();
+    let all: Vec<(&str, &OneStep)> = all.iter().map(|(name, of)| (name.as_str(), of)).collect();
+    one_step::report_table(&all).into_iter().collect()
 }
 
 fn warping_tables<'a>(models: impl Iterator<Item = (&'a str, &'a Comparison)>) -> Vec<Table> {

@@ -20,6 +20,7 @@ mod jumps;
 mod learning;
 mod model;
 mod model_files;
+mod one_step;
 mod partition;
 mod plant_of_study;
 mod pretrain;
@@ -40,6 +41,7 @@ mod torch;
 mod train_model;
 mod trajectory;
 mod truth;
+mod validity;
 
 use anyhow::Context as _;
 use calib_represent::RepresentationKind;
@@ -95,6 +97,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             [only] if only.is_same_part(&args) => evaluate::run(&args, printer),
             parts => compare::run(&args, parts, &[], printer),
         },
+        Command::Validity(args) => validity::run(&args, printer),
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),
         Command::Man { directory } => generate::man(&directory, printer),

@@ -19,6 +19,7 @@ use super::{
     figures::{self, Starts},
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
+    one_step,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::RolloutManifest,
@@ -116,7 +117,9 @@ fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>)
     let compared = rollouts.and_then(|of| of.comparison.as_ref());
     let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
     let representations = representation_table(study, paths);
-    let rolled_out = compared.into_iter().flatten().chain(starts);
+    let one_step = rollouts.and_then(|of| one_step::read(paths, &of.model));
+    let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
+    let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
     collapse.into_iter().chain(rolled_out).chain(representations).collect()
 }
 

@@ -12,6 +12,7 @@ use super::{
     figures, jumps, load_study,
     model::{self, Model},
     model_files::{self, OpenModel},
+    one_step::{self, OneStep},
     partition,
     starts::{StartSummary, Starts, follow_from_deployment, summaries},
     trajectory::Trajectory,
@@ -99,6 +100,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         let from = (&starts, record);
         (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
     };
+    let one_step = predict_held_out(&study, &paths, &model, &sensors, printer)?;
     if args.json {
         printer.json(&manifest)?;
     } else {
@@ -108,6 +110,9 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
             duration(clock.elapsed())
         ))?;
         summarise(&manifest, &study, printer)?;
+        if let Some(one_step) = &one_step {
+            one_step::show(one_step, printer)?;
+        }
     }
     printer.next(&paths.command("sweep"));
     Ok(ExitStatus::Done)
@@ -220,6 +225,25 @@ fn compare(
     let compared = comparison::compare(model, record, all, sensors, steps, printer)?;
     comparison::write(directory, &compared.pairs, sensors)?;
     Ok(Some(compared.summary))
+}
+
+/// One-step errors on the held-out range, if the study has one and compares anything with what was recorded.
+fn predict_held_out(
+    study: &Study,
+    paths: &StudyPaths,
+    model: &OpenModel,
+    sensors: &[(String, usize)],
+    printer: &Printer,
+) -> anyhow::Result<Option<OneStep>> {
+    let profile = model_files::read_profile(&paths.model())?;
+    if study.rollout.dtw_steps == 0 || profile.held_out.is_none() {
+        return Ok(None);
+    }
+    let dataset = partition::load(study, paths, printer)?.dataset;
+    model_files::check_data(paths, &model.manifest, &dataset)?;
+    let held_out = dataset.held_out.as_ref().zip(dataset.held_out_fingerprint.as_ref());
+    let Some(held_out) = held_out else { return Ok(None) };
+    one_step::ensure((study, paths), model, held_out, sensors, printer)
 }
 
 /// The data, where start states follow from its deployment.

@@ -7,7 +7,8 @@
 //!   the next state `s'_i`.
 //! - [`Workplace`], [`Parts`], [`MemoryNeed`]: large builds on disk, interrupted ones continued, memory predicted.
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
-//! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states.
+//! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states, and what it is
+//!   expected to lead to.
 //! - [`verify`]: tables against brute force. [`Shortcuts`] make a search faster and its tables approximate; [`recall`] says by how much.
 //!
 //! ```
@@ -31,6 +32,7 @@ mod config;
 mod distance;
 mod error;
 mod exclusion;
+mod expectation;
 mod groups;
 mod index;
 mod lists;

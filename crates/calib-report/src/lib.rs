@@ -2,6 +2,7 @@
 //!
 //! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
 //! - [`Report`]: everything a study found; [`Report::html`] makes one self-contained page of it.
+//! - [`Overview`]: a page of charts and tables on several studies.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
 //! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers as people read them.
 //!
@@ -13,6 +14,7 @@ mod downsample;
 mod error;
 mod figures;
 mod number;
+mod overview;
 mod page;
 mod report;
 mod setting;
@@ -25,6 +27,7 @@ pub use figures::{
     RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
+pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
     Report, Reproduction, Table, TopK, Verdict,

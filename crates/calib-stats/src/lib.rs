@@ -9,7 +9,9 @@
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`]: the worst-rank rule, with its tie set.
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
+//! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
+//! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
 //! - [`quantile`], [`median`]: order statistics.
 //! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories,
 //!   beside warping; [`collapse_step`]: where a trajectory stops moving.
@@ -33,10 +35,13 @@
 //! ```
 
 mod agreement;
+mod bootstrap;
 mod correlation;
 mod direction;
 mod diverged;
 mod error;
+mod one_step;
+mod pooled;
 mod prediction;
 mod quantile;
 mod ranks;
@@ -45,9 +50,12 @@ mod summary;
 mod trajectory;
 
 pub use agreement::{regret, top_k_hit};
+pub use bootstrap::cluster_interval;
 pub use correlation::{kendall_tau_b, spearman};
 pub use direction::Direction;
 pub use error::StatsError;
+pub use one_step::StepErrors;
+pub use pooled::pooled_spearman;
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};

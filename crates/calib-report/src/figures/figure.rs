@@ -22,7 +22,8 @@ enum Layout {
 }
 
 impl Figure {
-    pub(crate) const fn new(chart: Chart) -> Self {
+    /// The figure of one chart.
+    pub const fn new(chart: Chart) -> Self {
         Self { chart, layout: Layout::Single }
     }
 

@@ -3,12 +3,15 @@
 mod charts;
 mod figure;
 mod learning;
+mod overview;
 mod tables;
 mod verdicts;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::{Report, ReportError};
+
+pub(crate) use overview::overview;
 
 const STYLE: &str = include_str!("style.css");
 /// One block, so that its names are not the page's.
@@ -29,6 +32,11 @@ const POLICY: &str =
 /// Renders `report`.
 pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
     let sections = sections(report)?;
+    Ok(document(&report.title, report.subtitle.as_deref(), "Skip to the verdict", &sections))
+}
+
+/// A complete page; `skip` names the first section for those who read by ear.
+fn document(title: &str, subtitle: Option<&str>, skip: &str, sections: &[Section]) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -37,25 +45,25 @@ pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="generator" content="calib";
-                title { (report.title) " – calib report" }
+                title { (title) " – calib report" }
                 link rel="icon" href="data:,";
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                a.skip href="#verdict" { "Skip to the verdict" }
+                @if let Some(first) = sections.first() { a.skip href={ "#" (first.id) } { (skip) } }
                 header.top {
                     div {
                         p.kind { "Calibration report" }
-                        h1 { (report.title) }
-                        @if let Some(subtitle) = &report.subtitle { p.subtitle { (subtitle) } }
+                        h1 { (title) }
+                        @if let Some(subtitle) = subtitle { p.subtitle { (subtitle) } }
                     }
                     button.theme type="button" aria-label="Switch between light and dark" { "◐ Theme" }
                 }
                 nav aria-label="Sections" {
-                    @for section in &sections { a href={ "#" (section.id) } { (section.title) } }
+                    @for section in sections { a href={ "#" (section.id) } { (section.title) } }
                 }
                 main {
-                    @for section in &sections {
+                    @for section in sections {
                         section id=(section.id) aria-labelledby={ (section.id) "-title" } {
                             h2 id={ (section.id) "-title" } { (section.title) }
                             @if section.parts.len() > 1 { (contents(section)) }
@@ -68,7 +76,7 @@ pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
             }
         }
     };
-    Ok(page.into_string())
+    page.into_string()
 }
 
 /// Links to the parts of a section.

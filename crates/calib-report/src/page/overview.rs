@@ -1,0 +1,60 @@
+//! The page on several studies.
+
+use maud::html;
+
+use super::{
+    Part, Section, document,
+    figure::{Drawn, Numbers},
+    tables::table,
+};
+use crate::Overview;
+
+/// Renders `overview`.
+pub(crate) fn overview(overview: &Overview) -> String {
+    let Overview { title, subtitle, findings, warnings, figures, tables, command } = overview;
+    let mut sections = vec![Section {
+        id: "findings",
+        title: "What was found",
+        parts: Vec::new(),
+        body: html! {
+            @for finding in findings { p { (finding) } }
+            @if !warnings.is_empty() {
+                div.warnings role="note" {
+                    h3 { "Before you rely on this" }
+                    ul { @for warning in warnings { li { (warning) } } }
+                }
+            }
+        },
+    }];
+    if !figures.is_empty() {
+        let id = |number: usize| format!("figure-{number}");
+        let parts = figures.iter().enumerate();
+        let parts =
+            parts.map(|(number, of)| Part { id: id(number), title: of.chart.title.clone() });
+        let body = html! {
+            @for (number, figure) in figures.iter().enumerate() {
+                (Drawn {
+                    chart: &figure.chart,
+                    id: &id(number),
+                    caption: &figure.caption,
+                    table: &figure.table,
+                    numbers: Numbers::All,
+                    shown: figure.chart.series.len(),
+                    details: &[],
+                }.markup())
+            }
+        };
+        sections.push(Section { id: "figures", title: "Figures", parts: parts.collect(), body });
+    }
+    if !tables.is_empty() {
+        let id = |number: usize| format!("table-{number}");
+        let parts = tables.iter().enumerate();
+        let parts = parts.map(|(number, of)| Part { id: id(number), title: of.title.clone() });
+        let body =
+            html! { @for (number, own) in tables.iter().enumerate() { (table(own, &id(number))) } };
+        sections.push(Section { id: "tables", title: "Tables", parts: parts.collect(), body });
+    }
+    let body = html! { pre { code { (command) } } };
+    sections.push(Section { id: "reproduce", title: "Reproduce", parts: Vec::new(), body });
+    document(title, subtitle.as_deref(), "Skip to what was found", &sections)
+}

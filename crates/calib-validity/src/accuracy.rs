@@ -1,0 +1,106 @@
+//! Is the more accurate model the one that chooses better?
+
+use calib_stats::{Interval, StatsError, pooled_spearman};
+use serde::Serialize;
+
+use crate::{ModelPair, Pair, over_plants::OverPlants};
+
+/// What is known of a model without looking at Online: how it predicts, or how its rollouts look. Lower is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Predictor {
+    /// One-step error of the sensor.
+    OneStep,
+    /// One-step error of all columns.
+    OneStepAll,
+    /// Warping distance of rollouts.
+    Dtw,
+}
+
+/// How badly it chooses. Lower is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// Regret of its choice.
+    Regret,
+    /// Disagreement of its ranking with Online: minus Spearman's correlation.
+    Disagreement,
+}
+
+/// Whether models that do better by one do better by the other, within plant–sensor pairs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Accuracy {
+    /// What is known of the model.
+    pub predictor: Predictor,
+    /// How badly it chooses.
+    pub outcome: Outcome,
+    /// Pairs with at least two models that have both.
+    pub pairs: usize,
+    /// Models in them, counted in each.
+    pub models: usize,
+    /// Pooled rank correlation within pairs: 1 if the more accurate model always chooses better.
+    pub correlation: Option<f64>,
+    /// 95 % interval of it, over plants.
+    pub interval: Option<Interval>,
+}
+
+impl Predictor {
+    const ALL: [Self; 3] = [Self::OneStep, Self::OneStepAll, Self::Dtw];
+
+    fn of(self, model: &ModelPair) -> Option<f64> {
+        match self {
+            Self::OneStep => model.one_step,
+            Self::OneStepAll => model.one_step_all,
+            Self::Dtw => model.dtw,
+        }
+    }
+}
+
+impl Outcome {
+    const ALL: [Self; 2] = [Self::Regret, Self::Disagreement];
+
+    fn of(self, model: &ModelPair, regrets: &[f64]) -> Option<f64> {
+        match self {
+            Self::Regret => Some(regrets[model.selection.chosen]),
+            Self::Disagreement => Some(-model.spearman?),
+        }
+    }
+}
+
+/// All predictors against all outcomes.
+pub(crate) fn accuracies(
+    pairs: &[Pair],
+    regrets: &[Vec<f64>],
+    plants: &OverPlants,
+) -> Result<Vec<Accuracy>, StatsError> {
+    let mut all = Vec::new();
+    for outcome in Outcome::ALL {
+        for predictor in Predictor::ALL {
+            let groups: Vec<(Vec<f64>, Vec<f64>)> = pairs
+                .iter()
+                .zip(regrets)
+                .map(|(pair, regrets)| {
+                    let both = |model| Some((predictor.of(model)?, outcome.of(model, regrets)?));
+                    pair.models.iter().filter_map(both).unzip()
+                })
+                .collect();
+            let has = |pair: usize| groups[pair].0.len() > 1;
+            let correlation = |of: &[usize]| {
+                let of: Vec<(&[f64], &[f64])> =
+                    of.iter().map(|&pair| (&*groups[pair].0, &*groups[pair].1)).collect();
+                pooled_spearman(&of)
+            };
+            let known: Vec<usize> = (0..pairs.len()).filter(|&pair| has(pair)).collect();
+            all.push(Accuracy {
+                predictor,
+                outcome,
+                pairs: known.len(),
+                models: known.iter().map(|&pair| groups[pair].0.len()).sum(),
+                correlation: correlation(&known)?,
+                // What was NaN was refused above.
+                interval: plants.interval(has, |of| correlation(of).ok().flatten())?,
+            });
+        }
+    }
+    Ok(all)
+}

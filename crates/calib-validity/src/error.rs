@@ -1,0 +1,41 @@
+use calib_stats::StatsError;
+
+/// Results that cannot be judged together.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ValidityError {
+    /// There is nothing to judge.
+    #[error(
+        "there is no plant and sensor to judge; expected at least one study with held-out data in which some value did \
+         not diverge Online"
+    )]
+    NoPairs,
+    /// A pair has another number of values than the others.
+    #[error("{sensor} of {plant} has Online errors of {got} values, expected {expected}")]
+    Values {
+        /// The plant.
+        plant: String,
+        /// The sensor.
+        sensor: String,
+        /// Values of the grid.
+        expected: usize,
+        /// Values found.
+        got: usize,
+    },
+    /// A choice that is not one of the values.
+    #[error("{sensor} of {plant}: the choice of {whose} is value {got}, but there are {values}")]
+    Choice {
+        /// The plant.
+        plant: String,
+        /// The sensor.
+        sensor: String,
+        /// Who chose.
+        whose: String,
+        /// The choice.
+        got: usize,
+        /// Values of the grid.
+        values: usize,
+    },
+    /// Numbers that no statistic can be computed from.
+    #[error(transparent)]
+    Stats(#[from] StatsError),
+}

@@ -1,0 +1,150 @@
+//! Which studies there are, and running what is missing of them.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail, ensure};
+use calib_knn::ModelKind;
+use calib_represent::RepresentationKind;
+
+use super::super::{
+    artefact::MANIFEST, build_model, evaluate, load_study, pretrain, represent, rollout, sweep,
+};
+use crate::{
+    cli::{BuildModelArgs, StudyArgs, ValidityArgs},
+    output::Printer,
+    study::Study,
+};
+
+/// A study on the command line.
+pub(super) struct Listed {
+    /// What the plant is called: the name of the file without `.toml`.
+    pub(super) plant: String,
+    pub(super) path: PathBuf,
+    /// Its models; `None` for a study with one model that has no name.
+    pub(super) models: Vec<Option<String>>,
+}
+
+/// What there is of a model.
+pub(super) enum ModelState {
+    Complete,
+    /// It cannot be made here.
+    Missing {
+        reason: String,
+    },
+}
+
+/// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order.
+pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Vec<Listed>> {
+    let mut studies: Vec<Listed> = Vec::new();
+    for path in &args.studies {
+        for path in files(path)? {
+            let plant = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+            let plant = plant.with_context(|| format!("{} has no name", path.display()))?;
+            if let Some(other) = studies.iter().find(|other| other.plant == plant) {
+                bail!(
+                    "{} and {} are both called {plant}, and a study stands for a plant: intervals are over plants; \
+                     rename one, or leave it out",
+                    other.path.display(),
+                    path.display()
+                );
+            }
+            let names = Study::model_names(&path, &args.set)?;
+            let models = match names.as_slice() {
+                [] => vec![None],
+                names => names.iter().cloned().map(Some).collect(),
+            };
+            studies.push(Listed { plant, path, models });
+        }
+    }
+    Ok(studies)
+}
+
+fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries =
+        std::fs::read_dir(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut files: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .collect();
+    ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
+    files.sort();
+    Ok(files)
+}
+
+/// The arguments of the other commands for one model of a study.
+pub(super) fn args_of(study: &Listed, model: Option<&str>, args: &ValidityArgs) -> StudyArgs {
+    StudyArgs {
+        study: study.path.clone(),
+        set: args.set.clone(),
+        model: model.map(str::to_owned),
+        output: None,
+        force: false,
+        dry_run: false,
+        json: false,
+    }
+}
+
+/// Say what there is and what would be run.
+pub(super) fn announce(
+    studies: &[Listed],
+    args: &ValidityArgs,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    for study in studies {
+        for model in &study.models {
+            let args = args_of(study, model.as_deref(), args);
+            load_study(&args)?;
+            let state = if evaluate::judge(&args).is_ok() { "is swept" } else { "is to be run" };
+            let model = model.as_deref().map_or_else(String::new, |name| format!(", {name}"));
+            printer.result(&format!("{}{model} {state}", study.plant))?;
+        }
+    }
+    Ok(())
+}
+
+/// Run what is missing of a model, from its representation to its sweep; each step does what is not up to date.
+pub(super) fn complete(
+    study: &Listed,
+    model: Option<&str>,
+    args: &ValidityArgs,
+    printer: &Printer,
+) -> anyhow::Result<ModelState> {
+    let args_of = args_of(study, model, args);
+    let (settings, paths) = load_study(&args_of)?;
+    let is_built = paths.model().join(MANIFEST).exists();
+    if let Some(reason) = cannot_train(&settings).filter(|_| !is_built) {
+        let model = model.unwrap_or("the model");
+        return Ok(ModelState::Missing { reason: format!("{model} of {}: {reason}", study.plant) });
+    }
+    if args.judge_only {
+        return Ok(ModelState::Complete);
+    }
+    if let Some(model) = model {
+        printer.heading(&format!("model {model}"));
+    }
+    // Only the judgement is the result; the steps before it just report.
+    let steps = printer.talking();
+    if settings.pretrain.epochs > 0 && settings.pretrain.checkpoint.is_none() {
+        pretrain::run(&StudyArgs { model: None, ..args_of.clone() }, &steps)?;
+    }
+    if !settings.is_parametric() && settings.representation.kind != RepresentationKind::None {
+        represent::run(&args_of, None, &steps)?;
+    }
+    if !(is_built && cannot_train(&settings).is_some()) {
+        build_model::run(&BuildModelArgs::new(args_of.clone(), 0), &steps)?;
+    }
+    rollout::run(&args_of, &steps)?;
+    sweep::run(&args_of, &steps)?;
+    Ok(ModelState::Complete)
+}
+
+/// Why this calib cannot train the model, if it cannot.
+fn cannot_train(study: &Study) -> Option<&'static str> {
+    let wants_libtorch = matches!(study.model.kind, ModelKind::Gru | ModelKind::Torchscript);
+    (wants_libtorch && !cfg!(feature = "torch"))
+        .then_some("it wants libtorch, which this calib was built without, and has not been built by another one")
+}
