@@ -31,11 +31,19 @@ pub(super) fn run(
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    train_model::check_available(study, args.device)?;
+    let directory = paths.model();
+    // What another calib has trained can be used by one that cannot train it.
+    let may_be_there = args.device.is_none()
+        && !args.study.force
+        && artefact::read::<ModelManifest>(&directory)
+            .is_some_and(|there| there.study.model.kind == study.model.kind);
+    let mut cannot_train = train_model::check_available(study, args.device).err();
+    if let Some(reason) = cannot_train.take_if(|_| !may_be_there) {
+        return Err(reason);
+    }
     if args.verify > 0 {
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
-    let directory = paths.model();
     printer.say(&format!(
         "build-model: reading {}",
         plant_of_study::data(study, paths)?.path.0.join(", ")
@@ -52,6 +60,8 @@ pub(super) fn run(
     let verb = if existing.is_some() { "up to date:" } else { "wrote" };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
+    } else if let Some(reason) = cannot_train {
+        return Err(reason);
     } else {
         build(args, (study, paths), &dataset, key, &directory, (clock, printer))?
     };

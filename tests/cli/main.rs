@@ -15,3 +15,4 @@ mod real_data;
 mod represent;
 mod studies;
 mod sweeps;
+mod validity;

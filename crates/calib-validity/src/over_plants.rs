@@ -21,12 +21,11 @@ impl OverPlants {
         let mut names: Vec<&str> = Vec::new();
         let mut pairs: Vec<Vec<usize>> = Vec::new();
         for (number, plant) in plants.enumerate() {
-            match names.iter().position(|name| *name == plant) {
-                Some(place) => pairs[place].push(number),
-                None => {
-                    names.push(plant);
-                    pairs.push(vec![number]);
-                }
+            if let Some(place) = names.iter().position(|name| *name == plant) {
+                pairs[place].push(number);
+            } else {
+                names.push(plant);
+                pairs.push(vec![number]);
             }
         }
         Self { pairs, resamples, seed }

@@ -16,7 +16,6 @@ use serde::Serialize;
 use super::artefact::{Below, Claim, TOOL};
 use crate::{cli::ValidityArgs, exit::ExitStatus, output::Printer};
 use gather::Gathered;
-use studies::{Listed, ModelState};
 
 /// `validity.json`.
 #[derive(Serialize)]
@@ -52,11 +51,14 @@ pub(super) fn run(args: &ValidityArgs, printer: &Printer) -> anyhow::Result<Exit
     let mut missing = Vec::new();
     for study in &studies {
         printer.heading(&format!("study {}", study.plant));
+        if !args.judge_only {
+            studies::complete(study, args, printer)?;
+        }
         let mut models = Vec::with_capacity(study.models.len());
         for model in &study.models {
-            match studies::complete(study, model.as_deref(), args, printer)? {
-                ModelState::Complete => models.push(model.clone()),
-                ModelState::Missing { reason } => {
+            match studies::missing(study, model.as_deref(), args)? {
+                None => models.push(model.clone()),
+                Some(reason) => {
                     printer.warn(&reason);
                     missing.push(reason);
                 }

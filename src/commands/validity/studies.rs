@@ -4,13 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use calib_knn::ModelKind;
-use calib_represent::RepresentationKind;
 
-use super::super::{
-    artefact::MANIFEST, build_model, evaluate, load_study, pretrain, represent, rollout, sweep,
-};
+use super::super::{artefact::MANIFEST, chain, evaluate, load_study};
 use crate::{
-    cli::{BuildModelArgs, StudyArgs, ValidityArgs},
+    cli::{StudyArgs, ValidityArgs},
     output::Printer,
     study::Study,
 };
@@ -22,15 +19,6 @@ pub(super) struct Listed {
     pub(super) path: PathBuf,
     /// Its models; `None` for a study with one model that has no name.
     pub(super) models: Vec<Option<String>>,
-}
-
-/// What there is of a model.
-pub(super) enum ModelState {
-    Complete,
-    /// It cannot be made here.
-    Missing {
-        reason: String,
-    },
 }
 
 /// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order.
@@ -106,45 +94,30 @@ pub(super) fn announce(
     Ok(())
 }
 
-/// Run what is missing of a model, from its representation to its sweep; each step does what is not up to date.
+/// Run what is missing of a study: `calib run`, whose results are only steps here.
 pub(super) fn complete(
+    study: &Listed,
+    args: &ValidityArgs,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    chain::run(&args_of(study, None, args), &printer.talking()).map(|_| ())
+}
+
+/// Why a model is not there, if it is one that this calib cannot train.
+pub(super) fn missing(
     study: &Listed,
     model: Option<&str>,
     args: &ValidityArgs,
-    printer: &Printer,
-) -> anyhow::Result<ModelState> {
-    let args_of = args_of(study, model, args);
-    let (settings, paths) = load_study(&args_of)?;
-    let is_built = paths.model().join(MANIFEST).exists();
-    if let Some(reason) = cannot_train(&settings).filter(|_| !is_built) {
-        let model = model.unwrap_or("the model");
-        return Ok(ModelState::Missing { reason: format!("{model} of {}: {reason}", study.plant) });
-    }
-    if args.judge_only {
-        return Ok(ModelState::Complete);
-    }
-    if let Some(model) = model {
-        printer.heading(&format!("model {model}"));
-    }
-    // Only the judgement is the result; the steps before it just report.
-    let steps = printer.talking();
-    if settings.pretrain.epochs > 0 && settings.pretrain.checkpoint.is_none() {
-        pretrain::run(&StudyArgs { model: None, ..args_of.clone() }, &steps)?;
-    }
-    if !settings.is_parametric() && settings.representation.kind != RepresentationKind::None {
-        represent::run(&args_of, None, &steps)?;
-    }
-    if !(is_built && cannot_train(&settings).is_some()) {
-        build_model::run(&BuildModelArgs::new(args_of.clone(), 0), &steps)?;
-    }
-    rollout::run(&args_of, &steps)?;
-    sweep::run(&args_of, &steps)?;
-    Ok(ModelState::Complete)
-}
-
-/// Why this calib cannot train the model, if it cannot.
-fn cannot_train(study: &Study) -> Option<&'static str> {
-    let wants_libtorch = matches!(study.model.kind, ModelKind::Gru | ModelKind::Torchscript);
-    (wants_libtorch && !cfg!(feature = "torch"))
-        .then_some("it wants libtorch, which this calib was built without, and has not been built by another one")
+) -> anyhow::Result<Option<String>> {
+    let (settings, paths) = load_study(&args_of(study, model, args))?;
+    let wants_libtorch = matches!(settings.model.kind, ModelKind::Gru | ModelKind::Torchscript);
+    let is_missing =
+        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists();
+    Ok(is_missing.then(|| {
+        format!(
+            "{} of {} is left out: it wants libtorch, which this calib was built without, and no other one has built it",
+            model.unwrap_or("the model"),
+            study.plant
+        )
+    }))
 }

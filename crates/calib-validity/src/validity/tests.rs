@@ -99,11 +99,8 @@ fn two_by_two() {
 fn the_more_accurate_model_chooses_better_or_not() {
     let validity = judged(pairs());
     let of = |predictor, outcome| {
-        let all = validity.accuracy.iter();
-        all.filter(|of| of.predictor == predictor && of.outcome == outcome)
-            .next()
-            .expect("there")
-            .clone()
+        let mut all = validity.accuracy.iter();
+        all.find(|of| of.predictor == predictor && of.outcome == outcome).expect("there").clone()
     };
     // a is more accurate in all three pairs and has the smaller regret in two of them.
     let regret = of(crate::Predictor::OneStep, crate::Outcome::Regret);
