@@ -88,7 +88,9 @@ fn a_folder_of_studies_is_run_and_judged() {
     let regret = own["verdicts"][0]["model_agreement"]["regret"].as_f64().expect("finite");
     let pairs = place.calib(&["validity", "plants/north.toml", "--judge-only", "--output", "one"]);
     let text = pairs.succeeds();
-    let line = text.lines().rfind(|line| line.starts_with("north") && line.contains("PIT300"));
+    let line = text
+        .lines()
+        .rfind(|line| line.trim_start().starts_with("north") && line.contains("PIT300"));
     let line = line.expect("the first pair").to_owned();
     let shown = line.split("  ").map(str::trim).filter(|cell| cell.ends_with('%')).nth(1);
     let shown: f64 = shown.expect("near").trim_end_matches(" %").parse().expect("a number");

@@ -69,6 +69,7 @@ pub(super) fn args_of(study: &Listed, model: Option<&str>, args: &ValidityArgs) 
         study: study.path.clone(),
         set: args.set.clone(),
         model: model.map(str::to_owned),
+        deployment: None,
         output: None,
         force: false,
         dry_run: false,
