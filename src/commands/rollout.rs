@@ -235,8 +235,10 @@ fn predict_held_out(
     sensors: &[(String, usize)],
     printer: &Printer,
 ) -> anyhow::Result<Option<OneStep>> {
-    let profile = model_files::read_profile(&paths.model())?;
-    if study.rollout.dtw_steps == 0 || profile.held_out.is_none() {
+    // A model that deployments share was built without what is held out of one of them.
+    let is_held_out = study.data.held_out.is_some()
+        || model_files::read_profile(&paths.model())?.held_out.is_some();
+    if study.rollout.dtw_steps == 0 || !is_held_out {
         return Ok(None);
     }
     let dataset = partition::load(study, paths, printer)?.dataset;

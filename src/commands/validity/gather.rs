@@ -31,30 +31,42 @@ struct OfModel {
     one_step: Option<OneStep>,
 }
 
-/// All sensors of `study`, with what each of `models` chose.
+/// All sensors of `study` in all its deployments, with what each of `models` chose.
 pub(super) fn gather(
     study: &Listed,
     models: &[Option<String>],
     args: &ValidityArgs,
     printer: &Printer,
 ) -> anyhow::Result<Gathered> {
-    let models = models.iter().map(|model| of_model(study, model.as_deref(), args));
-    let models = models.collect::<anyhow::Result<Vec<_>>>()?;
-    let Some(first) = models.first() else {
-        bail!("{}: no model of it can be made here", study.path.display());
-    };
-    let candidates = &first.judged.manifest.candidates;
-    let grid = candidates.iter().filter(|candidate| candidate.role == Role::Grid);
-    let values: Vec<String> = grid.map(Candidate::label).collect();
-    let mut pairs = Vec::new();
-    for verdict in &first.judged.summary.verdicts {
-        pairs.push(pair(study, verdict, candidates, values.len(), &models, printer)?);
+    let mut gathered =
+        Gathered { plant: study.plant.clone(), values: Vec::new(), pairs: Vec::new() };
+    for deployment in &study.deployments {
+        let deployment = deployment.as_deref();
+        let of = models.iter().map(|model| of_model(study, (model.as_deref(), deployment), args));
+        let of = of.collect::<anyhow::Result<Vec<_>>>()?;
+        let Some(first) = of.first() else {
+            bail!("{}: no model of it can be made here", study.path.display());
+        };
+        let candidates = &first.judged.manifest.candidates;
+        let grid = candidates.iter().filter(|candidate| candidate.role == Role::Grid);
+        gathered.values = grid.map(Candidate::label).collect();
+        for verdict in &first.judged.summary.verdicts {
+            let mut own = pair(study, verdict, candidates, &of, printer)?;
+            if let Some(deployment) = deployment {
+                own.sensor = format!("{} ({deployment})", own.sensor);
+            }
+            gathered.pairs.push(own);
+        }
     }
-    Ok(Gathered { plant: study.plant.clone(), values, pairs })
+    Ok(gathered)
 }
 
-fn of_model(study: &Listed, model: Option<&str>, args: &ValidityArgs) -> anyhow::Result<OfModel> {
-    let judged = evaluate::judge(&args_of(study, model, args))?;
+fn of_model(
+    study: &Listed,
+    (model, deployment): (Option<&str>, Option<&str>),
+    args: &ValidityArgs,
+) -> anyhow::Result<OfModel> {
+    let judged = evaluate::judge(&args_of(study, (model, deployment), args))?;
     let key = &judged.manifest.model;
     let rollouts = artefact::read::<RolloutManifest>(&judged.paths.rollout());
     let rollouts = rollouts.filter(|rollouts| rollouts.model == *key);
@@ -67,7 +79,6 @@ fn pair(
     study: &Listed,
     verdict: &SensorVerdict,
     candidates: &[Candidate],
-    values: usize,
     models: &[OfModel],
     printer: &Printer,
 ) -> anyhow::Result<Pair> {
@@ -77,6 +88,7 @@ fn pair(
             study.path.display()
         );
     };
+    let values = candidates.iter().filter(|candidate| candidate.role == Role::Grid).count();
     let mut of_models = Vec::with_capacity(models.len());
     for model in models {
         match model_pair(model, &verdict.sensor) {

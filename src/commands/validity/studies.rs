@@ -9,7 +9,7 @@ use super::super::{artefact::MANIFEST, chain, evaluate, load_study};
 use crate::{
     cli::{StudyArgs, ValidityArgs},
     output::Printer,
-    study::Study,
+    study::{Chosen, Study},
 };
 
 /// A study on the command line.
@@ -19,6 +19,8 @@ pub(super) struct Listed {
     pub(super) path: PathBuf,
     /// Its models; `None` for a study with one model that has no name.
     pub(super) models: Vec<Option<String>>,
+    /// Its deployments; `None` for a study with one held-out range that has no name.
+    pub(super) deployments: Vec<Option<String>>,
 }
 
 /// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order.
@@ -36,15 +38,17 @@ pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Vec<Listed>> {
                     path.display()
                 );
             }
-            let names = Study::model_names(&path, &args.set)?;
-            let models = match names.as_slice() {
-                [] => vec![None],
-                names => names.iter().cloned().map(Some).collect(),
-            };
-            studies.push(Listed { plant, path, models });
+            let models = or_the_only(Study::model_names(&path, &args.set, None)?);
+            let (study, _) = Study::load(&path, &args.set, Chosen::default())?;
+            let deployments = or_the_only(study.deployment_names());
+            studies.push(Listed { plant, path, models, deployments });
         }
     }
     Ok(studies)
+}
+
+fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
+    if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() }
 }
 
 fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
@@ -63,13 +67,18 @@ fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The arguments of the other commands for one model of a study.
-pub(super) fn args_of(study: &Listed, model: Option<&str>, args: &ValidityArgs) -> StudyArgs {
+/// The arguments of the other commands for a model of a study in a deployment.
+pub(super) fn args_of(
+    study: &Listed,
+    (model, deployment): (Option<&str>, Option<&str>),
+    args: &ValidityArgs,
+) -> StudyArgs {
     StudyArgs {
         study: study.path.clone(),
         set: args.set.clone(),
         model: model.map(str::to_owned),
-        deployment: None,
+        deployment: deployment.map(str::to_owned),
+        profile: None,
         output: None,
         force: false,
         dry_run: false,
@@ -85,7 +94,8 @@ pub(super) fn announce(
 ) -> anyhow::Result<()> {
     for study in studies {
         for model in &study.models {
-            let args = args_of(study, model.as_deref(), args);
+            let first = study.deployments.first().and_then(Option::as_deref);
+            let args = args_of(study, (model.as_deref(), first), args);
             load_study(&args)?;
             let state = if evaluate::judge(&args).is_ok() { "is swept" } else { "is to be run" };
             let model = model.as_deref().map_or_else(String::new, |name| format!(", {name}"));
@@ -101,7 +111,7 @@ pub(super) fn complete(
     args: &ValidityArgs,
     printer: &Printer,
 ) -> anyhow::Result<()> {
-    chain::run(&args_of(study, None, args), &printer.talking()).map(|_| ())
+    chain::run(&args_of(study, (None, None), args), &printer.talking()).map(|_| ())
 }
 
 /// Why a model is not there, if it is one that this calib cannot train.
@@ -110,7 +120,7 @@ pub(super) fn missing(
     model: Option<&str>,
     args: &ValidityArgs,
 ) -> anyhow::Result<Option<String>> {
-    let (settings, paths) = load_study(&args_of(study, model, args))?;
+    let (settings, paths) = load_study(&args_of(study, (model, None), args))?;
     let wants_libtorch = matches!(settings.model.kind, ModelKind::Gru | ModelKind::Torchscript);
     let is_missing =
         wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists();
