@@ -300,11 +300,13 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
                 Some((part.model_name(), starts))
             });
             let own: Vec<(&str, &Starts)> = own.collect();
-            if let Some(mut grid) = figures::grid(&own).filter(|_| number == 0 || follows) {
-                if follows {
-                    grid.sensor = group[0].in_deployment(sensor);
-                }
-                grids.push(grid);
+            if number == 0 || follows {
+                grids.extend(figures::grids(&own).into_iter().map(|mut grid| {
+                    if let (true, Some(deployment)) = (follows, &group[0].deployment) {
+                        grid.sensor = format!("{} ({deployment})", grid.sensor);
+                    }
+                    grid
+                }));
             }
         }
     }

@@ -100,47 +100,71 @@ pub(super) fn starts(
     Ok(all)
 }
 
-/// Small plots of one sensor: the longest recorded trajectories of the first model's starts, and each model's rollout
-/// from there. Models that learned from other rows number them otherwise, so a start is known by what was recorded
-/// after it.
-pub(super) fn grid(models: &[(&str, &Starts)]) -> Option<RolloutGrid> {
-    let (_, first) = models.first()?;
-    let mut order: Vec<usize> =
-        (0..first.pairs.len()).filter(|&place| first.pairs[place].0.len() > 1).collect();
-    order.sort_by_key(|&place| std::cmp::Reverse(first.pairs[place].0.len()));
-    order.truncate(GRID_STARTS);
-    order.sort_unstable();
-    let rows: Vec<RolloutRow> = order
-        .iter()
-        .enumerate()
-        .map(|(number, &place)| {
-            let truth = &first.pairs[place].0;
-            let trajectory = |label: &str, values: &[f64]| Trajectory {
-                label: label.to_owned(),
-                period_secs: first.period_secs,
-                values: values.to_vec(),
-            };
-            let rollout = |(name, of): &(&str, &Starts)| {
-                let same = |(recorded, _): &&(Vec<f64>, Vec<f64>)| {
-                    let known = recorded.len().min(truth.len());
-                    known > 1 && recorded[..known] == truth[..known]
-                };
-                let (_, values) = of.pairs.iter().find(same)?;
-                Some(trajectory(name, values))
-            };
-            RolloutRow {
-                label: format!("start {}", number + 1),
-                truth: trajectory("recorded", truth),
-                rollouts: models.iter().map(rollout).collect(),
-            }
-        })
-        .collect();
-    (!rows.is_empty()).then(|| RolloutGrid {
+impl Starts {
+    /// The rollout after which `truth` was recorded. Models that learned from other rows number them otherwise, so a
+    /// start is known by what was recorded after it.
+    fn after(&self, truth: &[f64]) -> Option<&[f64]> {
+        let same = |(recorded, _): &&(Vec<f64>, Vec<f64>)| {
+            let known = recorded.len().min(truth.len());
+            known > 1 && recorded[..known] == truth[..known]
+        };
+        self.pairs.iter().find(same).map(|(_, values)| values.as_slice())
+    }
+}
+
+/// Small plots of one sensor: the starts that most models share, of these those with the longest recorded
+/// trajectories, and each model's rollout from there. Models that share no start with the first have figures of their
+/// own, called after them.
+pub(super) fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
+    let mut grids: Vec<RolloutGrid> = Vec::new();
+    let mut left = models.to_vec();
+    while let Some(&(_, first)) = left.first() {
+        let usable =
+            || first.pairs.iter().map(|(truth, _)| truth.as_slice()).filter(|of| of.len() > 1);
+        let shares = |(_, of): &(&str, &Starts)| usable().any(|truth| of.after(truth).is_some());
+        let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
+        if together.is_empty() {
+            // Nothing was recorded after any start of this model.
+            left.remove(0);
+            continue;
+        }
+        let sharing =
+            |truth: &[f64]| together.iter().filter(|(_, of)| of.after(truth).is_some()).count();
+        let mut shown: Vec<(usize, &[f64])> = usable().enumerate().collect();
+        shown.sort_by_key(|(_, truth)| std::cmp::Reverse((sharing(truth), truth.len())));
+        shown.truncate(GRID_STARTS);
+        shown.sort_unstable_by_key(|(place, _)| *place);
+        let truths: Vec<&[f64]> = shown.into_iter().map(|(_, truth)| truth).collect();
+        let mut next = grid(first, &together, &truths);
+        if !grids.is_empty() {
+            next.sensor = format!("{}, {}", next.sensor, next.models.join(", "));
+        }
+        grids.push(next);
+        left = apart;
+    }
+    grids
+}
+
+fn grid(first: &Starts, models: &[(&str, &Starts)], truths: &[&[f64]]) -> RolloutGrid {
+    let trajectory = |label: &str, values: &[f64]| Trajectory {
+        label: label.to_owned(),
+        period_secs: first.period_secs,
+        values: values.to_vec(),
+    };
+    let row = |(number, truth): (usize, &&[f64])| RolloutRow {
+        label: format!("start {}", number + 1),
+        truth: trajectory("recorded", truth),
+        rollouts: models
+            .iter()
+            .map(|(name, of)| Some(trajectory(name, of.after(truth)?)))
+            .collect(),
+    };
+    RolloutGrid {
         sensor: first.sensor.clone(),
         unit: None,
         models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        rows,
-    })
+        rows: truths.iter().enumerate().map(row).collect(),
+    }
 }
 
 /// The rows of one rollout in the table of trajectories.
@@ -167,4 +191,31 @@ fn groups(trajectories: &Table) -> anyhow::Result<Vec<Group>> {
         }
     }
     Ok(groups)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn starts(truths: &[[f64; 3]]) -> Starts {
+        let pairs = truths.iter().map(|truth| (truth.to_vec(), vec![truth[0], 9.0])).collect();
+        Starts { sensor: "PIT300".to_owned(), period_secs: 1.0, pairs }
+    }
+
+    #[test]
+    fn models_stand_beside_each_other_where_they_start_alike() {
+        let year = starts(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        let week = starts(&[[4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
+        let other = starts(&[[0.0, 0.0, 1.0]]);
+        let grids = grids(&[("year", &year), ("network", &other), ("week", &week)]);
+        let told: Vec<_> = grids.iter().map(|of| (of.sensor.as_str(), of.rows.len())).collect();
+        assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
+        assert_eq!(grids[0].models, ["year", "week"]);
+        let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
+        let both: [Vec<bool>; 2] = [shown(0), shown(1)];
+        assert_eq!(both, [vec![true, false], vec![true, true]]);
+        assert!(super::grids(&[]).is_empty());
+        let none = starts(&[]);
+        assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());
+    }
 }

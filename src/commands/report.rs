@@ -65,9 +65,9 @@ pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Re
     Ok(())
 }
 
-/// A sensor in a deployment, as a part of file names: "PIT300 (april)" is `PIT300-april`.
+/// A sensor in a deployment or of a model, as a part of file names: "PIT300 (april)" is `PIT300-april`.
 pub(super) fn placed(sensor: &str) -> String {
-    sensor.replace(" (", "-").replace(')', "")
+    sensor.replace(" (", "-").replace(", ", "-").replace(')', "")
 }
 
 /// Everything that is known of a finished sweep and its model.
@@ -82,7 +82,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
-    let grids = starts.iter().filter_map(|of| figures::grid(&[(study.model_name(), of)]));
+    let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),

@@ -2,7 +2,7 @@
 
 use super::Chart;
 use super::frame::vertical_axis_width;
-use super::layout::{MARGIN, Sides, WIDTH, heading, panel};
+use super::layout::{LegendPlace, MARGIN, Sides, WIDTH, heading, panel, rule_height};
 use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight};
 
 const HEADING: f64 = 22.0;
@@ -18,36 +18,55 @@ pub(crate) struct GridCell {
     pub(crate) chart: Option<Chart>,
 }
 
-/// Lays `rows` of cells out below the title of `legend_of` and the keys of its curves. The plots of a column are
-/// equally wide and lie below each other, each `height` pixels high.
-pub(crate) fn draw_grid(legend_of: &Chart, rows: &[Vec<GridCell>], height: f64) -> Scene {
+/// Lays `rows` of cells out below the title of `legend_of` and the keys of its curves. All plots are equally wide
+/// and `height` pixels high.
+pub(crate) fn draw_grid(
+    legend_of: &Chart,
+    rows: &[Vec<GridCell>],
+    height: f64,
+    legend_place: LegendPlace,
+) -> Scene {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
-    let cell_width = (WIDTH - 2.0 * MARGIN - GAP * (columns - 1) as f64) / columns as f64;
-    let sides: Vec<Sides> = (0..columns)
+    let beside: Vec<(f64, f64)> = (0..columns)
         .map(|column| {
             let charts = rows.iter().filter_map(|row| row.get(column)?.chart.as_ref());
-            let (mut left, mut right) = (0.0_f64, 4.0_f64);
-            for chart in charts {
-                left = left.max(vertical_axis_width(&chart.left));
-                right = right.max(chart.right.as_ref().map_or(0.0, vertical_axis_width));
-            }
-            let start = MARGIN + column as f64 * (cell_width + GAP);
-            Sides { left: start + left, width: cell_width - left - right }
+            charts.fold((0.0, 4.0), |(left, right), chart| {
+                let own = chart.right.as_ref().map_or(0.0, vertical_axis_width);
+                (vertical_axis_width(&chart.left).max(left), own.max(right))
+            })
+        })
+        .collect();
+    let taken: f64 = beside.iter().map(|(left, right)| left + right).sum();
+    let width = (WIDTH - 2.0 * MARGIN - GAP * (columns - 1) as f64 - taken) / columns as f64;
+    let mut from = MARGIN;
+    let sides: Vec<Sides> = beside
+        .iter()
+        .map(|(left, right)| {
+            let sides = Sides { left: from + left, width };
+            from = sides.left + width + right + GAP;
+            sides
         })
         .collect();
     let mut scene = Scene { width: WIDTH, height: 0.0, plot: Rect::default(), groups: Vec::new() };
     let above = Sides { left: MARGIN + 4.0, width: WIDTH - 2.0 * MARGIN };
-    scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, above);
+    if legend_place == LegendPlace::Inside {
+        scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, above);
+    }
     for row in rows {
         let has_headings = row.iter().any(|cell| cell.heading.is_some());
         let top = scene.height + if has_headings { HEADING } else { 0.0 };
+        // Plots of a row begin at the same height, however many lines of text are above each.
+        let rules = |(cell, &sides): (&GridCell, &Sides)| {
+            cell.chart.as_ref().map_or(0.0, |chart| rule_height(chart, sides))
+        };
+        let room = row.iter().zip(&sides).map(rules).fold(0.0, f64::max);
         let mut bottom = top;
         for (cell, &sides) in row.iter().zip(&sides) {
             if let Some(text) = &cell.heading {
                 scene.groups.push(column_heading(text, top - 4.0, sides));
             }
             if let Some(chart) = &cell.chart {
-                scene.height = top;
+                scene.height = top + room - rule_height(chart, sides);
                 panel(&mut scene, chart, sides, height);
                 bottom = bottom.max(scene.height);
             }

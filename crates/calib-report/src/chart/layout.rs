@@ -84,8 +84,7 @@ pub(super) fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides
 /// Adds one plot with its axes below what `scene` already has.
 pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
     let rule_labels = rule_rows(chart, left, width);
-    let rows = rule_labels.iter().map(|label| label.row + 1).max().unwrap_or(0);
-    let top = scene.height + rows as f64 * RULE_ROW + 6.0;
+    let top = scene.height + height_of(&rule_labels) + 6.0;
     let plot = Rect { x: left, y: top, width, height };
     let mut add = |kind, marks| scene.groups.push(Group { kind, plot, marks });
     add(GroupKind::Axis("x"), horizontal_axis(&chart.x, plot));
@@ -117,6 +116,15 @@ pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sid
 struct RuleLabel {
     x: f64,
     row: usize,
+}
+
+/// Room for the text above the vertical lines of `chart`.
+pub(super) fn rule_height(chart: &Chart, Sides { left, width }: Sides) -> f64 {
+    height_of(&rule_rows(chart, left, width))
+}
+
+fn height_of(labels: &[RuleLabel]) -> f64 {
+    labels.iter().map(|label| label.row + 1).max().unwrap_or(0) as f64 * RULE_ROW
 }
 
 fn rule_rows(chart: &Chart, left: f64, width: f64) -> Vec<RuleLabel> {

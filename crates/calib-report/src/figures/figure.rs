@@ -44,12 +44,13 @@ impl Figure {
 
     /// The figure as a stand-alone SVG document, 960 pixels wide, on white.
     pub fn svg(&self) -> String {
-        svg(&self.scene(), "figure", &self.chart.title, &self.chart.description)
+        svg(&self.scene(LegendPlace::Inside), "figure", &self.chart.title, &self.chart.description)
     }
 
-    /// The figure as an SVG element of a page, in which `id` is unique.
+    /// The figure without its title as an SVG element of a page, in which `id` is unique.
     pub(crate) fn element(&self, id: &str) -> String {
-        svg(&self.scene(), id, &self.chart.title, &self.chart.description)
+        let scene = self.scene(LegendPlace::Outside);
+        svg(&scene, id, &self.chart.title, &self.chart.description)
     }
 
     /// The figure as the bytes of a PNG file, 1920 pixels wide, on white.
@@ -58,14 +59,14 @@ impl Figure {
     ///
     /// The drawing library could not encode it.
     pub fn png(&self) -> Result<Vec<u8>, ReportError> {
-        png(&self.scene())
+        png(&self.scene(LegendPlace::Inside))
     }
 
-    fn scene(&self) -> Scene {
+    fn scene(&self, legend_place: LegendPlace) -> Scene {
         match &self.layout {
             Layout::Stack(panels) if panels.len() > 1 => draw_panels(&self.chart, panels),
-            Layout::Grid(rows, height) => draw_grid(&self.chart, rows, *height),
-            _ => draw(&self.chart, LegendPlace::Inside),
+            Layout::Grid(rows, height) => draw_grid(&self.chart, rows, *height, legend_place),
+            _ => draw(&self.chart, legend_place),
         }
     }
 }

@@ -60,9 +60,21 @@ fn all_verdicts(report: &Report) -> Markup {
     table(&comparison(report).without_empty_columns(), "verdicts")
 }
 
-/// `text` with percentages that stay on one line.
-fn unbroken(text: &str) -> String {
-    text.replace(" %", "\u{a0}%")
+/// `text` with percentages that stay on one line, and numbers such as 1e-4, which browsers break at their sign.
+fn unbroken(text: &str) -> Markup {
+    let text = text.replace(" %", "\u{a0}%");
+    let is_breakable = |word: &str| {
+        word.split_once("e-").is_some_and(|(mantissa, exponent)| {
+            mantissa.ends_with(|c: char| c.is_ascii_digit())
+                && exponent.starts_with(|c: char| c.is_ascii_digit())
+        })
+    };
+    html! {
+        @for (place, word) in text.split(' ').enumerate() {
+            @if place > 0 { " " }
+            @if is_breakable(word) { span.nowrap { (word) } } @else { (word) }
+        }
+    }
 }
 
 /// The advice and what it would have cost; how it came about is behind a line.
@@ -73,7 +85,7 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
             p.badge { (grade.label()) }
             h3 {
                 @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
-                (verdict.headline())
+                (unbroken(&verdict.headline()))
             }
             p.plain { (unbroken(&verdict.plain())) }
             dl.costs {

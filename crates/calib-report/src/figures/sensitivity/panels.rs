@@ -8,7 +8,7 @@ const COLUMNS: usize = 3;
 const HEIGHT: f64 = 210.0;
 
 impl Sensitivity {
-    /// Draws several sensitivity figures beside each other, three a row, under one legend, as the paper prints them.
+    /// Draws several sensitivity figures beside each other, up to three a row, under one legend, as the paper prints them.
     ///
     /// # Errors
     ///
@@ -30,7 +30,7 @@ impl Sensitivity {
             charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ");
         // The sign for diverged values is explained if any plot has one.
         head.series = widest(&charts);
-        let columns = all.len().min(COLUMNS);
+        let columns = if all.len() == 4 { 2 } else { all.len().min(COLUMNS) };
         let last = charts.len() - 1;
         let cell = |(place, (chart, one)): (usize, (Chart, &Self))| {
             let mut chart = chart;

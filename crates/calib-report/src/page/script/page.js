@@ -6,8 +6,8 @@ for (const figure of document.querySelectorAll("figure.chart")) charts.set(figur
 for (const button of document.querySelectorAll("figure.still button.save"))
   button.addEventListener("click", () => {
     const figure = button.closest("figure");
-    const picture = new XMLSerializer().serializeToString(figure.querySelector(".plot svg"));
-    savePicture(figure.querySelector("h3").textContent, button.dataset.format, picture);
+    const title = figure.querySelector("h3").textContent;
+    savePicture(title, button.dataset.format, new XMLSerializer().serializeToString(figure.querySelector(".plot svg")));
   });
 
 const tableText = (table) =>
