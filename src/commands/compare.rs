@@ -54,9 +54,9 @@ struct DeploymentSummary {
 /// A model in a deployment, with all that is known of it.
 pub(super) struct Part {
     pub(super) model: Option<String>,
-    deployment: Option<String>,
+    pub(super) deployment: Option<String>,
     pub(super) judged: Judged,
-    report: Report,
+    pub(super) report: Report,
     pub(super) rollouts: Option<RolloutManifest>,
     starts: Vec<Starts>,
 }
@@ -236,7 +236,7 @@ fn whole(
         rollouts: Vec::new(),
         rollout_grids: rollout_grids(study, &deployments),
         jumps: Vec::new(),
-        warnings: Vec::new(),
+        warnings: compare_tables::warnings(parts),
         ..first.clone()
     };
     let mut seen: Vec<PathBuf> = Vec::new();
@@ -254,15 +254,6 @@ fn whole(
                 }
                 figure
             }));
-        }
-        for warning in &part.report.warnings {
-            let told = match &part.deployment {
-                Some(deployment) => format!("{deployment}: {warning}"),
-                None => warning.clone(),
-            };
-            if !whole.warnings.contains(&told) {
-                whole.warnings.push(told);
-            }
         }
     }
     // Parts that learned from, or were judged by, different times have no line in common.

@@ -109,3 +109,25 @@ fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
     let pooled = models.into_iter().map(|(name, _, all)| Some((name, comparison::pool(&all)?)));
     pooled.flatten().collect()
 }
+
+/// What to know before relying on any of it; what is said of all models of a deployment is said once.
+pub(super) fn warnings(parts: &[Part]) -> Vec<String> {
+    let mut all = Vec::new();
+    for part in parts {
+        for warning in &part.report.warnings {
+            let mut beside = parts.iter().filter(|other| other.deployment == part.deployment);
+            let of_all = beside.all(|other| other.report.warnings.contains(warning));
+            let model = part.model.as_ref().filter(|_| !of_all);
+            let place: Vec<&str> =
+                model.into_iter().chain(&part.deployment).map(String::as_str).collect();
+            let told = match place.as_slice() {
+                [] => warning.clone(),
+                place => format!("{}: {warning}", place.join(", ")),
+            };
+            if !all.contains(&told) {
+                all.push(told);
+            }
+        }
+    }
+    all
+}
