@@ -187,7 +187,8 @@ impl StartSummary {
     pub(super) fn text(&self) -> Option<String> {
         let Self { starts, replaced, mean_distance, largest_distance } = self;
         let (mean, largest) = mean_distance.zip(*largest_distance)?;
-        let away = format!("{} away, {} at most", significant(mean), significant(largest));
+        let away =
+            format!("{} away on average, {} at most", significant(mean), significant(largest));
         Some(match replaced {
             0 => format!(
                 "all {starts} start states are the model's nearest to those asked for ({away})"
