@@ -16,7 +16,7 @@ fn place() -> Place {
 }
 
 #[test]
-fn the_papers_studies_are_valid_at_both_sizes() {
+fn the_papers_studies_are_valid_at_every_size() {
     let place = place();
     for (study, steps) in [
         ("one-week.toml", "then: represent, build-model, rollout, sweep, evaluate"),
@@ -27,9 +27,11 @@ fn the_papers_studies_are_valid_at_both_sizes() {
         assert_eq!(whole.code(), 0, "{}", whole.stderr());
         assert!(whole.stderr().contains("days x 480 channels"), "{}", whole.stderr());
         assert!(whole.stderr().contains(steps), "{}", whole.stderr());
-        let tiny = place.calib(&["run", study, "--dry-run", "--profile", "tiny"]);
-        assert_eq!(tiny.code(), 0, "{}", tiny.stderr());
-        assert!(tiny.stderr().contains(steps), "{}", tiny.stderr());
+        for profile in ["tiny", "small"] {
+            let other = place.calib(&["run", study, "--dry-run", "--profile", profile]);
+            assert_eq!(other.code(), 0, "{}", other.stderr());
+            assert!(other.stderr().contains(steps), "{}", other.stderr());
+        }
     }
 }
 
