@@ -7,14 +7,14 @@ use calib_report::{LearningCurves, Report, RolloutGrid, Sensitivity, Verdict};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, Below, Claim, TOOL},
+    artefact::{Below, Claim, TOOL},
     compare_tables,
     comparison::Comparison,
     deployed::{self, Deployed},
     evaluate::{Judged, Summary, judge, print, told},
     figures::{self, Starts},
     learning, load_study, name, report, report_data,
-    rollout::RolloutManifest,
+    rollout::{self, RolloutManifest},
     starts::follow_from_deployment,
 };
 use crate::{
@@ -77,8 +77,7 @@ impl Part {
                 curves.environment = format!("{} of {name}", curves.environment);
             }
         }
-        let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
-            .filter(|rollouts| rollouts.model == manifest.model);
+        let rollouts = rollout::finished(study, paths, &manifest.model);
         let (model, deployment) = (args.model.clone(), args.deployment.clone());
         let starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,

@@ -76,8 +76,9 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
 /// One-step errors of the models, side by side.
 fn one_step_table(group: &[&Part]) -> Vec<Table> {
     let own = |part: &&Part| {
-        let Judged { paths, manifest, .. } = &part.judged;
-        Some((part.model_name().to_owned(), one_step::read(paths, &manifest.model)?))
+        let Judged { study, paths, manifest, .. } = &part.judged;
+        part.rollouts.as_ref()?;
+        Some((part.model_name().to_owned(), one_step::read(study, paths, &manifest.model)?))
     };
     let all: Vec<(String, OneStep)> = group.iter().filter_map(own).collect();
     let all: Vec<(&str, &OneStep)> = all.iter().map(|(name, of)| (name.as_str(), of)).collect();

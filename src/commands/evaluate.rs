@@ -7,6 +7,7 @@ use super::{
     load_study,
     model_files::ModelManifest,
     report,
+    rollout::{self, RolloutManifest},
     sweep::{SweepManifest, unit_store},
 };
 use crate::{
@@ -92,11 +93,25 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         advice,
         candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
         verdicts,
-        notes: manifest.notes.clone(),
+        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)].concat(),
     };
     let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
     let (written, _) = load_study(&whole)?;
     Ok(Judged { study, written, paths, manifest, results, summary })
+}
+
+/// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
+fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> Vec<String> {
+    let there = artefact::read::<RolloutManifest>(&paths.rollout()).is_some();
+    if there && rollout::finished(study, paths, model).is_none() {
+        vec![format!(
+            "the rollouts in {} were made with other settings and are not shown; run `{}` again",
+            paths.rollout().display(),
+            paths.command("rollout")
+        )]
+    } else {
+        Vec::new()
+    }
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.

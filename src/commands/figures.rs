@@ -1,7 +1,8 @@
 //! Figures of a study, as files.
 
-use std::{io::Write as _, path::Path};
+use std::{cmp::Reverse, io::Write as _, path::Path};
 
+use calib_core::Timestamp;
 use calib_data::table::Table;
 use calib_files::{file_name, write_atomically};
 use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
@@ -72,7 +73,14 @@ const GRID_STARTS: usize = 4;
 pub(super) struct Starts {
     pub(super) sensor: String,
     period_secs: f64,
-    pairs: Vec<(Vec<f64>, Vec<f64>)>,
+    pairs: Vec<Start>,
+}
+
+struct Start {
+    /// When it was recorded: models that learned from other rows number them otherwise.
+    time: Option<Timestamp>,
+    recorded: Vec<f64>,
+    values: Vec<f64>,
 }
 
 /// All starts of `trajectories`, sensor by sensor, in the order in which they were rolled out.
@@ -88,11 +96,14 @@ pub(super) fn starts(
         let recorded = trajectories.optional::<f64>(&format!("{sensor}.recorded"))?;
         let mut seen: Vec<u32> = Vec::new();
         let mut pairs = Vec::new();
-        for Group { wanted, rows, .. } in &groups {
+        for Group { wanted, time, rows, .. } in &groups {
             if !seen.contains(wanted) {
                 seen.push(*wanted);
-                let truth: Vec<f64> = recorded[rows.clone()].iter().flatten().copied().collect();
-                pairs.push((truth, values[rows.clone()].to_vec()));
+                pairs.push(Start {
+                    time: *time,
+                    recorded: recorded[rows.clone()].iter().flatten().copied().collect(),
+                    values: values[rows.clone()].to_vec(),
+                });
             }
         }
         all.push(Starts { sensor: sensor.clone(), period_secs, pairs });
@@ -101,14 +112,10 @@ pub(super) fn starts(
 }
 
 impl Starts {
-    /// The rollout after which `truth` was recorded. Models that learned from other rows number them otherwise, so a
-    /// start is known by what was recorded after it.
-    fn after(&self, truth: &[f64]) -> Option<&[f64]> {
-        let same = |(recorded, _): &&(Vec<f64>, Vec<f64>)| {
-            let known = recorded.len().min(truth.len());
-            known > 1 && recorded[..known] == truth[..known]
-        };
-        self.pairs.iter().find(same).map(|(_, values)| values.as_slice())
+    /// The rollout from the same start.
+    fn from(&self, start: &Start) -> Option<&[f64]> {
+        let same = |of: &&Start| of.time.is_some() && of.time == start.time;
+        self.pairs.iter().find(same).map(|of| of.values.as_slice())
     }
 }
 
@@ -119,9 +126,8 @@ pub(super) fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
     let mut grids: Vec<RolloutGrid> = Vec::new();
     let mut left = models.to_vec();
     while let Some(&(_, first)) = left.first() {
-        let usable =
-            || first.pairs.iter().map(|(truth, _)| truth.as_slice()).filter(|of| of.len() > 1);
-        let shares = |(_, of): &(&str, &Starts)| usable().any(|truth| of.after(truth).is_some());
+        let usable = || first.pairs.iter().filter(|of| of.recorded.len() > 1);
+        let shares = |(_, of): &(&str, &Starts)| usable().any(|start| of.from(start).is_some());
         let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
         if together.is_empty() {
             // Nothing was recorded after any start of this model.
@@ -129,13 +135,13 @@ pub(super) fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
             continue;
         }
         let sharing =
-            |truth: &[f64]| together.iter().filter(|(_, of)| of.after(truth).is_some()).count();
-        let mut shown: Vec<(usize, &[f64])> = usable().enumerate().collect();
-        shown.sort_by_key(|(_, truth)| std::cmp::Reverse((sharing(truth), truth.len())));
+            |start: &Start| together.iter().filter(|(_, of)| of.from(start).is_some()).count();
+        let mut shown: Vec<(usize, &Start)> = usable().enumerate().collect();
+        shown.sort_by_key(|(_, start)| Reverse((sharing(start), start.recorded.len())));
         shown.truncate(GRID_STARTS);
         shown.sort_unstable_by_key(|(place, _)| *place);
-        let truths: Vec<&[f64]> = shown.into_iter().map(|(_, truth)| truth).collect();
-        let mut next = grid(first, &together, &truths);
+        let shown: Vec<&Start> = shown.into_iter().map(|(_, start)| start).collect();
+        let mut next = grid(first, &together, &shown);
         if !grids.is_empty() {
             next.sensor = format!("{}, {}", next.sensor, next.models.join(", "));
         }
@@ -145,33 +151,31 @@ pub(super) fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
     grids
 }
 
-fn grid(first: &Starts, models: &[(&str, &Starts)], truths: &[&[f64]]) -> RolloutGrid {
+fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> RolloutGrid {
     let trajectory = |label: &str, values: &[f64]| Trajectory {
         label: label.to_owned(),
         period_secs: first.period_secs,
         values: values.to_vec(),
     };
-    let row = |(number, truth): (usize, &&[f64])| RolloutRow {
+    let row = |(number, start): (usize, &&Start)| RolloutRow {
         label: format!("start {}", number + 1),
-        truth: trajectory("recorded", truth),
-        rollouts: models
-            .iter()
-            .map(|(name, of)| Some(trajectory(name, of.after(truth)?)))
-            .collect(),
+        truth: trajectory("recorded", &start.recorded),
+        rollouts: models.iter().map(|(name, of)| Some(trajectory(name, of.from(start)?))).collect(),
     };
     RolloutGrid {
         sensor: first.sensor.clone(),
         unit: None,
         models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        rows: truths.iter().enumerate().map(row).collect(),
+        rows: starts.iter().enumerate().map(row).collect(),
     }
 }
 
 /// The rows of one rollout in the table of trajectories.
 struct Group {
     member: u32,
-    /// The row that was asked for as the start.
+    /// The row that was asked for as the start, and its time.
     wanted: u32,
+    time: Option<Timestamp>,
     rows: std::ops::Range<usize>,
 }
 
@@ -179,14 +183,15 @@ fn groups(trajectories: &Table) -> anyhow::Result<Vec<Group>> {
     let members = trajectories.column::<u32>("member")?;
     let numbers = trajectories.column::<u32>("rollout")?;
     let wanted = trajectories.column::<u32>("wanted_row")?;
+    let times = trajectories.optional::<Timestamp>("wanted_timestamp")?;
     let mut groups = Vec::new();
     let mut first = 0;
     for next in 1..=members.len() {
         let ends = next == members.len()
             || (members[next], numbers[next]) != (members[first], numbers[first]);
         if ends {
-            let (member, wanted) = (members[first], wanted[first]);
-            groups.push(Group { member, wanted, rows: first..next });
+            let (member, wanted, time) = (members[first], wanted[first], times[first]);
+            groups.push(Group { member, wanted, time, rows: first..next });
             first = next;
         }
     }
@@ -197,16 +202,22 @@ fn groups(trajectories: &Table) -> anyhow::Result<Vec<Group>> {
 mod tests {
     use super::*;
 
-    fn starts(truths: &[[f64; 3]]) -> Starts {
-        let pairs = truths.iter().map(|truth| (truth.to_vec(), vec![truth[0], 9.0])).collect();
+    /// Of a sensor that stands still: starts are told apart by their times alone.
+    fn starts(times: &[i64]) -> Starts {
+        let start = |&time: &i64| Start {
+            time: Some(Timestamp::from_micros(time)),
+            recorded: vec![5.0; 3],
+            values: vec![time as f64, 9.0],
+        };
+        let pairs = times.iter().map(start).collect();
         Starts { sensor: "PIT300".to_owned(), period_secs: 1.0, pairs }
     }
 
     #[test]
     fn models_stand_beside_each_other_where_they_start_alike() {
-        let year = starts(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
-        let week = starts(&[[4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
-        let other = starts(&[[0.0, 0.0, 1.0]]);
+        let year = starts(&[1, 4]);
+        let week = starts(&[4, 7]);
+        let other = starts(&[0]);
         let grids = grids(&[("year", &year), ("network", &other), ("week", &week)]);
         let told: Vec<_> = grids.iter().map(|of| (of.sensor.as_str(), of.rows.len())).collect();
         assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
@@ -214,6 +225,12 @@ mod tests {
         let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
         let both: [Vec<bool>; 2] = [shown(0), shown(1)];
         assert_eq!(both, [vec![true, false], vec![true, true]]);
+        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|of| of.values[0]);
+        assert_eq!(
+            of_week,
+            Some(4.0),
+            "the rollout from that start, not from one that looks like it"
+        );
         assert!(super::grids(&[]).is_empty());
         let none = starts(&[]);
         assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());

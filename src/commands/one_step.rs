@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
+use calib_data::TimeRange;
 use calib_dynamics::predict;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_report::{Best, Cell, Table};
@@ -24,7 +25,7 @@ const MOST_TRANSITIONS: usize = 4000;
 /// Its file, in the directory of rollouts.
 const FILE: &str = "one_step.json";
 
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// `one_step.json`: errors of predictions one step ahead, of all members taken together.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,6 +35,8 @@ pub(super) struct OneStep {
     pub(super) key: String,
     /// The model's key.
     pub(super) model: String,
+    /// The held-out range as the study has it.
+    pub(super) window: Option<TimeRange>,
     /// Held-out transitions, and how many of them were predicted in each member.
     pub(super) held_out: usize,
     pub(super) transitions: usize,
@@ -70,10 +73,22 @@ impl StepError {
     }
 }
 
-/// The one-step errors of `model` that are stored, if they are of this model.
-pub(super) fn read(paths: &StudyPaths, model: &str) -> Option<OneStep> {
+/// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
+pub(super) fn read(study: &Study, paths: &StudyPaths, model: &str) -> Option<OneStep> {
     let stored: OneStep = read_json(&paths.rollout().join(FILE)).ok()?;
-    (stored.format == FORMAT && stored.model == model).then_some(stored)
+    let same = stored.model == model && stored.window == study.data.held_out;
+    (stored.format == FORMAT && same).then_some(stored)
+}
+
+/// Nothing is known one step ahead.
+pub(super) fn remove(paths: &StudyPaths) -> anyhow::Result<()> {
+    let path = paths.rollout().join(FILE);
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The one-step errors on `held_out`: those that are stored if they are up to date, else new ones, stored.
@@ -81,14 +96,16 @@ pub(super) fn read(paths: &StudyPaths, model: &str) -> Option<OneStep> {
 pub(super) fn ensure(
     (study, paths): (&Study, &StudyPaths),
     model: &OpenModel,
-    (held_out, fingerprint): (&Frames, &Fingerprint),
+    (held_out, fingerprint): &(Frames, Fingerprint),
     sensors: &[(String, usize)],
+    force: bool,
     printer: &Printer,
 ) -> anyhow::Result<Option<OneStep>> {
     let weights = (study.model.weights, study.model.temperature);
     let inputs = (FORMAT, MOST_TRANSITIONS, &model.manifest.key, weights, fingerprint, sensors);
     let key = artefact::key(&inputs)?;
-    if let Some(stored) = read(paths, &model.manifest.key).filter(|stored| stored.key == key) {
+    let stored = read(study, paths, &model.manifest.key);
+    if let Some(stored) = stored.filter(|stored| stored.key == key && !force) {
         return Ok(Some(stored));
     }
     if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
@@ -105,6 +122,7 @@ pub(super) fn ensure(
         tool: TOOL.to_owned(),
         key,
         model: model.manifest.key.clone(),
+        window: study.data.held_out.clone(),
         held_out: transitions.len(),
         transitions: rows.len(),
         members: model.model.members(),

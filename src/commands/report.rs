@@ -22,7 +22,7 @@ use super::{
     one_step,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
-    rollout::RolloutManifest,
+    rollout::{self, RolloutManifest},
     sweep::SweepManifest,
 };
 use crate::study::{Study, StudyPaths};
@@ -76,8 +76,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
     let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = artefact::read::<RolloutManifest>(&paths.rollout())
-        .filter(|manifest| manifest.model == model.key);
+    let rollouts = rollout::finished(study, paths, &model.key);
     let (shown, starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
@@ -117,7 +116,7 @@ fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>)
     let compared = rollouts.and_then(|of| of.comparison.as_ref());
     let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
     let representations = representation_table(study, paths);
-    let one_step = rollouts.and_then(|of| one_step::read(paths, &of.model));
+    let one_step = rollouts.and_then(|of| one_step::read(study, paths, &of.model));
     let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
     let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
     collapse.into_iter().chain(rolled_out).chain(representations).collect()
@@ -271,7 +270,8 @@ pub(super) fn rollout_figures(
     paths: &StudyPaths,
     manifest: &RolloutManifest,
 ) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
-    let mut columns = vec!["member".to_owned(), "rollout".to_owned(), "wanted_row".to_owned()];
+    let mut columns =
+        ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
     for sensor in &manifest.sensors {
         columns.extend([sensor.clone(), format!("{sensor}.recorded")]);
     }

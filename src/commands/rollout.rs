@@ -1,7 +1,8 @@
 use std::path::Path;
 
-use calib_core::{Normalised, RowIndex, Seed, Timestamp};
-use calib_data::{Dataset, table::Table};
+use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_data::table::Table;
+use calib_files::Fingerprint;
 use calib_rollout::{JumpStatistics, RolloutConfig};
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +13,7 @@ use super::{
     figures, jumps, load_study,
     model::{self, Model},
     model_files::{self, OpenModel},
-    one_step::{self, OneStep},
-    partition,
+    one_step, partition,
     starts::{StartSummary, Starts, follow_from_deployment, summaries},
     trajectory::Trajectory,
     truth::{self, Record},
@@ -33,7 +33,8 @@ pub(super) struct RolloutManifest {
     pub(super) tool: String,
     pub(super) key: String,
     pub(super) model: String,
-    pub(super) rollout: RolloutConfig,
+    /// What it was made with.
+    pub(super) study: Study,
     pub(super) sensors: Vec<String>,
     pub(super) period_secs: f64,
     /// One entry a member.
@@ -56,11 +57,24 @@ pub(super) struct MemberRollouts {
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 4;
+    const FORMAT: u32 = 5;
 
     fn format(&self) -> u32 {
         self.format
     }
+}
+
+/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment.
+pub(super) fn finished(study: &Study, paths: &StudyPaths, model: &str) -> Option<RolloutManifest> {
+    artefact::read::<RolloutManifest>(&paths.rollout()).filter(
+        |RolloutManifest { model: of, study: made, .. }| {
+            *of == *model
+                && made.rollout == study.rollout
+                && made.model == study.model
+                && made.seed == study.seed
+                && (!follow_from_deployment(study) || made.data.held_out == study.data.held_out)
+        },
+    )
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.
@@ -70,11 +84,14 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let model = model_files::open(&paths, &study)?;
     let sensors = sensors(&study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = deployment(&study, &paths, &model, printer)?;
+    let deployment = held_out(&study, &paths, &model, printer)?;
     let seed = Seed::new(study.seed).child("rollout");
-    let held_out = deployment.as_ref().and_then(|dataset| dataset.held_out.as_ref());
+    let (held_out, fingerprint) = deployment
+        .as_ref()
+        .filter(|_| follow_from_deployment(&study))
+        .map(|(frames, fingerprint)| (frames, fingerprint))
+        .unzip();
     let starts = Starts::new(&study.rollout, &model, held_out, seed)?;
-    let fingerprint = deployment.as_ref().and_then(|dataset| dataset.held_out_fingerprint.as_ref());
     let key = artefact::key(&(
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
@@ -100,7 +117,15 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         let from = (&starts, record);
         (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
     };
-    let one_step = predict_held_out(&study, &paths, &model, &sensors, printer)?;
+    let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
+        Some(held_out) => {
+            one_step::ensure((&study, &paths), &model, held_out, &sensors, args.force, printer)?
+        }
+        None => None,
+    };
+    if one_step.is_none() {
+        one_step::remove(&paths)?;
+    }
     if args.json {
         printer.json(&manifest)?;
     } else {
@@ -188,7 +213,7 @@ fn roll_out(
         tool: TOOL.to_owned(),
         key,
         model: model.manifest.key.clone(),
-        rollout: config.clone(),
+        study: study.clone(),
         sensors: names,
         period_secs,
         members,
@@ -227,40 +252,23 @@ fn compare(
     Ok(Some(compared.summary))
 }
 
-/// One-step errors on the held-out range, if the study has one and compares anything with what was recorded.
-fn predict_held_out(
+/// The held-out range, where start states follow from it or one-step errors are wanted. What is recorded before it is
+/// read, and let go.
+fn held_out(
     study: &Study,
     paths: &StudyPaths,
     model: &OpenModel,
-    sensors: &[(String, usize)],
     printer: &Printer,
-) -> anyhow::Result<Option<OneStep>> {
+) -> anyhow::Result<Option<(Frames, Fingerprint)>> {
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
-    if study.rollout.dtw_steps == 0 || !is_held_out {
+    if !follow_from_deployment(study) && (study.rollout.dtw_steps == 0 || !is_held_out) {
         return Ok(None);
     }
     let dataset = partition::load(study, paths, printer)?.dataset;
     model_files::check_data(paths, &model.manifest, &dataset)?;
-    let held_out = dataset.held_out.as_ref().zip(dataset.held_out_fingerprint.as_ref());
-    let Some(held_out) = held_out else { return Ok(None) };
-    one_step::ensure((study, paths), model, held_out, sensors, printer)
-}
-
-/// The data, where start states follow from its deployment.
-fn deployment(
-    study: &Study,
-    paths: &StudyPaths,
-    model: &OpenModel,
-    printer: &Printer,
-) -> anyhow::Result<Option<Dataset>> {
-    if !follow_from_deployment(study) {
-        return Ok(None);
-    }
-    let dataset = partition::load(study, paths, printer)?.dataset;
-    model_files::check_data(paths, &model.manifest, &dataset)?;
-    Ok(Some(dataset))
+    Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
 }
 
 /// One row a step: member, rollout, step, the recorded row and its time, the row that was asked for as the start; per
@@ -278,7 +286,7 @@ fn trajectories(
         })
     };
     let mut visited: Vec<Option<RowIndex>> = Vec::new();
-    let mut wanted: Vec<u32> = Vec::new();
+    let (mut wanted, mut wanted_times) = (Vec::new(), Vec::new());
     let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (member, number, rollout) in flat() {
         for step in 0..=rollout.steps() {
@@ -287,6 +295,7 @@ fn trajectories(
             steps.push(step as u32);
             visited.push(rollout.row(step));
             wanted.push(truth::row(rollout.start().0).0);
+            wanted_times.push(record.time(rollout.start().0));
         }
     }
     let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
@@ -298,7 +307,8 @@ fn trajectories(
         .with("step", steps)
         .with_optional("row", visited.iter().map(|row| row.map(|row| row.0)).collect())
         .with_optional("timestamp", timestamps)
-        .with("wanted_row", wanted);
+        .with("wanted_row", wanted)
+        .with_optional("wanted_timestamp", wanted_times);
     for (sensor, column) in sensors {
         let normalised: Vec<f32> = flat()
             .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use calib_core::{Frames, RowIndex};
+use calib_core::{Frames, RowIndex, Timestamp};
 use calib_rollout::Wanted;
 
 /// Where true trajectories are found.
@@ -24,16 +24,27 @@ impl<'a> Record<'a> {
     /// What was recorded from `wanted` on, for at most `steps` steps; nothing, if it lies in no deployment that is
     /// there.
     pub(super) fn after(&self, wanted: Wanted, steps: usize) -> Truth<'a> {
-        let (frames, row) = match (wanted, self.deployment) {
-            (Wanted::Recorded(row), _) => (self.model, row),
-            (Wanted::Deployment(row), Some(deployment)) => (deployment, row),
-            (Wanted::Deployment(_), None) => return Truth { frames: self.model, rows: 0..0 },
+        let Some((frames, row)) = self.place(wanted) else {
+            return Truth { frames: self.model, rows: 0..0 };
         };
         let (row, segments) = (row.get(), frames.segments());
         let end = segments
             .position_of(row)
             .map_or(row, |position| segments.as_slice()[position].end as usize);
         Truth { frames, rows: row..end.min(row + steps + 1) }
+    }
+
+    /// When `wanted` was recorded, by which models of different data know it.
+    pub(super) fn time(&self, wanted: Wanted) -> Option<Timestamp> {
+        let (frames, row) = self.place(wanted)?;
+        Some(frames.timestamps()[row.get()])
+    }
+
+    fn place(&self, wanted: Wanted) -> Option<(&'a Frames, RowIndex)> {
+        match wanted {
+            Wanted::Recorded(row) => Some((self.model, row)),
+            Wanted::Deployment(row) => Some((self.deployment?, row)),
+        }
     }
 }
 
@@ -58,7 +69,7 @@ pub(super) fn row(wanted: Wanted) -> RowIndex {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Segments, States, Timestamp};
+    use calib_core::{Segments, States};
 
     use super::*;
 
@@ -79,5 +90,7 @@ mod tests {
         assert_eq!(values(Wanted::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
         let none = Record { model: &model, deployment: None };
         assert_eq!(none.after(Wanted::Deployment(RowIndex(4)), 9).len(), 0);
+        assert_eq!(none.time(Wanted::Deployment(RowIndex(4))), None);
+        assert_eq!(none.time(Wanted::Recorded(RowIndex(4))), Some(Timestamp::from_micros(4)));
     }
 }

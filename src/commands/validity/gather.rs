@@ -6,10 +6,9 @@ use calib_validity::{ModelPair, Pair};
 
 use super::{
     super::{
-        artefact,
         evaluate::{self, Judged},
         one_step::{self, OneStep},
-        rollout::RolloutManifest,
+        rollout::{self, RolloutManifest},
     },
     studies::{Listed, args_of},
 };
@@ -68,9 +67,9 @@ fn of_model(
 ) -> anyhow::Result<OfModel> {
     let judged = evaluate::judge(&args_of(study, (model, deployment), args))?;
     let key = &judged.manifest.model;
-    let rollouts = artefact::read::<RolloutManifest>(&judged.paths.rollout());
-    let rollouts = rollouts.filter(|rollouts| rollouts.model == *key);
-    let one_step = one_step::read(&judged.paths, key);
+    let rollouts = rollout::finished(&judged.study, &judged.paths, key);
+    let one_step =
+        rollouts.as_ref().and_then(|_| one_step::read(&judged.study, &judged.paths, key));
     let name = model.unwrap_or_else(|| judged.study.model_name()).to_owned();
     Ok(OfModel { name, judged, rollouts, one_step })
 }
