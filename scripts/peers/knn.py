@@ -1,6 +1,7 @@
 """Neighbour tables: calib-knn's exact join beside other packages, on the same arrays in the same run.
 
     python3 scripts/peers/knn.py [--data NAME ...] [--contenders NAME ...] [--budget SECS] [--limit SECS] [--plot FILE.svg]
+    python3 scripts/peers/knn.py --kept FILE.json [--prepare | --within SECS | --show]     # piece by piece
 
 The job is that of a calibration model: for every next state of a member the k = 3 nearest source states of the member,
 other than the state itself. calib does it for all five members; a peer does it for member 0 alone (four fifths of the log),
@@ -11,6 +12,9 @@ Peers that would take longer than --budget seconds answer a sample of the querie
 and marked with ~. A contender that is not done after --limit seconds is ended and says so. Approximate peers are tuned
 on the sample first (outside the measured time) to the cheapest setting of a doubling sequence with a recall of at least
 0.99, or to the one from which on recall hardly grows (pynndescent: to the last whose graph takes less than --budget).
+
+With --kept what was measured is written to a file as it comes and not measured again, so that a run can be stopped, cut into
+pieces (--within) and shown (--show). --prepare makes the data sets and the truth only.
 
 recall@3 is by true distances: of --sample queries, the share of neighbours that are no farther than the true third
 neighbour, found by brute force in double precision. Memory is the peak of the whole process (VmHWM), with the states
@@ -32,6 +36,7 @@ import platform
 import statistics
 import subprocess
 import sys
+import time
 
 import common
 from knn_data import HERE, Data, step
@@ -114,6 +119,27 @@ def table(name, shape, results):
     return times
 
 
+class Kept:
+    """What was measured, by data set, contender and round, in a file if one is given."""
+
+    def __init__(self, path, within):
+        self.path, self.end = path and pathlib.Path(path), time.monotonic() + within
+        self.rows = json.loads(self.path.read_text()) if self.path and self.path.exists() else {}
+
+    def get(self, key, measure):
+        """The result of this key; None if it is not known and no time is left."""
+        if key not in self.rows:
+            if time.monotonic() > self.end:
+                return None
+            print(f"measuring {key}", file=sys.stderr)
+            self.rows[key] = {"result": measure(), "commit": common.commit(), "machine": common.machine()}
+            if self.path:
+                part = self.path.with_suffix(".part")
+                part.write_text(json.dumps(self.rows, indent=1))
+                part.rename(self.path)
+        return self.rows[key]["result"]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", nargs="+", default=list(DATA), metavar="NAME", help=f"default: {' '.join(DATA)}; plant-N for any N")
@@ -127,6 +153,10 @@ def main():
     parser.add_argument("--cache", default=str(common.target() / "peers" / "knn-data"), help="folder of the data sets")
     parser.add_argument("--calib", default=str(common.target() / "release" / "calib"), help="the program that reads the wells' logs")
     parser.add_argument("--plot", metavar="FILE.svg", help="draw time against rows of the plant sets")
+    parser.add_argument("--kept", metavar="FILE.json", help="keep what was measured there, and measure only what it lacks")
+    parser.add_argument("--within", type=float, default=float("inf"), help="begin no measurement after so many seconds")
+    parser.add_argument("--prepare", action="store_true", help="only make data sets and truth")
+    parser.add_argument("--show", action="store_true", help="only show what is kept")
     options = parser.parse_args()
     program = common.build("calib-knn", "knn_peers")
     python, installed = common.environment("knn", PINNED)
@@ -139,7 +169,7 @@ def main():
     plants = sorted((name for name in options.data if name.startswith("plant-")), key=lambda name: -int(name.split("-")[1]))
     for name in plants:
         data.get(name, options.rows)
-    curves = {}
+    curves, kept = {}, Kept(options.kept, 0 if options.show else options.within)
     for name in options.data:
         try:
             path, rows = data.get(name, options.rows)
@@ -147,11 +177,17 @@ def main():
             print(f"\n{name}: skipped: {error}")
             continue
         queries, truth = data.truth(path, rows, options.sample)
+        if options.prepare:
+            continue
         results = {contender: [] for contender in contenders}
-        for _ in range(options.rounds):
+        for number in range(options.rounds):
             for contender in contenders:
-                if not any(isinstance(result, str) for result in results[contender]):
-                    results[contender].append(run(contender, python, program, path, rows, queries, truth, options))
+                if any(isinstance(result, str) for result in results[contender]):
+                    continue
+                measure = lambda: run(contender, python, program, path, rows, queries, truth, options)
+                result = kept.get(f"{name}/{rows}/{options.threads}/{contender}/{number}", measure)
+                results[contender] += [] if result is None else [result]
+        results = {contender: runs for contender, runs in results.items() if runs}
         times = table(name, (rows, int(step(python, "shape", path)[1])), results)
         if name in plants:
             for contender, seconds in times.items():

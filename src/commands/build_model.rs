@@ -146,6 +146,9 @@ fn build(
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    // Before anything of an older model is given up.
+    KnnModel::check(metric(&dataset, representation).columns(), &transitions, &how.config)?;
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     // Not needed any more, and a part of the memory.
@@ -165,7 +168,6 @@ fn build(
     }
     workplace.parts = Some(parts.clone());
     let kept = clock.elapsed();
-    let transitions = Transitions::new(dataset.train.segments().clone());
     let states = metric(&dataset, representation);
     let progress = printer.progress();
     let (knn, choice) =

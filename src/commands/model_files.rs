@@ -11,7 +11,7 @@ use calib_data::{
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
-use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall};
+use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, Shortcuts};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
@@ -104,7 +104,8 @@ pub(super) fn model_key(
     if shortcuts.is_exact() {
         return Ok(exact);
     }
-    artefact::key(&(exact, shortcuts.prototypes, shortcuts.leaf_budget))
+    let Shortcuts { prototypes, prototype_kind, components, leaf_budget } = shortcuts;
+    artefact::key(&(exact, prototypes, prototype_kind, components, leaf_budget))
 }
 
 /// A model that was opened from its directory.

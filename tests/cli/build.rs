@@ -134,9 +134,15 @@ fn too_little_memory_is_refused_with_advice() {
 #[test]
 fn approximate_tables_say_how_good_they_are() {
     let place = Place::with_study();
-    for set in ["model.prototypes=4", "model.leaf_budget=1"] {
+    for sets in [
+        ["model.prototypes=4", "model.prototype_kind=every"],
+        ["model.prototypes=4", "model.prototype_kind=k_centre"],
+        ["model.leaf_budget=1", "model.prototypes=1"],
+        ["model.components=4", "model.prototypes=1"],
+    ] {
         let run = |args: &[&str]| {
-            place.calib(&[&["build-model", "study.toml", "--set", set], args].concat())
+            let set = ["build-model", "study.toml", "--set", sets[0], "--set", sets[1]];
+            place.calib(&[&set, args].concat())
         };
         let built = run(&["--verify", "30"]);
         let told = built.succeeds();
@@ -152,6 +158,26 @@ fn approximate_tables_say_how_good_they_are() {
     }
     let args = ["build-model", "study.toml", "--set", "model.leaf_budget=2", "--index", "scan"];
     assert!(place.calib(&args).fails(2).contains("is for the join"));
+}
+
+#[test]
+fn what_cannot_be_built_leaves_the_model_that_is_there() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let before = place.content("study-results");
+    for (set, told) in [
+        ("model.neighbors=100000", "admissible candidates"),
+        ("model.components=500", "fewer than the"),
+        ("model.members=1000000", "transitions cannot be split"),
+    ] {
+        let error = place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
+        assert!(error.contains(told), "{error}");
+        assert_eq!(place.content("study-results"), before);
+    }
+    let args = ["build-model", "study.toml", "--force", "--index", "kd-tree"];
+    let error = place.calib(&args).fails(2);
+    assert!(error.contains("at most 8 columns"), "{error}");
+    assert_eq!(place.content("study-results"), before);
 }
 
 #[test]

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use calib_core::{TransitionIndex, Transitions};
 
-use crate::{KnnError, Shortcuts};
+use crate::{KnnError, candidates::Candidates};
 
 /// Leave-one-block-out: which transitions each member of the ensemble contains.
 ///
@@ -125,11 +125,11 @@ impl Blocks {
         &self,
         member: usize,
         forbidden: &Range<u32>,
-        shortcuts: Shortcuts,
+        candidates: Candidates<'_>,
     ) -> usize {
         let dropped = &self.dropped[member];
         let both = forbidden.start.max(dropped.start)..forbidden.end.min(dropped.end);
-        let count = |range: &Range<u32>| shortcuts.count(range);
+        let count = |range: &Range<u32>| candidates.count(range);
         count(&(0..self.transitions)) + count(&both) - count(dropped) - count(forbidden)
     }
 }
@@ -206,7 +206,7 @@ mod tests {
                     prop_assert!(blocks.contains(member, TransitionIndex(i)));
                 }
                 let left = expected.iter().filter(|i| !forbidden.contains(i)).count();
-                prop_assert_eq!(blocks.admissible(member, &forbidden, Shortcuts::default()), left);
+                prop_assert_eq!(blocks.admissible(member, &forbidden, Candidates::Every(1)), left);
             }
         }
     }

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{Exclusion, KnnError, SelfMatch, Shortcuts, Weights};
+use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 
 /// The `[model]` section of a study.
 ///
@@ -13,7 +13,9 @@ use crate::{Exclusion, KnnError, SelfMatch, Shortcuts, Weights};
 /// | `theiler` | 0 | Theiler window in rows; 0 for none |
 /// | `weights` | `"linear"` | how a neighbour is drawn: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"` |
 /// | `temperature` | 1.0 | only for `"softmax"`; positive, in units of distance |
-/// | `prototypes` | 1 | only one source in this many, in time order, can be a neighbour |
+/// | `prototypes` | 1 | only about one source in this many can be a neighbour |
+/// | `prototype_kind` | `"every"` | which ones: `"every"` in time order, or those that cover the states, `"k_centre"` |
+/// | `components` | 0 | principal components in which neighbours are searched; 0 for all columns |
 /// | `leaf_budget` | 0 | most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes |
 /// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,8 +35,12 @@ pub struct ModelConfig {
     pub weights: WeightsKind,
     /// Temperature of softmax weights, in units of distance.
     pub temperature: f64,
-    /// One source in this many can be a neighbour.
+    /// About one source in this many can be a neighbour.
     pub prototypes: u32,
+    /// Which ones.
+    pub prototype_kind: PrototypeKind,
+    /// Principal components in which neighbours are searched; 0 for all columns.
+    pub components: usize,
     /// Most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes.
     pub leaf_budget: usize,
     /// Search structure.
@@ -52,6 +58,8 @@ impl Default for ModelConfig {
             weights: WeightsKind::Linear,
             temperature: 1.0,
             prototypes: 1,
+            prototype_kind: PrototypeKind::Every,
+            components: 0,
             leaf_budget: 0,
             index: IndexKind::Auto,
         }
@@ -114,7 +122,8 @@ impl ModelConfig {
 
     /// What the search leaves out.
     pub fn shortcuts(&self) -> Shortcuts {
-        Shortcuts { prototypes: self.prototypes, leaf_budget: self.leaf_budget }
+        let Self { prototypes, prototype_kind, components, leaf_budget, .. } = *self;
+        Shortcuts { prototypes, prototype_kind, components, leaf_budget }
     }
 
     /// How a neighbour is drawn.

@@ -30,6 +30,16 @@ pub enum KnnError {
         "`prototypes` is 0: it is the number of sources of which one can be a neighbour; 1 is all of them"
     )]
     NoPrototypes,
+    /// As many components as columns, or more.
+    #[error(
+        "`components` is {components}, expected fewer than the {columns} columns of the states; set it to 0 to search in all of them"
+    )]
+    Components {
+        /// Components asked for.
+        components: usize,
+        /// Columns of the states.
+        columns: usize,
+    },
     /// A budget of leaves for a structure without leaves.
     #[error(
         "`leaf_budget` is for the join, and `index` is \"{index}\"; set `index` to \"join\" or \"auto\", or `leaf_budget` to 0"

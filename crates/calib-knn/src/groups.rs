@@ -41,15 +41,15 @@ impl Groups {
                     .rotate_left(29)
             })
         };
-        let every = sources.shortcuts().prototypes;
-        let mut hashed = vec![(0, 0); sources.candidates()];
+        let candidates = sources.candidates();
+        let mut hashed = vec![(0, 0); sources.candidates_len()];
         hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
             if monitor.interrupted() {
                 return;
             }
             let first = (number * CHUNK) as u32;
-            for (candidate, hashed) in (first..).zip(&mut *chunk) {
-                let transition = candidate * every;
+            for (number, hashed) in (first..).zip(&mut *chunk) {
+                let transition = candidates.nth(number);
                 *hashed = (hash(transition), transition);
             }
             monitor.advance(chunk.len() as u64);
@@ -83,8 +83,8 @@ impl Groups {
 
     /// Each transition by itself, where nothing is gained from knowing equal states.
     pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
-        let (count, every) = (sources.candidates() as u32, sources.shortcuts().prototypes);
-        let transitions = (0..count).map(|candidate| candidate * every).collect();
+        let (count, candidates) = (sources.candidates_len() as u32, sources.candidates());
+        let transitions = (0..count).map(|number| candidates.nth(number)).collect();
         Self::with_rows(transitions, (0..=count).collect(), sources.transitions().sources())
     }
 

@@ -27,7 +27,9 @@
 //! ```
 
 mod blocks;
+mod candidates;
 mod choice;
+mod components;
 mod config;
 mod distance;
 mod error;
@@ -39,6 +41,7 @@ mod lists;
 mod memory;
 mod model;
 mod parts;
+mod prototypes;
 mod shortcuts;
 mod store;
 mod table;
@@ -55,7 +58,7 @@ pub use lists::MemberLists;
 pub use memory::MemoryNeed;
 pub use model::{KnnModel, Member, Neighbor};
 pub use parts::{PART_QUERIES, Parts};
-pub use shortcuts::{Recall, Shortcuts, recall};
+pub use shortcuts::{PrototypeKind, Recall, Shortcuts, recall};
 pub use store::{open_table, write_table};
 pub use table::{NeighborTable, Workplace, build_tables, build_tables_in};
 pub use verify::{Verification, verify};

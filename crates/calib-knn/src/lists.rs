@@ -51,8 +51,19 @@ impl MemberLists {
     pub(crate) fn reset(&mut self, wanted: impl Iterator<Item = usize>) {
         self.wanted.clear();
         self.wanted.extend(wanted);
+        self.clear();
+    }
+
+    /// Forget all candidates; the lists of the same members are wanted.
+    pub(crate) fn clear(&mut self) {
         self.candidates.fill(Candidate::NONE);
         self.update_radius();
+    }
+
+    /// The neighbours of all members, some of them several times.
+    pub(crate) fn all(&self) -> impl Iterator<Item = TransitionIndex> + '_ {
+        let found = self.candidates.iter().filter(|candidate| candidate.transition != u32::MAX);
+        found.map(|candidate| TransitionIndex(candidate.transition))
     }
 
     /// No candidate beyond this squared distance can enter any wanted list; one at it may.

@@ -4,11 +4,15 @@ use calib_core::{Monitor, Rng, RowIndex, Silent, States, TransitionIndex, Transi
 use calib_files::ScratchPlace;
 
 use crate::{
-    Blocks, Exclusion, IndexChoice, IndexKind, KnnError, NeighborTable, Weights, Workplace,
-    build_tables_in,
+    Blocks, Exclusion, IndexChoice, IndexKind, KdTree, KnnError, NeighborTable, PrototypeKind,
+    Weights, Workplace, build_tables_in,
+    candidates::Candidates,
+    components::leading_components,
     index::{Found, Queries, Sources},
     open_table,
     parts::PART_QUERIES,
+    prototypes::covering,
+    table::check_candidates,
     write_table,
 };
 
@@ -59,11 +63,24 @@ impl KnnModel {
         workplace: &Workplace,
         monitor: &dyn Monitor,
     ) -> Result<(Self, IndexChoice), KnnError> {
-        config.check()?;
+        Self::check(states.columns(), &transitions, config)?;
         let blocks = Blocks::new(&transitions, config.members)?;
         let exclusion = config.exclusion();
-        let sources =
-            Sources::new(&states, &transitions, &blocks)?.with_shortcuts(config.shortcuts());
+        let shortcuts = config.shortcuts();
+        let reduced = (shortcuts.components > 0)
+            .then(|| leading_components(&states, shortcuts.components, monitor))
+            .transpose()?;
+        let sources = Sources::new(reduced.as_ref().unwrap_or(&states), &transitions, &blocks)?;
+        let sources = if reduced.is_some() { sources.measured_in(&states) } else { sources };
+        let chosen = match shortcuts.prototype_kind {
+            PrototypeKind::KCentre if shortcuts.prototypes > 1 => {
+                Some(covering(&sources, shortcuts.prototypes, &workplace.scratch, monitor)?)
+            }
+            _ => None,
+        };
+        let candidates =
+            chosen.as_deref().map_or(Candidates::Every(shortcuts.prototypes), Candidates::Chosen);
+        let sources = sources.with_candidates(candidates).with_leaf_budget(shortcuts.leaf_budget);
         let (tables, choice) = build_tables_in(
             &sources,
             config.neighbors,
@@ -73,6 +90,31 @@ impl KnnModel {
             monitor,
         )?;
         Ok((Self { states, transitions, blocks, tables, exclusion }, choice))
+    }
+
+    /// Check, from what is known before anything is searched, that a model can be built of states with `columns` columns.
+    ///
+    /// # Errors
+    /// As [`ModelConfig::check`](crate::ModelConfig::check) and [`Blocks::new`]; if there are not fewer components than columns, the
+    /// k-d tree is asked for more columns than it supports, or some query has too few candidates. Where prototypes are
+    /// chosen to cover the states, their number is what can be expected.
+    pub fn check(
+        columns: usize,
+        transitions: &Transitions,
+        config: &crate::ModelConfig,
+    ) -> Result<(), KnnError> {
+        config.check()?;
+        let components = config.components;
+        if components > 0 && components >= columns {
+            return Err(KnnError::Components { components, columns });
+        }
+        let searched = if components > 0 { components } else { columns };
+        if !config.index.supports(searched) {
+            return Err(KnnError::Dimensions { columns: searched, max: KdTree::MAX_COLUMNS });
+        }
+        let blocks = Blocks::new(transitions, config.members)?;
+        let candidates = Candidates::Every(config.prototypes);
+        check_candidates(transitions, &blocks, candidates, config.neighbors, config.exclusion())
     }
 
     /// Write `members/0/neighbors.npy`, `members/0/distances.npy` and so on in `directory`.

@@ -1,45 +1,56 @@
-use std::ops::Range;
-
 use calib_core::Seed;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{KnnModel, verify};
+use crate::{KnnModel, prototypes::CHOOSING, verify};
 
-/// What a search leaves out to be faster: then its tables are approximate, and [`recall`] says how good they are.
+/// What a search leaves out to be faster: then its tables are approximate, and [`recall`] says by how much.
 ///
-/// The paper names both ways for data that is too large for exact search. Prototypes are every m-th transition in time
-/// order: in densely sampled logs the others are near copies of them (our choice; the paper does not say which).
+/// The paper names prototypes and reduced states for data that is too large for exact search, and does not say which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shortcuts {
-    /// One source in this many, in time order, can be a neighbour; 1 for all.
+    /// About one source in this many can be a neighbour; 1 for all.
     pub prototypes: u32,
+    /// Which ones.
+    pub prototype_kind: PrototypeKind,
+    /// Neighbours are searched in so many leading principal components; 0 for all columns. Distances in tables are those
+    /// of the states all the same.
+    pub components: usize,
     /// Most leaves that the join visits for a band of queries beside their own, nearest first; 0 for as many as it takes.
     /// It wants the join.
     pub leaf_budget: usize,
 }
 
+/// Which sources are prototypes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PrototypeKind {
+    /// Every m-th transition in time order, from the first: in densely sampled logs the others are near copies of them
+    /// (our choice).
+    #[default]
+    Every,
+    /// Those that cover the states best: in each cluster of near states, again and again the one farthest from those
+    /// that are taken (k-centre, Gonzalez 1985; in clusters: our choice).
+    KCentre,
+}
+
 impl Default for Shortcuts {
     fn default() -> Self {
-        Self { prototypes: 1, leaf_budget: 0 }
+        Self { prototypes: 1, prototype_kind: PrototypeKind::Every, components: 0, leaf_budget: 0 }
     }
 }
 
 impl Shortcuts {
     /// Whether nothing is left out.
     pub fn is_exact(self) -> bool {
-        self == Self::default()
+        self.prototypes == 1 && self.components == 0 && self.leaf_budget == 0
     }
 
-    /// How many transitions of `range` can be neighbours.
-    pub(crate) fn count(self, range: &Range<u32>) -> usize {
-        let before = |end: u32| end.div_ceil(self.prototypes) as usize;
-        if range.is_empty() { 0 } else { before(range.end) - before(range.start) }
-    }
-
-    /// Whether `transition` can be a neighbour.
-    pub(crate) fn keeps(self, transition: u32) -> bool {
-        transition.is_multiple_of(self.prototypes)
+    /// Memory a row of states: for components that are searched, and while prototypes are chosen.
+    pub(crate) fn bytes_a_row(self, columns: usize) -> (u64, u64) {
+        let reduced = if self.components < columns { 4 * self.components as u64 } else { 0 };
+        let covers = self.prototypes > 1 && self.prototype_kind == PrototypeKind::KCentre;
+        (reduced, if covers { CHOOSING } else { 0 })
     }
 }
 
@@ -87,14 +98,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prototypes_are_counted() {
-        let shortcuts = Shortcuts { prototypes: 4, leaf_budget: 0 };
-        for start in 0..14 {
-            for end in start..14 {
-                let expected = (start..end).filter(|&t| shortcuts.keeps(t)).count();
-                assert_eq!(shortcuts.count(&(start..end)), expected, "{start}..{end}");
-            }
-        }
-        assert!(Shortcuts::default().is_exact() && !shortcuts.is_exact());
+    fn what_leaves_something_out_is_not_exact() {
+        let exact = Shortcuts::default();
+        assert!(exact.is_exact());
+        assert!(Shortcuts { prototype_kind: PrototypeKind::KCentre, ..exact }.is_exact());
+        assert!(!Shortcuts { prototypes: 2, ..exact }.is_exact());
+        assert!(!Shortcuts { components: 5, ..exact }.is_exact());
+        assert!(!Shortcuts { leaf_budget: 1, ..exact }.is_exact());
     }
 }

@@ -13,6 +13,8 @@ use calib_files::{Scratch, ScratchPlace};
 
 use crate::{
     Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
+    candidates::Candidates,
+    distance::squared,
     index::{Found, Planned, Queries, Sources, going_on},
     parts::PART_QUERIES,
 };
@@ -115,7 +117,8 @@ pub fn build_tables_in(
     workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<NeighborTable>, IndexChoice), KnnError> {
-    check_candidates(sources, k, exclusion)?;
+    let (transitions, blocks) = (sources.transitions(), sources.blocks());
+    check_candidates(transitions, blocks, sources.candidates(), k, exclusion)?;
     let queries = Queries::next_states(sources, exclusion);
     let planned = sources.index(kind, &queries, k, &workplace.scratch, monitor)?;
     let tables = fill(&planned, &queries, k, workplace, monitor)?;
@@ -170,6 +173,12 @@ fn fill(
                 } else {
                     let mut found = Found::new(order.len(), members, k);
                     planned.index.search(queries, order, &mut found, monitor)?;
+                    if let Some(states) = queries.measured() {
+                        found.measure_again(|place, source| {
+                            let row = queries.row(order[place] as usize);
+                            squared(states.row(row), states.row(queries.source_row(source)))
+                        });
+                    }
                     (found, Origin::Search)
                 };
                 if send.send((number, found, origin)).is_err() {
@@ -215,22 +224,27 @@ fn put(table: &mut Filling, member: usize, order: &[u32], found: &Found) {
 }
 
 /// Every query must have `k` admissible candidates in each of its members.
-fn check_candidates(sources: &Sources<'_>, k: usize, exclusion: Exclusion) -> Result<(), KnnError> {
+pub(crate) fn check_candidates(
+    transitions: &Transitions,
+    blocks: &Blocks,
+    candidates: Candidates<'_>,
+    k: usize,
+    exclusion: Exclusion,
+) -> Result<(), KnnError> {
     if k == 0 {
         return Err(KnnError::NoNeighbors);
     }
-    let (transitions, blocks) = (sources.transitions(), sources.blocks());
     for member in 0..blocks.members() {
-        let candidates = blocks
+        let least = blocks
             .transitions_of(member)
             .map(|query: TransitionIndex| {
                 let forbidden = exclusion.forbidden(transitions, transitions.next(query));
-                blocks.admissible(member, &forbidden, sources.shortcuts())
+                blocks.admissible(member, &forbidden, candidates)
             })
             .min()
             .unwrap_or(0);
-        if candidates < k {
-            return Err(KnnError::TooFewCandidates { member, candidates, k });
+        if least < k {
+            return Err(KnnError::TooFewCandidates { member, candidates: least, k });
         }
     }
     Ok(())

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use calib_core::{Monitor, Seed, Segments, Silent, States, Transitions};
-use calib_files::ScratchPlace;
+use calib_files::{Fingerprint, ScratchPlace};
 use calib_knn::{IndexKind, KnnError, KnnModel, ModelConfig, Parts, Workplace};
 
 const ROWS: usize = 3000;
@@ -122,6 +122,45 @@ fn what_was_kept_is_not_searched_again() {
     }
     let repaired = build(IndexKind::Scan, 12, &workplace, &Silent).expect("built");
     assert_eq!(bytes(&repaired), bytes(&first));
+}
+
+/// A part's key and the fingerprint of what follows, 64 digits each, come before its neighbours and distances.
+const HEAD: usize = 128;
+
+#[test]
+fn what_was_kept_is_what_the_tables_hold() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let partial = directory.path().join("partial");
+    let parts = Parts::new(partial.clone(), "data").of_queries(300);
+    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let stopped = build(IndexKind::Join, 12, &workplace, &StopsAt::new(1500));
+    assert!(matches!(stopped, Err(KnnError::Interrupted)));
+    // A part that was never searched like this, but is whole by its fingerprint: if it is put into the tables,
+    // they show it; if its queries are searched again, they do not.
+    let path = partial.join("00000000.part");
+    let mut content = std::fs::read(&path).expect("the first part was kept");
+    let distances = HEAD + (content.len() - HEAD) / 2;
+    for cell in content[distances..].chunks_exact_mut(4) {
+        if f32::from_le_bytes(cell.try_into().expect("four bytes")).is_finite() {
+            cell.copy_from_slice(&7777.5_f32.to_le_bytes());
+        }
+    }
+    let sum = Fingerprint::of(&content[HEAD..]);
+    content[HEAD / 2..HEAD].copy_from_slice(sum.as_str().as_bytes());
+    std::fs::write(&path, content).expect("writable");
+    let built = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
+    let whole = build(IndexKind::Join, 12, &Workplace::default(), &Silent).expect("built");
+    let mut marked = 0;
+    for member in 0..whole.members() {
+        let (built, whole) = (built.table(member), whole.table(member));
+        assert_eq!(built.neighbors(), whole.neighbors());
+        for (&from_part, &searched) in built.distances().iter().zip(whole.distances()) {
+            marked += usize::from(from_part == 7777.5);
+            assert!(from_part == 7777.5 || from_part.to_bits() == searched.to_bits());
+        }
+    }
+    // 300 queries, each in two of three members but for those beside a block, with three neighbours.
+    assert!((1750..=1800).contains(&marked), "{marked} cells come from the part");
 }
 
 #[test]

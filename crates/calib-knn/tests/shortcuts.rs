@@ -1,7 +1,7 @@
 //! Approximate tables: what they leave out, and what is said about them.
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
-use calib_knn::{IndexKind, KnnModel, ModelConfig, recall};
+use calib_knn::{IndexKind, KnnModel, ModelConfig, PrototypeKind, recall};
 
 const ROWS: usize = 4000;
 
@@ -94,4 +94,89 @@ fn prototypes_are_the_only_neighbours() {
     let (states, transitions) = data();
     let error = KnnModel::build(states, transitions, &too_few, &Silent).expect_err("two of them");
     assert!(error.to_string().contains("admissible candidates"), "{error}");
+}
+
+/// Everything but the k-d tree's limit of columns.
+const ALL: [IndexKind; 4] = [IndexKind::Join, IndexKind::Scan, IndexKind::KdTree, IndexKind::Auto];
+
+fn same_by_all(config: ModelConfig) -> KnnModel {
+    let mut models = ALL.map(|index| build(ModelConfig { index, ..config })).into_iter();
+    let first = models.next().expect("four models");
+    for other in models {
+        for member in 0..5 {
+            let (a, b) = (first.table(member), other.table(member));
+            assert_eq!((a.neighbors(), a.distances()), (b.neighbors(), b.distances()));
+        }
+    }
+    first
+}
+
+#[test]
+fn covering_prototypes_are_few_and_miss_nothing_rare() {
+    let config = ModelConfig { prototypes: 7, theiler: 9, ..ModelConfig::default() };
+    let covering = ModelConfig { prototype_kind: PrototypeKind::KCentre, ..config };
+    let model = same_by_all(covering);
+    let mut neighbors: Vec<u32> = (0..5)
+        .flat_map(|m| model.table(m).neighbors().to_vec())
+        .filter(|&j| j != u32::MAX)
+        .collect();
+    neighbors.sort_unstable();
+    neighbors.dedup();
+    assert!((400..=ROWS.div_ceil(7) + 40).contains(&neighbors.len()), "{}", neighbors.len());
+    let found = recall(&model, 60, Seed::new(2));
+    assert!(found.recall < 0.9 && found.distance_ratio > 1.0, "{found:?}");
+
+    // Something that happened twice, on days that are no multiples of seven.
+    let (states, transitions) = data();
+    let mut values = states.as_slice().to_vec();
+    for row in [1002, 3001] {
+        values[8 * row..8 * row + 8].fill(50.0 + row as f32 / 1e4);
+    }
+    let states = States::new(values, ROWS, 8).expect("finite");
+    let nearest = |config: ModelConfig| {
+        let config = ModelConfig { theiler: 0, ..config };
+        let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
+        let model = model.expect("built");
+        let ends_in_3001 = transitions.ending_in(calib_core::RowIndex(3001)).expect("recorded");
+        let member = (0..5).find(|&m| {
+            let other = transitions.starting_at(calib_core::RowIndex(1002)).expect("recorded");
+            model.member(m).contains(ends_in_3001) && model.member(m).contains(other)
+        });
+        model.member(member.expect("three of five")).neighbors(ends_in_3001).1[0]
+    };
+    assert!(nearest(config) > 50.0, "every seventh row leaves both out");
+    assert!(nearest(covering) < 5.0, "what covers the states has one of them");
+}
+
+#[test]
+fn components_find_neighbours_whose_distances_are_true() {
+    let mut last = 0.0;
+    for components in [2, 5, 7] {
+        let config = ModelConfig { components, theiler: 3, ..ModelConfig::default() };
+        let model = same_by_all(config);
+        let (states, transitions) = data();
+        for member in 0..5 {
+            let member = model.member(member);
+            for query in (0..member.len()).step_by(97).map(|at| member.nth(at)) {
+                let (neighbors, distances) = member.neighbors(query);
+                assert!(distances.is_sorted());
+                for (&j, &distance) in neighbors.iter().zip(distances) {
+                    let source = transitions.source(calib_core::TransitionIndex(j));
+                    let pairs = states.row(transitions.next(query).get()).iter();
+                    let squares = pairs.zip(states.row(source.get()));
+                    let squared: f64 =
+                        squares.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+                    assert_eq!(distance, squared.sqrt() as f32);
+                }
+            }
+        }
+        let found = recall(&model, 60, Seed::new(2));
+        assert!(found.recall > last && found.recall < 1.0, "{components}: {found:?}");
+        last = found.recall;
+    }
+    assert!(last > 0.4, "seven of eight: {last}");
+    let (states, transitions) = data();
+    let all = ModelConfig { components: 8, ..ModelConfig::default() };
+    let error = KnnModel::build(states, transitions, &all, &Silent).expect_err("all columns");
+    assert!(error.to_string().contains("fewer than the 8 columns"), "{error}");
 }

@@ -66,7 +66,7 @@ impl<'a> Sources<'a> {
         let tree = |reason| -> Result<_, KnnError> {
             Ok(Planned::new(KdTree::new(*self, monitor)?, queries, IndexKind::KdTree, reason))
         };
-        let budget = self.shortcuts().leaf_budget;
+        let budget = self.leaf_budget();
         // A budget is the join's, so that the tables do not depend on what else could be taken.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {

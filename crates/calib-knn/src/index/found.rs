@@ -64,6 +64,30 @@ impl Found {
         (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
     }
 
+    /// Put other squared distances in place of those that were searched by, and each list in their order, ties by row.
+    pub(crate) fn measure_again(&mut self, squared: impl Fn(usize, u32) -> f64 + Sync) {
+        let (stride, k) = (self.stride(), self.k.max(1));
+        let queries =
+            self.neighbors.par_chunks_mut(stride).zip(self.distances.par_chunks_mut(stride));
+        queries.enumerate().for_each(|(place, (neighbors, distances))| {
+            let lists = neighbors.chunks_exact_mut(k).zip(distances.chunks_exact_mut(k));
+            for (neighbors, distances) in lists {
+                let measured = |&source: &u32| match source {
+                    u32::MAX => (f64::INFINITY, source),
+                    _ => (squared(place, source), source),
+                };
+                let mut list: Vec<(f64, u32)> = neighbors.iter().map(measured).collect();
+                list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                for ((neighbor, distance), (squared, source)) in
+                    neighbors.iter_mut().zip(distances).zip(list)
+                {
+                    *neighbor = source;
+                    *distance = if source == u32::MAX { f32::INFINITY } else { stored(squared) };
+                }
+            }
+        });
+    }
+
     /// Cells of one query; at least one, so that slices can be cut.
     fn stride(&self) -> usize {
         (self.members * self.k).max(1)

@@ -2,12 +2,11 @@ use std::num::NonZero;
 
 use calib_core::Monitor;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use rayon::prelude::*;
 
-use super::{Found, NeighborIndex, Queries, Sources, going_on};
+use super::{Found, NeighborIndex, Queries, Sources, in_blocks};
 use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
 
-/// Queries of one task, between two looks at the monitor.
+/// Queries of a block, between two looks at the monitor.
 const QUERIES: usize = 256;
 
 /// A k-d tree (the kiddo crate) over the different source states, for few columns.
@@ -84,19 +83,9 @@ impl NeighborIndex for KdTree<'_> {
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
         let k = found.k();
-        let tasks = order.chunks(QUERIES);
-        found.pieces(tasks.clone().map(<[u32]>::len)).zip(tasks.collect::<Vec<_>>()).for_each(
-            |(mut piece, task)| {
-                if monitor.interrupted() {
-                    return;
-                }
-                for (place, &query) in task.iter().enumerate() {
-                    piece.store(place, &self.fill(queries, query as usize, k));
-                }
-                monitor.advance(task.len() as u64);
-            },
-        );
-        going_on(monitor)
+        in_blocks(order, QUERIES, found, monitor, |order| {
+            order.iter().map(|&query| self.fill(queries, query as usize, k)).collect()
+        })
     }
 }
 

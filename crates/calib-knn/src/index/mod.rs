@@ -4,22 +4,24 @@ mod build;
 mod found;
 mod join;
 mod kd_tree;
+mod linear;
 mod pending;
-mod product;
 mod query;
 mod scan;
 
 pub use build::Planned;
 pub use found::Found;
 pub use join::Join;
-pub(crate) use join::image_width;
+pub(crate) use join::{LEAF, image_width, leaves};
 pub use kd_tree::KdTree;
+pub(crate) use linear::{covariance, leading_axes};
 pub use query::{Queries, Sources};
 pub use scan::Scan;
 
 use calib_core::Monitor;
+use rayon::prelude::*;
 
-use crate::KnnError;
+use crate::{KnnError, MemberLists};
 
 /// An exact search structure over the sources of a model.
 ///
@@ -50,4 +52,25 @@ pub trait NeighborIndex: Sync {
 /// An error if the user asked to stop.
 pub(crate) fn going_on(monitor: &dyn Monitor) -> Result<(), KnnError> {
     if monitor.interrupted() { Err(KnnError::Interrupted) } else { Ok(()) }
+}
+
+/// Search `order` in blocks of `size` queries, in parallel, and put the lists of each in their places.
+fn in_blocks(
+    order: &[u32],
+    size: usize,
+    found: &mut Found,
+    monitor: &dyn Monitor,
+    search: impl Fn(&[u32]) -> Vec<MemberLists> + Sync,
+) -> Result<(), KnnError> {
+    let pieces = found.pieces(order.chunks(size).map(<[u32]>::len));
+    pieces.zip(order.par_chunks(size)).for_each(|(mut piece, order)| {
+        if monitor.interrupted() {
+            return;
+        }
+        for (place, lists) in search(order).iter().enumerate() {
+            piece.store(place, lists);
+        }
+        monitor.advance(order.len() as u64);
+    });
+    going_on(monitor)
 }

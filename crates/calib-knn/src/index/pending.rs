@@ -15,13 +15,15 @@ use crate::{
     lists::Candidate,
 };
 
+/// Groups that a query meets before it looks which of them still count.
+const MOST_MET: usize = 512;
+
 /// What is known about one query while candidates are met in any order.
 ///
 /// Candidates are judged by f32 sums; the lists hold upper bounds of the distances meanwhile. At the end those
 /// that can be in a list, by the margin of the rounding, are computed by the definition.
 #[derive(Debug)]
 pub(super) struct Pending<'a> {
-    query: usize,
     state: &'a [f32],
     forbidden: Range<u32>,
     /// Lists of upper bounds of squared distances: their radius bounds the final one.
@@ -32,6 +34,8 @@ pub(super) struct Pending<'a> {
     threshold: f32,
     /// Groups that could be near enough, with their squared distances as f32 sums.
     met: Vec<(f32, u32)>,
+    /// So many of them are met before those that cannot be in a list any more are forgotten.
+    most: usize,
     /// States that were looked at.
     looked: u64,
 }
@@ -71,11 +75,11 @@ impl<'a> Pending<'a> {
             lists.offer(Candidate { squared: pool.margin.upper(distance), transition }, blocks);
         }
         let cap = lists.radius();
-        lists.reset(queries.wanted(query));
+        lists.clear();
         let forbidden = queries.forbidden(query);
         let met = Vec::with_capacity(4 * k);
         let mut this =
-            Self { query, state, forbidden, lists, cap, threshold: -1.0, met, looked: 0 };
+            Self { state, forbidden, lists, cap, threshold: -1.0, met, most: MOST_MET, looked: 0 };
         this.narrow(pool.margin);
         this
     }
@@ -124,6 +128,9 @@ impl<'a> Pending<'a> {
         if distance > self.threshold {
             return false;
         }
+        if self.met.len() >= self.most {
+            self.forget(pool);
+        }
         self.met.push((distance, group));
         let before = self.lists.radius();
         let upper = pool.margin.upper(distance);
@@ -135,19 +142,43 @@ impl<'a> Pending<'a> {
         nearer
     }
 
-    /// The lists by the definition, from the groups that can be in them.
-    pub(super) fn finish(mut self, pool: Pool<'_>, queries: &Queries<'_>) -> MemberLists {
-        self.lists.reset(queries.wanted(self.query));
+    /// Forget what cannot be in a list: what is too far by now, and, where hosts of sources are equally near as in a
+    /// long standstill, what the definition puts behind others that were met.
+    #[cold]
+    fn forget(&mut self, pool: Pool<'_>) {
         self.met.retain(|&(distance, _)| distance <= self.threshold);
+        if 2 * self.met.len() > self.most {
+            let mut lists = self.lists.clone();
+            self.judge(pool, &mut lists);
+            let mut listed: Vec<u32> = lists.all().map(|transition| transition.0).collect();
+            listed.sort_unstable();
+            let is_listed = |transition: &u32| listed.binary_search(transition).is_ok();
+            self.met.retain(|&(_, group)| {
+                pool.groups.transitions(group as usize).iter().any(is_listed)
+            });
+        }
+        self.most = MOST_MET.max(2 * self.met.len());
+    }
+
+    /// Fill `lists` by the definition from what was met.
+    fn judge(&self, pool: Pool<'_>, lists: &mut MemberLists) {
+        lists.clear();
         let state = |group: u32| pool.state(group);
         for four in self.met.chunks(4) {
             let states = [0, 1, 2, 3].map(|i: usize| state(four[i.min(four.len() - 1)].1));
             for (&(_, group), squared) in four.iter().zip(squared_of_four(self.state, states)) {
-                let (forbidden, lists) = (&self.forbidden, &mut self.lists);
+                let forbidden = &self.forbidden;
                 pool.groups.offer(group as usize, squared, forbidden, lists, pool.sources);
             }
         }
-        self.lists
+    }
+
+    /// The lists by the definition, from the groups that can be in them.
+    pub(super) fn finish(mut self, pool: Pool<'_>) -> MemberLists {
+        self.met.retain(|&(distance, _)| distance <= self.threshold);
+        let mut lists = std::mem::replace(&mut self.lists, MemberLists::new(0, 0));
+        self.judge(pool, &mut lists);
+        lists
     }
 }
 
@@ -173,4 +204,44 @@ fn state_distance<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
     sums[1] = simd.mul_add_e_f32s(difference, difference, sums[1]);
     let sum = simd.add_f32s(simd.add_f32s(sums[0], sums[1]), simd.add_f32s(sums[2], sums[3]));
     simd.reduce_sum_f32s(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, States, TransitionIndex, Transitions};
+
+    use super::*;
+    use crate::{Blocks, Exclusion};
+
+    #[test]
+    fn a_standstill_is_not_remembered_row_by_row() {
+        let rows = 20 * MOST_MET;
+        // Two states in turn, equally far from the query's.
+        let values =
+            (0..rows).flat_map(|row| if row == 7 { [0.5, 0.0] } else { [1.0, (row % 2) as f32] });
+        let states = States::new(values.collect(), rows, 2).expect("finite");
+        let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+        let queries =
+            Queries::next_states(&sources, Exclusion { theiler: 2, ..Exclusion::default() });
+        let groups = Groups::singletons(&sources);
+        let pool = Pool { sources: &sources, groups: &groups, margin: Margin::new(2) };
+        let simd = pulp::Scalar;
+        let mut one = Pending::new(simd, pool, &queries, 6, 3);
+        one.forget_neighbours_in_time(pool.margin);
+        let mut most = 0;
+        for group in (0..groups.len() as u32).rev() {
+            one.meet(simd, pool, group);
+            most = most.max(one.met.len());
+        }
+        assert!((MOST_MET / 2..=MOST_MET).contains(&most), "{most}");
+        let lists = one.finish(pool);
+        let of = |member| lists.of(member).map(|(t, _)| t).collect::<Vec<_>>();
+        let even =
+            |from: usize| (0..3).map(|i| TransitionIndex::new(from + 2 * i)).collect::<Vec<_>>();
+        assert_eq!(of(1), [0, 2, 4].map(TransitionIndex::new).to_vec());
+        assert_eq!(of(0), []);
+        assert_eq!(of(2), even(0));
+    }
 }

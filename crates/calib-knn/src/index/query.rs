@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
-use crate::{Blocks, Exclusion, KnnError, Shortcuts};
+use crate::{Blocks, Exclusion, KnnError, candidates::Candidates};
 
 /// What is searched: the source state of every transition.
 #[derive(Clone, Copy, Debug)]
@@ -10,7 +10,9 @@ pub struct Sources<'a> {
     states: &'a States,
     transitions: &'a Transitions,
     blocks: &'a Blocks,
-    shortcuts: Shortcuts,
+    candidates: Candidates<'a>,
+    leaf_budget: usize,
+    measured: Option<&'a States>,
 }
 
 impl<'a> Sources<'a> {
@@ -27,23 +29,47 @@ impl<'a> Sources<'a> {
         if states.rows() != rows {
             return Err(KnnError::Rows { states: states.rows(), segments: rows });
         }
-        Ok(Self { states, transitions, blocks, shortcuts: Shortcuts::default() })
+        Ok(Self {
+            states,
+            transitions,
+            blocks,
+            candidates: Candidates::Every(1),
+            leaf_budget: 0,
+            measured: None,
+        })
     }
 
-    /// The same sources for a search that leaves some out.
+    /// The same sources, of which only some can be neighbours.
     #[must_use]
-    pub fn with_shortcuts(self, shortcuts: Shortcuts) -> Self {
-        Self { shortcuts, ..self }
+    pub(crate) fn with_candidates(self, candidates: Candidates<'a>) -> Self {
+        Self { candidates, ..self }
     }
 
-    /// What the search leaves out.
-    pub fn shortcuts(&self) -> Shortcuts {
-        self.shortcuts
+    /// The same sources for a join that visits at most so many leaves; 0 for as many as it takes.
+    #[must_use]
+    pub(crate) fn with_leaf_budget(self, leaf_budget: usize) -> Self {
+        Self { leaf_budget, ..self }
+    }
+
+    /// The same sources for tables whose distances are those of `states` instead of those searched by.
+    #[must_use]
+    pub(crate) fn measured_in(self, states: &'a States) -> Self {
+        Self { measured: Some(states), ..self }
+    }
+
+    /// Which sources can be neighbours.
+    pub(crate) fn candidates(&self) -> Candidates<'a> {
+        self.candidates
     }
 
     /// Number of sources that can be neighbours.
-    pub(crate) fn candidates(&self) -> usize {
-        self.shortcuts.count(&(0..self.len() as u32))
+    pub(crate) fn candidates_len(&self) -> usize {
+        self.candidates.before(self.len() as u32) as usize
+    }
+
+    /// Most leaves that a join visits; 0 for as many as it takes.
+    pub(crate) fn leaf_budget(&self) -> usize {
+        self.leaf_budget
     }
 
     /// Number of sources, one a transition.
@@ -86,8 +112,7 @@ impl<'a> Sources<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Queries<'a> {
     states: &'a States,
-    blocks: &'a Blocks,
-    shortcuts: Shortcuts,
+    sources: Sources<'a>,
     kind: Kind<'a>,
 }
 
@@ -106,8 +131,7 @@ impl<'a> Queries<'a> {
     pub fn next_states(sources: &Sources<'a>, exclusion: Exclusion) -> Self {
         Self {
             states: sources.states,
-            blocks: sources.blocks,
-            shortcuts: sources.shortcuts,
+            sources: *sources,
             kind: Kind::NextStates(sources.transitions, exclusion),
         }
     }
@@ -121,8 +145,7 @@ impl<'a> Queries<'a> {
     ) -> Self {
         Self {
             states: sources.states,
-            blocks: sources.blocks,
-            shortcuts: sources.shortcuts,
+            sources: *sources,
             kind: Kind::Rows(rows, sources.transitions, exclusion, member),
         }
     }
@@ -139,8 +162,7 @@ impl<'a> Queries<'a> {
         if states.columns() != sources.columns() {
             return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
         }
-        let Sources { blocks, shortcuts, .. } = *sources;
-        Ok(Self { states, blocks, shortcuts, kind: Kind::External(member) })
+        Ok(Self { states, sources: *sources, kind: Kind::External(member) })
     }
 
     /// Number of queries.
@@ -154,7 +176,7 @@ impl<'a> Queries<'a> {
 
     /// Members of the ensemble.
     pub(crate) fn members(&self) -> usize {
-        self.blocks.members()
+        self.sources.blocks.members()
     }
 
     /// Whether there are no queries.
@@ -174,6 +196,16 @@ impl<'a> Queries<'a> {
     /// The states that the queries are rows of.
     pub(crate) fn states(&self) -> &'a States {
         self.states
+    }
+
+    /// What the distances of tables are measured in, if not by what they were searched.
+    pub(crate) fn measured(&self) -> Option<&'a States> {
+        self.sources.measured
+    }
+
+    /// The row of the source of a transition.
+    pub(crate) fn source_row(&self, transition: u32) -> usize {
+        self.sources.transitions.sources()[transition as usize] as usize
     }
 
     /// The sources that query `query` must not find.
@@ -204,7 +236,7 @@ impl<'a> Queries<'a> {
     pub(crate) fn own_source(&self, query: usize) -> Option<u32> {
         let (row, transitions) = self.recorded(query)?;
         let own = transitions.starting_at(row).map(|TransitionIndex(transition)| transition);
-        own.filter(|&transition| self.shortcuts.keeps(transition))
+        own.filter(|&transition| self.sources.candidates.contains(transition))
     }
 
     /// The transition that starts from the query's row, or else the one that ends there.
@@ -220,8 +252,7 @@ impl<'a> Queries<'a> {
         query: usize,
         count: usize,
     ) -> impl Iterator<Item = u32> + use<'a> {
-        let count = count as u32 * self.shortcuts.prototypes;
-        let shortcuts = self.shortcuts;
+        let (count, candidates) = (count as u32, self.sources.candidates);
         let forbidden = self.forbidden(query);
         let around = match self.own_transition(query) {
             Some(_) if !forbidden.is_empty() => forbidden.clone(),
@@ -229,20 +260,18 @@ impl<'a> Queries<'a> {
             None => 0..0,
         };
         let (before, after) = if self.own_transition(query).is_some() {
-            let last = self.blocks.transitions() as u32;
-            (
-                around.start.saturating_sub(count)..around.start,
-                around.end..last.min(around.end + count),
-            )
+            let (start, end) = (candidates.before(around.start), candidates.before(around.end));
+            let last = self.sources.candidates_len() as u32;
+            (start.saturating_sub(count)..start, end..last.min(end + count))
         } else {
             (0..0, 0..0)
         };
-        before.chain(after).filter(move |&transition| shortcuts.keeps(transition))
+        before.chain(after).map(move |number| candidates.nth(number))
     }
 
     /// The members whose lists query `query` wants.
     pub(crate) fn wanted(&self, query: usize) -> impl Iterator<Item = usize> + use<'a> {
-        let blocks = self.blocks;
+        let blocks = self.sources.blocks;
         let (members, query) = match self.kind {
             Kind::NextStates(..) => (0..blocks.members(), Some(TransitionIndex::new(query))),
             Kind::Rows(.., member) | Kind::External(member) => (member..member + 1, None),

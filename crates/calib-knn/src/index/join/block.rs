@@ -158,7 +158,7 @@ impl WithSimd for Band<'_> {
         }
         let (pool, work) = (self.join.pool(), self.work(&blocks));
         let ones = blocks.into_iter().flat_map(|block| block.one);
-        let lists = ones.map(|one| one.pending.finish(pool, self.queries)).collect();
+        let lists = ones.map(|one| one.pending.finish(pool)).collect();
         Searched { lists, work }
     }
 }

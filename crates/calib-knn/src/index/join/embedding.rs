@@ -4,8 +4,11 @@ use calib_core::Seed;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::linear::{covariance, leading_axes};
-use crate::{Sources, groups::Groups};
+use crate::{
+    Sources,
+    groups::Groups,
+    index::{covariance, leading_axes},
+};
 
 /// Most coordinates of an embedding.
 pub(super) const MOST: usize = 32;

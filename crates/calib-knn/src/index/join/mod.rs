@@ -6,7 +6,6 @@ use rayon::prelude::*;
 mod block;
 mod embedding;
 mod kernel;
-mod linear;
 mod tree;
 
 use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
@@ -14,7 +13,8 @@ use crate::{KnnError, distance::Margin, groups::Groups};
 use block::{Band, Limit, QUERIES};
 use embedding::Embedding;
 pub(crate) use embedding::width as image_width;
-use tree::{LEAF, Tree};
+use tree::Tree;
+pub(crate) use tree::{LEAF, leaves};
 
 /// Sources between two looks at the monitor while the images are made.
 const CHUNK: usize = 1 << 12;
@@ -117,7 +117,7 @@ impl<'a> Join<'a> {
     fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
         if let Some(transition) = queries.own_transition(query) {
             // A transition that cannot be a neighbour lies near the last one that can.
-            let transition = transition - transition % self.sources.shortcuts().prototypes;
+            let transition = self.sources.candidates().near(transition);
             return self.tree.leaf_of(self.place_of[transition as usize] as usize).0;
         }
         let mut image = vec![0.0; self.embedding.width()];
@@ -145,7 +145,7 @@ impl<'a> Join<'a> {
     }
 
     fn limit(&self) -> Limit {
-        let leaves = match self.sources.shortcuts().leaf_budget {
+        let leaves = match self.sources.leaf_budget() {
             0 => usize::MAX,
             budget => budget,
         };

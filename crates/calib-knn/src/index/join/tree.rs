@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::{KnnError, index::going_on};
 
 /// Images side by side in a leaf.
-pub(super) const LEAF: usize = 128;
+pub(crate) const LEAF: usize = 128;
 /// Images from which a node chooses its widest coordinate.
 const SAMPLE: usize = 512;
 
@@ -196,6 +196,20 @@ pub(super) enum Below {
     Leaf(usize),
     /// Two nodes.
     Nodes([usize; 2]),
+}
+
+/// Start of each leaf and the end of the last, and which image lies in which place: [`Tree::new`] without the tree.
+///
+/// # Errors
+/// If there is no place for the sorted images, or the monitor interrupts.
+pub(crate) fn leaves(
+    images: &[f32],
+    width: usize,
+    place: &ScratchPlace,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<u32>, Vec<u32>), KnnError> {
+    let (tree, order) = Tree::new(images, width, place, monitor)?;
+    Ok((tree.starts, order))
 }
 
 /// The first position of `leaf` when `count` images are spread evenly over `leaves`.

@@ -1,4 +1,4 @@
-//! The little linear algebra behind an embedding.
+//! The little linear algebra behind embeddings and principal components.
 
 use calib_core::Seed;
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 const ROUNDS: usize = 12;
 
 /// Mean and covariance `[columns, columns]` of some states, in f64.
-pub(super) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
     let count = sample.len().max(1) as f64;
     let mut mean = vec![0.0; columns];
     for state in sample {
@@ -48,7 +48,7 @@ pub(super) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f6
 
 /// About the `count` eigenvectors of the largest eigenvalues, exactly orthonormal up to rounding, as
 /// `[columns, count]`: subspace iteration from a fixed start.
-pub(super) fn leading_axes(
+pub(crate) fn leading_axes(
     covariance: &[f64],
     columns: usize,
     count: usize,

@@ -1,0 +1,153 @@
+//! The inner loops, written once for every instruction set.
+
+#![expect(
+    clippy::inline_always,
+    reason = "inner loops must take the instruction set of the function that calls them"
+)]
+
+use pulp::Simd;
+
+/// Vectors of sources that are looked at together.
+const VECTORS: usize = 3;
+/// Sources that are looked at together on the widest machine.
+pub(super) const MOST_LANES: usize = VECTORS * 16;
+
+/// Sources that are looked at together: a strip.
+pub(super) const fn strip<S: Simd>() -> usize {
+    VECTORS * S::F32_LANES
+}
+
+/// Lay the centred states of a strip side by side, `[column, lane]`, and their squared norms in `norms`.
+/// Lanes past the last state keep what they have.
+#[inline(always)]
+pub(super) fn lay_strip<'a, S: Simd>(
+    simd: S,
+    states: impl Iterator<Item = &'a [f32]>,
+    centre: &[f32],
+    lanes: &mut [f32],
+    norms: &mut [f32],
+) {
+    for (lane, state) in states.enumerate() {
+        let column_of = lanes[lane..].iter_mut().step_by(strip::<S>());
+        for ((out, &value), &centre) in column_of.zip(state).zip(centre) {
+            *out = value - centre;
+        }
+    }
+    let mut sums = [simd.splat_f32s(0.0); VECTORS];
+    for row in S::as_simd_f32s(lanes).0.as_chunks::<VECTORS>().0 {
+        for (sum, &value) in sums.iter_mut().zip(row) {
+            *sum = simd.mul_add_e_f32s(value, value, *sum);
+        }
+    }
+    S::as_mut_simd_f32s(norms).0.copy_from_slice(&sums);
+}
+
+/// `offset − 2 x·q` for a strip of states `x` and `QUERIES` queries, whose panel holds `−2 q` as `[column, query]`.
+///
+/// The sums stay in registers. Returns whether any is within the limit of its query; only then are they in `out`,
+/// `[query, lane]`.
+#[inline(always)]
+pub(super) fn meets<S: Simd, const QUERIES: usize>(
+    simd: S,
+    lanes: &[f32],
+    offsets: &[f32],
+    panel: &[f32],
+    limits: &[f32],
+    out: &mut [f32],
+) -> bool {
+    let start: &[S::f32s; VECTORS] =
+        S::as_simd_f32s(offsets).0.try_into().expect("a strip has its vectors");
+    let mut sums = [*start; QUERIES];
+    let rows = S::as_simd_f32s(lanes).0.as_chunks::<VECTORS>().0;
+    for (row, queries) in rows.iter().zip(panel.as_chunks::<QUERIES>().0) {
+        for (sums, &query) in sums.iter_mut().zip(queries) {
+            let query = simd.splat_f32s(query);
+            for (sum, &lane) in sums.iter_mut().zip(row) {
+                *sum = simd.mul_add_e_f32s(query, lane, *sum);
+            }
+        }
+    }
+    let mut any = false;
+    for (sums, &limit) in sums.iter().zip(limits) {
+        let least = simd.min_f32s(simd.min_f32s(sums[0], sums[1]), sums[2]);
+        let within = simd.less_than_or_equal_f32s(least, simd.splat_f32s(limit));
+        any |= simd.first_true_m32s(within) < S::F32_LANES;
+    }
+    if any {
+        let out = S::as_mut_simd_f32s(out).0;
+        for (out, sums) in out.as_chunks_mut::<VECTORS>().0.iter_mut().zip(&sums) {
+            *out = *sums;
+        }
+    }
+    any
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::{Arch, WithSimd};
+
+    use super::*;
+
+    struct Check {
+        columns: usize,
+    }
+
+    impl WithSimd for Check {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            const QUERIES: usize = 4;
+            let (columns, strip) = (self.columns, strip::<S>());
+            // Small integers: exact in f32, in any order.
+            let value = |i: usize, salt: usize| ((i * 37 + salt) % 19) as f32 - 9.0;
+            let states: Vec<Vec<f32>> = (0..strip - 1)
+                .map(|row| (0..columns).map(|c| value(row * columns + c, 1)).collect())
+                .collect();
+            let queries: Vec<Vec<f32>> = (0..QUERIES)
+                .map(|row| (0..columns).map(|c| value(row * columns + c, 5)).collect())
+                .collect();
+            let centre = vec![2.0; columns];
+            let mut lanes = vec![0.0; strip * columns];
+            let mut offsets = vec![0.0; strip];
+            let rows = states.iter().map(Vec::as_slice);
+            lay_strip(simd, rows, &centre, &mut lanes, &mut offsets);
+            let centred = |row: &[f32]| row.iter().map(|v| v - 2.0).collect::<Vec<_>>();
+            let product = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+            let expected = |q: usize, row: usize| {
+                let x = centred(&states[row]);
+                product(&x, &x) - 2.0 * product(&x, &queries[q])
+            };
+            let mut panel = vec![0.0; QUERIES * columns];
+            for (q, query) in queries.iter().enumerate() {
+                for (c, value) in query.iter().enumerate() {
+                    panel[c * QUERIES + q] = -2.0 * value;
+                }
+            }
+            let least = |q: usize| (0..strip - 1).map(|row| expected(q, row)).fold(0.0, f32::min);
+            offsets[strip - 1] = f32::INFINITY;
+            let mut out = vec![f32::NAN; QUERIES * strip];
+            let below: Vec<f32> = (0..QUERIES).map(|q| least(q) - 1.0).collect();
+            assert!(!meets::<S, QUERIES>(simd, &lanes, &offsets, &panel, &below, &mut out));
+            for near in 0..QUERIES {
+                let mut limits = below.clone();
+                limits[near] = (0..strip - 1).map(|r| expected(near, r)).fold(1e9, f32::min);
+                assert!(meets::<S, QUERIES>(simd, &lanes, &offsets, &panel, &limits, &mut out));
+                for (q, out) in out.chunks(strip).enumerate() {
+                    for (row, &out) in out[..strip - 1].iter().enumerate() {
+                        assert_eq!(out, expected(q, row));
+                    }
+                    assert_eq!(out[strip - 1], f32::INFINITY);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sums_are_the_definition() {
+        for columns in [1, 2, 7, 142] {
+            Arch::new().dispatch(Check { columns });
+            Check { columns }.with_simd(pulp::Scalar);
+        }
+    }
+}

@@ -1,0 +1,227 @@
+#![expect(
+    clippy::inline_always,
+    reason = "inner loops must take the instruction set of the function that calls them"
+)]
+
+mod kernel;
+
+use super::{
+    Found, NeighborIndex, Queries, Sources, in_blocks,
+    pending::{Pending, Pool},
+};
+use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
+use calib_core::Monitor;
+use kernel::{MOST_LANES, meets};
+use pulp::{Arch, Simd, WithSimd};
+
+/// Most queries of a block: sources are laid out once for all of them.
+const QUERIES: usize = 1024;
+/// Strips of a tile.
+const STRIPS: usize = 8;
+/// Beyond this squared distance from the centre f32 products could overflow.
+const FARTHEST: f32 = 1e30;
+
+/// An exact blocked scan: every query meets every source, for data that cannot be ruled out unseen.
+///
+/// With all states moved by a common centre, `‖x − q‖² = ‖x‖² + ‖q‖² − 2 x·q`. Tiles of sources meet panels of queries as in
+/// a matrix product in f32, but that the sums never leave the registers unless one of them is small enough to matter.
+/// By the usual bounds on sums (Higham 2002, §3.1) sums and norms together err by at most
+/// `(3d + 16)·2⁻²⁴·(‖x‖² + ‖q‖²)`; the margin is `(4d + 32)·2⁻²⁴`. Pairs that are near enough by that margin are judged as everywhere else.
+#[derive(Debug)]
+pub struct Scan<'a> {
+    sources: Sources<'a>,
+    groups: Groups,
+    centre: Vec<f32>,
+    margin: Margin,
+}
+
+impl<'a> Scan<'a> {
+    /// A scan of these sources.
+    pub fn new(sources: Sources<'a>) -> Self {
+        let groups = Groups::singletons(&sources);
+        let centre = centre(&sources);
+        let margin = Margin::new(sources.columns());
+        Self { sources, groups, centre, margin }
+    }
+
+    fn pool(&self) -> Pool<'_> {
+        Pool { sources: &self.sources, groups: &self.groups, margin: self.margin }
+    }
+}
+
+/// A state in the middle of the sources: the mean of up to 1000 of them. Any would do.
+fn centre(sources: &Sources<'_>) -> Vec<f32> {
+    let stride = sources.len().div_ceil(1000).max(1);
+    let sampled: Vec<u32> = (0..sources.len() as u32).step_by(stride).collect();
+    let mut sums = vec![0.0_f64; sources.columns()];
+    for &transition in &sampled {
+        for (sum, &value) in sums.iter_mut().zip(sources.state(transition)) {
+            *sum += f64::from(value);
+        }
+    }
+    sums.into_iter().map(|sum| (sum / sampled.len().max(1) as f64) as f32).collect()
+}
+
+/// A block of queries against all sources.
+struct Block<'a> {
+    scan: &'a Scan<'a>,
+    queries: &'a Queries<'a>,
+    /// Which queries.
+    order: &'a [u32],
+    k: usize,
+}
+
+/// Panels of queries: `−2 (q − centre)` as `[panel, column, query]`, and what they must be under.
+struct Panels {
+    values: Vec<f32>,
+    limits: Vec<f32>,
+    /// Squared norms of the centred queries.
+    norms: Vec<f64>,
+    /// Whether a query is so far that sums could overflow. It meets every source.
+    far: bool,
+}
+
+impl WithSimd for Block<'_> {
+    type Output = Vec<MemberLists>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
+        // As many sums as there are registers for.
+        if S::REGISTER_COUNT >= 32 { self.run::<S, 8>(simd) } else { self.run::<S, 4>(simd) }
+    }
+}
+
+impl Block<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const PANEL: usize>(self, simd: S) -> Vec<MemberLists> {
+        let (scan, columns) = (self.scan, self.scan.sources.columns());
+        let (pool, total, strip) = (scan.pool(), scan.groups.len(), kernel::strip::<S>());
+        let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
+        let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
+        let mut pending: Vec<Pending<'_>> = (self.order.iter())
+            .map(|&query| Pending::new(simd, pool, self.queries, query as usize, self.k))
+            .collect();
+        let mut panels = self.panels::<PANEL>(&pending);
+        let limit = |one: &Pending<'_>, norm: f64| {
+            let radius = one.radius()?;
+            Some(((radius - norm * (1.0 - error) + tiny) as f32).next_up())
+        };
+        for ((one, &norm), to) in pending.iter().zip(&panels.norms).zip(&mut panels.limits) {
+            *to = limit(one, norm).unwrap_or(*to);
+        }
+        let tile = STRIPS * strip;
+        let mut lanes = vec![0.0; tile * columns.max(1)];
+        let mut offsets = vec![0.0; tile];
+        let mut sums = [0.0; 8 * MOST_LANES];
+        for start in tile_starts(total, scan.sources.blocks().members(), tile) {
+            let width = tile.min(total - start);
+            let strips = lanes.chunks_exact_mut(strip * columns.max(1));
+            for (number, (lanes, norms)) in strips.zip(offsets.chunks_mut(strip)).enumerate() {
+                let first = (start + number * strip).min(start + width);
+                let states = first..(first + strip).min(start + width);
+                let states = states.map(|group| pool.state(group as u32));
+                kernel::lay_strip(simd, states, &scan.centre, lanes, norms);
+            }
+            // `!(≤)`: also where the sum is not a number.
+            let far = panels.far || !offsets[..width].iter().all(|&norm| norm <= FARTHEST);
+            offsets[..width].iter_mut().for_each(|offset| *offset *= 1.0 - error as f32);
+            offsets[width..].fill(f32::INFINITY);
+            if far || columns == 0 {
+                // Nothing is ruled out here; the definition decides.
+                offsets[..width].fill(f32::MIN);
+                lanes.fill(0.0);
+            }
+            let strips = lanes.chunks_exact(strip * columns.max(1)).zip(offsets.chunks(strip));
+            for (number, (lanes, offsets)) in strips.take(width.div_ceil(strip)).enumerate() {
+                let each = panels.values.chunks_exact(PANEL * columns.max(1));
+                for (panel, limits) in each.zip(panels.limits.chunks_exact_mut(PANEL)).enumerate() {
+                    let (values, limits) = limits;
+                    if !meets::<S, PANEL>(simd, lanes, offsets, values, limits, &mut sums) {
+                        continue;
+                    }
+                    for (query, sums) in (panel * PANEL..).zip(sums.chunks_exact(strip)).take(PANEL)
+                    {
+                        let limit_of = &mut limits[query % PANEL];
+                        let first = start + number * strip;
+                        // Lanes past the last source hold nothing.
+                        let sums = &sums[..strip.min(start + width - first)];
+                        for (source, &sum) in (first as u32..).zip(sums) {
+                            if sum <= *limit_of && pending[query].meet(simd, pool, source) {
+                                let now = limit(&pending[query], panels.norms[query]);
+                                *limit_of = now.unwrap_or(*limit_of);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        pending.into_iter().map(|one| one.finish(pool)).collect()
+    }
+
+    fn panels<const PANEL: usize>(&self, pending: &[Pending<'_>]) -> Panels {
+        let (centre, columns) = (&self.scan.centre, self.scan.sources.columns().max(1));
+        let padded = pending.len().next_multiple_of(PANEL);
+        let mut panels = Panels {
+            values: vec![0.0; padded * columns],
+            limits: vec![f32::NEG_INFINITY; padded],
+            norms: Vec::with_capacity(pending.len()),
+            far: false,
+        };
+        for (query, one) in pending.iter().enumerate() {
+            let centred = || one.state().iter().zip(centre).map(|(value, centre)| value - centre);
+            let norm = centred().map(|value| value * value).sum::<f32>();
+            if norm <= FARTHEST {
+                panels.norms.push(f64::from(norm));
+                let panel = &mut panels.values[query / PANEL * PANEL * columns..];
+                let column_of = panel[query % PANEL..].iter_mut().step_by(PANEL);
+                column_of.zip(centred()).for_each(|(out, value)| *out = -2.0 * value);
+            } else {
+                panels.norms.push(0.0);
+                panels.far = true;
+            }
+        }
+        panels
+    }
+}
+
+/// Starts of the tiles, in an order that sees every part of the data early. In the order of time the member
+/// that lacks the first block would have no neighbours, and so no radius, for as long as that block lasts.
+fn tile_starts(total: usize, members: usize, tile: usize) -> impl Iterator<Item = usize> {
+    let tiles = total.div_ceil(tile);
+    let stride = tiles.div_ceil(4 * members).max(1);
+    (0..stride)
+        .flat_map(move |first| (first..tiles).step_by(stride))
+        .map(move |number| number * tile)
+}
+
+impl NeighborIndex for Scan<'_> {
+    fn search(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        found: &mut Found,
+        monitor: &dyn Monitor,
+    ) -> Result<(), KnnError> {
+        let (k, arch) = (found.k(), Arch::new());
+        // Smaller blocks where there would be too few for all threads.
+        let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
+        in_blocks(order, size, found, monitor, |order| {
+            arch.dispatch(Block { scan: self, queries, order, k })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tile_has_its_turn() {
+        const TILE: usize = 384;
+        for (total, members) in [(1, 2), (TILE, 5), (TILE + 1, 5), (100 * TILE - 3, 3), (0, 2)] {
+            let mut starts: Vec<usize> = tile_starts(total, members, TILE).collect();
+            starts.sort_unstable();
+            assert_eq!(starts, (0..total).step_by(TILE).collect::<Vec<_>>());
+        }
+    }
+}
