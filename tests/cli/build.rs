@@ -166,9 +166,9 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results");
     for (set, told) in [
-        ("model.neighbors=100000", "admissible candidates"),
+        ("model.neighbors=2900", "admissible candidates"),
         ("model.components=500", "fewer than the"),
-        ("model.members=1000000", "transitions cannot be split"),
+        ("model.members=4000", "transitions cannot be split"),
     ] {
         let error = place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
         assert!(error.contains(told), "{error}");

@@ -50,3 +50,28 @@ fn the_membrane_bioreactor_gets_a_verdict() {
 fn the_oil_wells_get_a_verdict() {
     run_shortened("wells.toml", "3w-field-2017-08", &["preprocess.subsample=40"]);
 }
+
+/// Every state at 1 Hz, raw (12 columns) and with traces (144): tables against brute force in f64, bit by bit.
+#[test]
+#[expect(clippy::print_stderr, reason = "a test that skips says so")]
+fn neighbours_on_the_oil_wells_agree_with_brute_force() {
+    let Some(data) = std::env::var_os("CALIB_DATA") else {
+        eprintln!("skipped: CALIB_DATA is not set, so 3w-field-2017-08 is not at hand");
+        return;
+    };
+    let decays: Vec<String> =
+        (1..12).map(|power| (1.0 - 0.5_f64.powi(power)).to_string()).collect();
+    let traces = format!("preprocess.traces=[{}]", decays.join(","));
+    let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/wells.toml");
+    for (traces, columns) in [("preprocess.traces=[]", 12), (&traces, 144)] {
+        let place = Place::new();
+        let mut calib = place.command(&["build-model"]);
+        calib.arg(&study).args(["--output", "results", "--verify", "6"]).env("CALIB_DATA", &data);
+        calib.args(["--set", "preprocess.subsample=1", "--set", traces]);
+        let output = calib.output().expect("calib runs");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{told}");
+        assert!(told.contains(&format!("rows x {columns} columns")), "{told}");
+        assert!(told.contains("verified: 30 rows agree with brute force"), "{told}");
+    }
+}

@@ -231,8 +231,7 @@ impl<'a> Band<'a> {
                 }
                 *work += (LEAF_COST * LEAF * width) as u64;
                 let image = &images[lane * width..][..width];
-                let least = lane_distances(simd, image, lanes, *threshold, &mut distances);
-                if least <= *threshold {
+                if lane_distances(simd, image, lanes, *threshold, &mut distances) {
                     self.meet(simd, leaf, &distances, one, threshold);
                 }
             }

@@ -113,7 +113,7 @@ impl Block<'_> {
         let mut lanes = vec![0.0; tile * columns.max(1)];
         let mut offsets = vec![0.0; tile];
         let mut sums = [0.0; 8 * MOST_LANES];
-        for start in tile_starts(total, scan.sources.blocks().members(), tile) {
+        for start in tile_starts(total, tile) {
             let width = tile.min(total - start);
             let strips = lanes.chunks_exact_mut(strip * columns.max(1));
             for (number, (lanes, norms)) in strips.zip(offsets.chunks_mut(strip)).enumerate() {
@@ -184,14 +184,14 @@ impl Block<'_> {
     }
 }
 
-/// Starts of the tiles, in an order that sees every part of the data early. In the order of time the member
-/// that lacks the first block would have no neighbours, and so no radius, for as long as that block lasts.
-fn tile_starts(total: usize, members: usize, tile: usize) -> impl Iterator<Item = usize> {
+/// Starts of the tiles, in an order that sees every part of the data early: halves, then quarters and so on (van der Corput's
+/// sequence). In the order of time the member that lacks the first block would have no neighbours, and so no radius, for
+/// as long as that block lasts, and nearly every source of it would have to be looked at.
+fn tile_starts(total: usize, tile: usize) -> impl Iterator<Item = usize> {
     let tiles = total.div_ceil(tile);
-    let stride = tiles.div_ceil(4 * members).max(1);
-    (0..stride)
-        .flat_map(move |first| (first..tiles).step_by(stride))
-        .map(move |number| number * tile)
+    let bits = tiles.next_power_of_two().trailing_zeros();
+    let reversed = move |number: usize| number.reverse_bits().unbounded_shr(usize::BITS - bits);
+    (0..1_usize << bits).map(reversed).filter(move |&number| number < tiles).map(move |n| n * tile)
 }
 
 impl NeighborIndex for Scan<'_> {
@@ -218,8 +218,12 @@ mod tests {
     #[test]
     fn every_tile_has_its_turn() {
         const TILE: usize = 384;
-        for (total, members) in [(1, 2), (TILE, 5), (TILE + 1, 5), (100 * TILE - 3, 3), (0, 2)] {
-            let mut starts: Vec<usize> = tile_starts(total, members, TILE).collect();
+        assert_eq!(
+            tile_starts(5 * TILE, TILE).map(|s| s / TILE).collect::<Vec<_>>(),
+            [0, 4, 2, 1, 3]
+        );
+        for total in [0, 1, TILE, TILE + 1, 100 * TILE - 3] {
+            let mut starts: Vec<usize> = tile_starts(total, TILE).collect();
             starts.sort_unstable();
             assert_eq!(starts, (0..total).step_by(TILE).collect::<Vec<_>>());
         }
