@@ -53,7 +53,6 @@ fn the_oil_wells_get_a_verdict() {
 
 /// Every state at 1 Hz, raw (12 columns) and with traces (144): tables against brute force in f64, bit by bit.
 #[test]
-#[expect(clippy::print_stderr, reason = "a test that skips says so")]
 fn neighbours_on_the_oil_wells_agree_with_brute_force() {
     let Some(data) = std::env::var_os("CALIB_DATA") else {
         eprintln!("skipped: CALIB_DATA is not set, so 3w-field-2017-08 is not at hand");
