@@ -39,7 +39,8 @@ impl MemoryNeed {
                 index::image_width(searched) as u64
             }
         };
-        let tables = 8 * config.neighbors as u64 * config.members as u64;
+        // More neighbours than there are rows are refused, whatever they would take.
+        let tables = 8 * n.min(config.neighbors as u64) * config.members as u64;
         let most = (8 * width + 20).max(4 * width + 24 + tables);
         let (reduced, choosing) = config.shortcuts().bytes_a_row(columns);
         let most = most.max(choosing) + reduced;
