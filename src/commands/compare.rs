@@ -264,6 +264,7 @@ fn whole(
         whole.jumps.extend(part.report.jumps.clone());
     }
     whole.tables = compare_tables::tables(&deployments);
+    (whole.data, whole.reproduction.fingerprint) = compare_tables::data_of_models(&deployments[0]);
     if let Some(data) = &mut whole.data {
         data.facts.retain(|(name, _)| !report_data::is_of_deployment(name));
         for group in &deployments {
@@ -284,13 +285,17 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
     let mut grids = Vec::new();
     for sensor in &study.sweep.sensors {
         for (number, group) in deployments.iter().enumerate() {
-            let follows = follow_from_deployment(&group[0].judged.study);
-            let own = group.iter().filter_map(|part| {
-                let starts = part.starts.iter().find(|starts| starts.sensor == *sensor)?;
-                Some((part.model_name(), starts))
-            });
-            let own: Vec<(&str, &Starts)> = own.collect();
-            if number == 0 || follows {
+            // Rollouts that deployments share stand in the first one's place only, without its name.
+            for follows in [true, false] {
+                let own = group.iter().filter(|part| {
+                    follow_from_deployment(&part.judged.study) == follows
+                        && (follows || number == 0)
+                });
+                let own = own.filter_map(|part| {
+                    let starts = part.starts.iter().find(|starts| starts.sensor == *sensor)?;
+                    Some((part.model_name(), starts))
+                });
+                let own: Vec<(&str, &Starts)> = own.collect();
                 grids.extend(figures::grids(&own).into_iter().map(|mut grid| {
                     if let (true, Some(deployment)) = (follows, &group[0].deployment) {
                         grid.sensor = format!("{} ({deployment})", grid.sensor);

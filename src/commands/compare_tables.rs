@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_report::Table;
+use calib_report::{DataProfile, Table};
 
 use super::{
     collapse,
@@ -11,6 +11,7 @@ use super::{
     evaluate::Judged,
     one_step::{self, OneStep},
     report,
+    starts::follow_from_deployment,
 };
 
 /// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
@@ -49,10 +50,16 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
         }
         tables.extend(own);
     }
+    let mut shown: Vec<PathBuf> = Vec::new();
     for (_, group) in &groups {
         for part in *group {
             let Some(rollouts) = &part.rollouts else { continue };
-            let name = if several {
+            let directory = part.judged.paths.rollout();
+            if shown.contains(&directory) {
+                continue;
+            }
+            shown.push(directory);
+            let name = if several && follow_from_deployment(&part.judged.study) {
                 part.in_deployment(part.model_name())
             } else {
                 part.model_name().to_owned()
@@ -131,4 +138,28 @@ pub(super) fn warnings(parts: &[Part]) -> Vec<String> {
         }
     }
     all
+}
+
+/// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where
+/// they differ; and fingerprints.
+pub(super) fn data_of_models(group: &[&Part]) -> (Option<DataProfile>, String) {
+    let most = group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|of| of.rows);
+    let mut data = most.cloned();
+    let same = |part: &&&Part| {
+        part.report.reproduction.fingerprint == group[0].report.reproduction.fingerprint
+    };
+    if group.iter().all(|part| same(&part)) {
+        return (data, group[0].report.reproduction.fingerprint.clone());
+    }
+    let mut fingerprints = Vec::new();
+    for part in group {
+        let name = part.model_name();
+        fingerprints.push(format!("{name}: {}", part.report.reproduction.fingerprint));
+        if let (Some(whole), Some(own)) = (&mut data, &part.report.data) {
+            let states =
+                format!("{}, {} to {}", calib_report::count(own.rows), own.first, own.last);
+            whole.facts.push((format!("{name}: states"), states));
+        }
+    }
+    (data, fingerprints.join("; "))
 }

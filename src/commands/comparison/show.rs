@@ -115,7 +115,15 @@ pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<
         let models = models.iter().flat_map(|(name, _)| [(*name).to_owned(), "95 %".to_owned()]);
         leading.iter().map(|&name| name.to_owned()).chain(models).collect::<Vec<String>>()
     };
-    let best = several.then_some(Best::OfRow(Direction::LowerIsBetter));
+    // A model that is held to its own past has an easier task than one that is held to a deployment.
+    let alike = models.iter().all(|(_, of)| of.sensors.is_empty() || of.against == first.against);
+    let best = (several && alike).then_some(Best::OfRow(Direction::LowerIsBetter));
+    let unlike = if alike { "" } else { " Models are held to different records: none is best." };
+    let unequal = if models.iter().all(|(_, of)| of.fewest_steps == of.most_steps) {
+        ""
+    } else {
+        " Raw distances grow with the number of steps."
+    };
     let of_models = |name: &str, of: &dyn Fn(&SensorComparison) -> Option<&Summary>| {
         let own = |of: &'_ &Comparison| of.sensors.iter().position(|of| of.sensor == name);
         let sensors = models.iter().map(|(_, of)| own(of).map(|place| &of.sensors[place]));
@@ -145,7 +153,7 @@ pub(in crate::commands) fn report_tables(models: &[(&str, &Comparison)]) -> Vec<
     let caption = |how: &str| {
         format!(
             "Rollouts against what was recorded after the same start (or the state of the deployment that it stands \
-             for), on the normalised sensor: {basis}. {how}{left_out}"
+             for), on the normalised sensor: {basis}. {how}{unlike}{unequal}{left_out}"
         )
     };
     vec![
