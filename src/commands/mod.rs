@@ -180,11 +180,9 @@ fn name(part: &StudyArgs) -> String {
 /// What would choose one of several parts.
 fn missing_names(args: &StudyArgs, parts: &[StudyArgs]) -> Vec<String> {
     let names = |of: fn(&StudyArgs) -> Option<&String>| {
-        let mut names: Vec<&str> = parts.iter().filter_map(of).map(String::as_str).collect();
-        names.dedup();
         let mut once: Vec<&str> = Vec::new();
-        for name in names {
-            if !once.contains(&name) {
+        for name in parts.iter().filter_map(of) {
+            if !once.contains(&name.as_str()) {
                 once.push(name);
             }
         }

@@ -7,7 +7,7 @@ use calib_files::Fingerprint;
 use calib_knn::Member;
 use calib_rollout::{
     RolloutConfig, StartKind, StartRow, StartSource, StartState, Wanted, month_of, start_rows,
-    start_states,
+    start_states, year_of,
 };
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +27,8 @@ pub(super) fn follow_from_deployment(study: &Study) -> bool {
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Origin {
-    /// A month, of calendar years before that of a time.
-    Month { month: u8, before: Option<Timestamp> },
+    /// A month, of calendar years before this one.
+    Month { month: u8, before: Option<i64> },
     /// So many rows of the model's data, which are those before the deployment.
     Rows(usize),
     /// The states of a deployment.
@@ -103,7 +103,7 @@ impl<'a> Starts<'a> {
             StartKind::Random | StartKind::Rows => None,
             StartKind::Nearest => Some(Origin::States(deployment.cloned())),
             StartKind::CalendarMonth => {
-                Some(Origin::Month { month: self.month()?, before: self.deployed })
+                Some(Origin::Month { month: self.month()?, before: self.deployed.map(year_of) })
             }
             StartKind::Recent => {
                 let timestamps = self.model.frames.timestamps();

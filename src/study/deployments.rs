@@ -52,7 +52,7 @@ impl Study {
         };
         let learnt = [
             ("data.train", Some(train)),
-            ("pretrain.period", self.pretrain.period.as_ref()),
+            ("pretrain.period", self.pretrain.period.as_ref().filter(|_| self.pretrain.is_on())),
             ("model.period", self.model.period.as_ref()),
         ];
         for (name, range) in &self.deployments {
@@ -124,8 +124,9 @@ mod tests {
         );
         let open = refused(&STUDY.replace("start = 2023-04-01\n", ""));
         assert!(open.contains("overlaps data.train"), "{open}");
-        let pretrain =
-            format!("{STUDY}[pretrain]\nperiod = {{ start = 2023-07-30, end = 2023-09-01 }}\n");
+        let pretrain = format!(
+            "{STUDY}[pretrain]\nepochs = 1\nperiod = {{ start = 2023-07-30, end = 2023-09-01 }}\n"
+        );
         assert!(
             refused(&pretrain).contains("deployments.july")
                 && refused(&pretrain).contains("pretrain.period")

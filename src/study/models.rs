@@ -50,8 +50,14 @@ pub(super) fn check(table: &Table) -> anyhow::Result<()> {
             bail!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
         }
     }
+    let shares_pretraining = is_pretrained_before_the_model(table);
     let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
     for (name, own) in models {
+        ensure!(
+            !shares_pretraining || value(own.as_table(), "model", "period").is_none(),
+            "[{KEY}.{name}] has a model.period of its own, and what precedes it would be for pre-training, which all \
+             models share; give pretrain.period"
+        );
         let keys = own.as_table().into_iter().flat_map(Table::keys);
         if let Some(key) = keys.into_iter().find(|key| !SECTIONS.contains(&key.as_str())) {
             bail!(
@@ -64,9 +70,32 @@ pub(super) fn check(table: &Table) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Whether agents learn from whatever precedes `model.period`.
+fn is_pretrained_before_the_model(table: &Table) -> bool {
+    let of = |key| value(Some(table), "pretrain", key);
+    let trained = of("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
+    (trained || of("checkpoint").is_some()) && of("period").is_none()
+}
+
+fn value<'a>(table: Option<&'a Table>, section: &str, key: &str) -> Option<&'a Value> {
+    table?.get(section)?.as_table()?.get(key)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn models_share_what_agents_learnt_from() {
+        let text =
+            "[pretrain]\nepochs = 3\n[models.a]\n[models.b.model.period]\nstart = 2022-03-01\n";
+        let table: Table = toml::from_str(text).expect("TOML");
+        let refused = check(&table).expect_err("refused").to_string();
+        assert!(refused.contains("[models.b]") && refused.contains("pretrain.period"), "{refused}");
+        let period = "epochs = 3\nperiod = { end = 2022-03-01 }";
+        check(&toml::from_str(&text.replace("epochs = 3", period)).expect("TOML")).expect("given");
+        check(&toml::from_str(&text.replace("= 3", "= 0")).expect("TOML")).expect("off");
+    }
 
     fn table() -> Table {
         let text = "seed = 1\n[model]\nmembers = 3\nneighbors = 2\n\

@@ -38,7 +38,7 @@ mod wanted;
 
 pub use config::{Absent, RolloutConfig, StartKind};
 pub use error::RolloutError;
-pub use month::month_of;
+pub use month::{month_of, year_of};
 pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states};
 pub use start_row::{StartRow, start_rows};

@@ -9,7 +9,7 @@ pub fn month_of(timestamp: Timestamp) -> u8 {
 }
 
 /// The year of a timestamp in the proleptic Gregorian calendar.
-pub(crate) fn year_of(timestamp: Timestamp) -> i64 {
+pub fn year_of(timestamp: Timestamp) -> i64 {
     year_and_month(timestamp).0
 }
 

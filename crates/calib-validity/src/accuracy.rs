@@ -5,7 +5,8 @@ use serde::Serialize;
 
 use crate::{ModelPair, Pair, over_plants::OverPlants};
 
-/// What is known of a model without looking at Online: how it predicts, or how its rollouts look. Lower is better.
+/// What is known of a model without running agents Online: how it predicts what is held out, or how its rollouts look.
+/// Lower is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Predictor {

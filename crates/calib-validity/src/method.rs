@@ -35,7 +35,9 @@ impl fmt::Display for Method {
         match self {
             Self::Model(model) => write!(formatter, "{model}"),
             Self::RuleOf(model, rule) => write!(formatter, "{model}, {}", rule.replace('_', " ")),
-            Self::MostAccurate => write!(formatter, "model with the least one-step error"),
+            Self::MostAccurate => {
+                write!(formatter, "model with the least one-step error, in hindsight")
+            }
             Self::LeastWarped => write!(formatter, "model with the least DTW"),
             Self::BestDefault => write!(formatter, "best default in hindsight"),
             Self::OtherPlants => write!(formatter, "best default of the other plants"),
