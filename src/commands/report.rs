@@ -321,9 +321,12 @@ fn reproduction(
     commands: &[&str],
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
+    let laid_over = paths.profile().map_or_else(String::new, |name| {
+        format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
+    });
     Ok(Reproduction {
         command: command_lines(paths, commands),
-        study_toml: toml::to_string(written)?,
+        study_toml: laid_over + &toml::to_string(written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
         fingerprint: sweep.data.to_string(),

@@ -96,6 +96,11 @@ impl StudyPaths {
         }
     }
 
+    /// The profile that was laid over the study.
+    pub fn profile(&self) -> Option<&str> {
+        self.profile.as_deref()
+    }
+
     /// The study file.
     pub fn study(&self) -> &Path {
         &self.study

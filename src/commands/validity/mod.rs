@@ -112,6 +112,9 @@ fn judgement(
         |pair: &Pair| !validity.left_out.contains(&format!("{} of {}", pair.sensor, pair.plant));
     let pairs = pairs.into_iter().filter(judged).collect();
     let paths = args.studies.iter().map(|path| path.display().to_string());
-    let command = format!("calib validity {}", paths.collect::<Vec<_>>().join(" "));
+    let overrides = args.set.iter().map(|text| format!("--set '{text}'"));
+    let draws = format!("--resamples {} --seed {}", args.resamples, args.seed);
+    let words = ["calib validity".to_owned()].into_iter().chain(paths).chain(overrides);
+    let command = words.chain([draws]).collect::<Vec<_>>().join(" ");
     Ok(Judgement { pairs, validity, missing, seed: args.seed, command })
 }
