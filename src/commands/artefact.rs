@@ -126,7 +126,8 @@ pub(super) enum Below {
     Unknown,
 }
 
-fn remove_temporaries(directory: &Path, below: Below) -> io::Result<()> {
+/// Remove what a killed process left half-written in `directory`, and in those below if they are ours.
+pub(super) fn remove_temporaries(directory: &Path, below: Below) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
         let entry = entry?;
         let path = entry.path();

@@ -1,7 +1,7 @@
 //! What to deploy where a study has several deployments: a choice for each, and one for all of them.
 
 use calib_report::{Cell, Table};
-use calib_stats::{Direction, regret};
+use calib_stats::{Direction, Selection, regret};
 use calib_sweep::SensorVerdict;
 use serde::Serialize;
 
@@ -18,8 +18,8 @@ pub(super) struct Deployed {
     pub(super) model: String,
     /// The choice for each deployment, in the order of time.
     pub(super) choices: Vec<Choice>,
-    /// The value whose worst rank over the members of all deployments is smallest; then the mean rank decides, then
-    /// the order of the grid.
+    /// The value whose worst rank over the members of all deployments is smallest; then mean rank, mean error and
+    /// the order of the grid decide, as for one deployment.
     pub(super) for_all: String,
     /// What it costs in each deployment.
     pub(super) regrets: Vec<Option<f64>>,
@@ -79,11 +79,8 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
         chosen: label(verdict.selection.chosen),
         regret: verdict.model_agreement.as_ref().and_then(|agreement| agreement.regret),
     });
-    let ranks: Vec<(&[usize], &[f64])> = verdicts
-        .iter()
-        .map(|of| (of.selection.worst_ranks.as_slice(), of.selection.mean_ranks.as_slice()))
-        .collect();
-    let for_all = best_of_all(&ranks);
+    let selections: Vec<&Selection> = verdicts.iter().map(|of| &of.selection).collect();
+    let for_all = best_of_all(&selections);
     let regrets = verdicts.iter().map(|verdict| {
         let Some(online) = &verdict.online else { return Ok(None) };
         let errors: Vec<f64> = online.candidates.iter().map(|summary| summary.mean).collect();
@@ -98,18 +95,18 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
     }))
 }
 
-/// The value with the smallest worst rank over all deployments, each with worst and mean ranks over its members.
-fn best_of_all(deployments: &[(&[usize], &[f64])]) -> usize {
-    let values = deployments.first().map_or(0, |(worst, _)| worst.len());
-    let key = |value: usize| {
-        let worst = deployments.iter().map(|(worst, _)| worst[value]).max().unwrap_or(0);
-        (worst, deployments.iter().map(|(_, mean)| mean[value]).sum::<f64>())
+/// The rule of one deployment over the members of all: the smallest worst rank; ties go to the lower mean rank, then to
+/// the lower mean error, then to the earlier value.
+fn best_of_all(deployments: &[&Selection]) -> usize {
+    let values = deployments.first().map_or(0, |of| of.worst_ranks.len());
+    // Sums of whole numbers, so that ties are ties.
+    let ranks = |value: usize| {
+        deployments.iter().flat_map(move |of| of.ranks.iter().map(move |member| member[value]))
     };
-    let smaller = |a: &usize, b: &usize| {
-        let ((worst, mean), (other_worst, other_mean)) = (key(*a), key(*b));
-        worst.cmp(&other_worst).then(mean.total_cmp(&other_mean))
-    };
-    (0..values).min_by(smaller).unwrap_or(0)
+    let key = |value: usize| (ranks(value).max(), ranks(value).sum::<usize>());
+    let error = |value: usize| deployments.iter().map(|of| of.mean_errors[value]).sum::<f64>();
+    let better = |&a: &usize, &b: &usize| key(a).cmp(&key(b)).then(error(a).total_cmp(&error(b)));
+    (0..values).min_by(better).unwrap_or(0)
 }
 
 /// "1e-4 (2.3 %)": a value and what it costs.
@@ -162,7 +159,7 @@ pub(super) fn report_table(rows: &[Deployed]) -> Option<Table> {
     Some(Table {
         title: "What to deploy".to_owned(),
         caption: "The choice for each deployment, with its regret Online in brackets. One value for all is that with \
-            the smallest worst rank over the members of all deployments (then the mean rank decides); beside it is \
+            the smallest worst rank over the members of all deployments (then the mean rank decides, then the mean error); beside it is \
             the largest of its regrets."
             .to_owned(),
         columns: header(rows),
@@ -173,19 +170,24 @@ pub(super) fn report_table(rows: &[Deployed]) -> Option<Table> {
 
 #[cfg(test)]
 mod tests {
+    use calib_stats::select;
+
     use super::*;
 
     #[test]
     fn one_value_for_all_is_bad_in_none() {
+        let of = |members: &[[f64; 3]]| select(members, Direction::LowerIsBetter).expect("ranked");
         // The best of the first is the worst of the second, and the other way round.
-        let first: (&[usize], &[f64]) = (&[1, 2, 3], &[1.0, 2.0, 3.0]);
-        let second: (&[usize], &[f64]) = (&[3, 2, 1], &[3.0, 2.0, 1.0]);
-        assert_eq!(best_of_all(&[first, second]), 1);
-        // Worst ranks tie: the mean rank decides, then the order.
-        let tied: (&[usize], &[f64]) = (&[3, 3, 3], &[2.5, 1.5, 2.0]);
-        assert_eq!(best_of_all(&[tied]), 1);
-        let equal: (&[usize], &[f64]) = (&[2, 2], &[1.5, 1.5]);
-        assert_eq!(best_of_all(&[equal]), 0);
+        let (first, second) = (of(&[[0.1, 0.2, 0.3]]), of(&[[0.3, 0.2, 0.1]]));
+        assert_eq!(best_of_all(&[&first, &second]), 1);
+        // Worst ranks tie: the mean rank decides.
+        let members = [[0.1, 0.2, 0.3], [0.3, 0.1, 0.2], [0.3, 0.2, 0.1], [0.2, 0.3, 0.1]];
+        assert_eq!(of(&members).worst_ranks, [3, 3, 3]);
+        assert_eq!(best_of_all(&[&of(&members)]), 2);
+        // Then the mean error, as for one deployment: equal deployments want what each of them wants.
+        let tied = of(&[[0.5, 0.2, 0.9], [0.5, 0.9, 0.1]]);
+        assert_eq!(tied.mean_ranks, [2.0, 2.0, 2.0]);
+        assert_eq!(best_of_all(&[&tied, &tied]), tied.chosen);
     }
 
     #[test]

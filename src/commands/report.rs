@@ -51,6 +51,9 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
 /// Write `report.html`.
 pub(super) fn write_page(paths: &StudyPaths, report: &Report) -> anyhow::Result<()> {
     let html = report.html()?;
+    if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
+        artefact::remove_temporaries(directory, Below::Unknown)?;
+    }
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
 

@@ -1,7 +1,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_agent::AgentConfig;
+use calib_agent::{AgentConfig, Scoring};
 use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
@@ -101,7 +101,7 @@ pub(super) fn run(
     ));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
-    let lengths = Lengths::of(&study, &dataset, printer);
+    let lengths = Lengths::of(&study, &dataset, &candidates, printer)?;
     let Environments { environments, starts: told_starts } =
         Environments::new(&study, &model, &dataset, lengths.steps)?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
@@ -245,7 +245,14 @@ struct Lengths {
 }
 
 impl Lengths {
-    fn of(study: &Study, dataset: &Dataset, printer: &Printer) -> Self {
+    /// # Errors
+    /// If no step of such a stream could be scored, which is better known before any is trained on.
+    fn of(
+        study: &Study,
+        dataset: &Dataset,
+        candidates: &[Candidate],
+        printer: &Printer,
+    ) -> anyhow::Result<Self> {
         let mut steps = study.sweep.steps;
         let mut notes = Vec::new();
         let mut shorten = |to: usize, what: &str| {
@@ -267,7 +274,20 @@ impl Lengths {
         for note in &notes {
             printer.warn(note);
         }
-        Self { steps, notes }
+        let scoring = Scoring::from(study.sweep.scored);
+        candidates
+            .iter()
+            .try_for_each(|candidate| scoring.check(candidate.agent.gamma, steps))
+            .with_context(|| match &study.data.held_out {
+                Some(window) if steps < study.sweep.steps => {
+                    format!(
+                        "streams of {} steps, as the ranges allow (held out: {window})",
+                        count(steps)
+                    )
+                }
+                _ => format!("streams of {} steps", count(steps)),
+            })?;
+        Ok(Self { steps, notes })
     }
 }
 

@@ -221,3 +221,13 @@ fn windows_that_do_not_fit_are_refused() {
     let key = set("deployments.near.begin=2022-11-03");
     assert!(key.contains("did you mean `start`") || key.contains("unknown key `begin`"), "{key}");
 }
+
+#[test]
+fn a_window_that_is_too_short_to_score_is_known_before_anything_is_trained() {
+    let place = place("random", "");
+    place.edit_study("end = 2022-11-04", "end = 2022-11-03T12:20:00");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let dry = place.calib(&["sweep", "study.toml", "--deployment", "far", "--dry-run"]).fails(2);
+    assert!(dry.contains("held out: 2022-11-03T12:00:00 .. 2022-11-03T12:20:00"), "{dry}");
+    assert!(dry.contains("no step can be scored"), "{dry}");
+}

@@ -126,9 +126,10 @@ fn what_cannot_be_judged_is_refused() {
     let blind = STUDY.replace("train_fraction = 0.7", "train_fraction = 1").replace("SEED", "1");
     place.write("plants/north.toml", &blind);
     let blind = place.calib(&["validity", "plants/north.toml"]).fails(2);
-    assert!(blind.contains("north.toml has no held-out data"), "{blind}");
+    assert!(blind.contains("north.toml holds no data out"), "{blind}");
     let other = STUDY.replace("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-2]").replace("SEED", "1");
     place.write("plants/north.toml", &other);
     let other = place.calib(&["validity", "plants"]).fails(2);
     assert!(other.contains("the studies sweep different values: north has"), "{other}");
+    assert!(!place.path().join("plants/north-results").exists(), "nothing is run for nothing");
 }

@@ -13,6 +13,19 @@ pub enum Scoring {
 }
 
 impl Scoring {
+    /// Check that some step of an unbroken stream of `steps` steps can be scored.
+    ///
+    /// # Errors
+    /// [`AgentError::NothingToScore`] if none can.
+    pub fn check(self, gamma: f64, steps: usize) -> Result<(), AgentError> {
+        let (whole, first) = (0..steps, self.first_step(steps)?);
+        if known_returns(&whole, gamma).end > first {
+            return Ok(());
+        }
+        let horizon = truncation_horizon(gamma).max(1);
+        Err(AgentError::NothingToScore { gamma, horizon, pieces: 1, longest: steps, first, steps })
+    }
+
     /// First step of a run of `steps` that counts: ⌊steps · (1 − fraction)⌉.
     pub(crate) fn first_step(self, steps: usize) -> Result<usize, AgentError> {
         match self {
@@ -74,6 +87,15 @@ impl ScoredReturns {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn streams_that_are_too_short_are_known_beforehand() {
+        // H = 459 for γ = 0.99: the last quarter must be longer.
+        assert!(Scoring::Final(0.25).check(0.99, 4 * 459).is_err());
+        assert!(Scoring::Final(0.25).check(0.99, 4 * 459 + 4).is_ok());
+        assert!(Scoring::WholeRun.check(0.99, 459).is_err());
+        assert!(Scoring::WholeRun.check(0.99, 460).is_ok());
+    }
 
     #[test]
     fn a_final_fraction_begins_where_it_says() {

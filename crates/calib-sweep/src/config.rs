@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 
+use calib_agent::Scoring;
 use serde::{Deserialize, Serialize};
 
 use crate::{Axis, HalvingConfig, Sampling};
@@ -42,6 +43,15 @@ pub enum Scored {
     WholeRun,
     /// The last 25 % of the steps, so that early learning does not dominate.
     FinalQuarter,
+}
+
+impl From<Scored> for Scoring {
+    fn from(scored: Scored) -> Self {
+        match scored {
+            Scored::WholeRun => Self::WholeRun,
+            Scored::FinalQuarter => Self::Final(0.25),
+        }
+    }
 }
 
 impl Default for SweepConfig {

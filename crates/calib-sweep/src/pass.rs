@@ -1,10 +1,9 @@
-use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, Scoring, train_learners};
+use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, train_learners};
 use calib_core::Monitor;
 use calib_files::Fingerprint;
 
 use crate::{
-    PlanOptions, RunRow, RunStream, Scored, SweepError, UnitResult, UnitStore, kept::KeptRun,
-    plan::Job,
+    PlanOptions, RunRow, RunStream, SweepError, UnitResult, UnitStore, kept::KeptRun, plan::Job,
 };
 
 /// What the agents of one sensor start from.
@@ -53,10 +52,7 @@ impl Pass<'_, '_> {
             .collect();
         let run = Run {
             stream: &**stream,
-            scoring: match self.options.scored {
-                Scored::WholeRun => Scoring::WholeRun,
-                Scored::FinalQuarter => Scoring::Final(0.25),
-            },
+            scoring: self.options.scored.into(),
             curve: CurveRule { windows: self.options.curve_points },
             seed: first.seed,
         };

@@ -16,7 +16,6 @@ use crate::{cli::ValidityArgs, output::Printer};
 
 /// A study's sensors, and the values that were swept.
 pub(super) struct Gathered {
-    pub(super) plant: String,
     /// Label of each value of the grid.
     pub(super) values: Vec<String>,
     pub(super) pairs: Vec<Pair>,
@@ -37,8 +36,7 @@ pub(super) fn gather(
     args: &ValidityArgs,
     printer: &Printer,
 ) -> anyhow::Result<Gathered> {
-    let mut gathered =
-        Gathered { plant: study.plant.clone(), values: Vec::new(), pairs: Vec::new() };
+    let mut gathered = Gathered { values: Vec::new(), pairs: Vec::new() };
     for deployment in &study.deployments {
         let deployment = deployment.as_deref();
         let of = models.iter().map(|model| of_model(study, (model.as_deref(), deployment), args));
@@ -137,19 +135,4 @@ fn model_pair(model: &OfModel, sensor: &str) -> Option<ModelPair> {
         one_step_all: one_step.and_then(|of| of.all_columns.rmse),
         dtw,
     })
-}
-
-/// That all studies swept the same values: a default must mean the same everywhere.
-pub(super) fn check_values(gathered: &[Gathered]) -> anyhow::Result<()> {
-    let Some(first) = gathered.first() else { return Ok(()) };
-    match gathered.iter().find(|of| of.values != first.values) {
-        None => Ok(()),
-        Some(other) => bail!(
-            "the studies sweep different values: {} has {}, {} has {}; give all the same [sweep.grid], or judge them apart",
-            first.plant,
-            first.values.join(", "),
-            other.plant,
-            other.values.join(", ")
-        ),
-    }
 }

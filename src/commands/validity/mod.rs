@@ -41,6 +41,7 @@ struct Judgement {
 /// Run what is missing of each study, and judge all of them together.
 pub(super) fn run(args: &ValidityArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let studies = studies::list(args)?;
+    studies::check(&studies, args)?;
     let directory = output(args);
     if args.dry_run {
         studies::announce(&studies, args, printer)?;
@@ -96,13 +97,12 @@ fn output(args: &ValidityArgs) -> PathBuf {
     args.output.clone().unwrap_or_else(|| beside(&args.studies[0]))
 }
 
-/// Judge what was gathered, if all studies swept the same values.
+/// Judge what was gathered.
 fn judgement(
     gathered: Vec<Gathered>,
     missing: Vec<String>,
     args: &ValidityArgs,
 ) -> anyhow::Result<Judgement> {
-    gather::check_values(&gathered)?;
     let values = gathered.first().map_or_else(Vec::new, |first| first.values.clone());
     let pairs: Vec<Pair> = gathered.into_iter().flat_map(|of| of.pairs).collect();
     let options = Options { resamples: args.resamples, seed: Seed::new(args.seed) };

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
+use calib_core::Seed;
 use calib_knn::ModelKind;
+use calib_sweep::{Candidate, Role, candidates};
 
 use super::super::{artefact::MANIFEST, chain, evaluate, load_study};
 use crate::{
@@ -45,6 +47,39 @@ pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Vec<Listed>> {
         }
     }
     Ok(studies)
+}
+
+/// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep the same.
+pub(super) fn check(studies: &[Listed], args: &ValidityArgs) -> anyhow::Result<()> {
+    let mut first: Option<(&Listed, Vec<String>)> = None;
+    for study in studies {
+        let (settings, _) = Study::load(&study.path, &args.set, Chosen::default())?;
+        let data = &settings.data;
+        let holds_nothing_out =
+            data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);
+        ensure!(
+            !holds_nothing_out || study.deployments.iter().any(Option::is_some),
+            "{} holds no data out, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
+            study.path.display()
+        );
+        let seed = Seed::new(settings.seed).child("sweep");
+        let candidates = candidates(&settings.sweep, &settings.agent, seed)
+            .with_context(|| study.path.display().to_string())?;
+        let grid = candidates.iter().filter(|candidate| candidate.role == Role::Grid);
+        let values: Vec<String> = grid.map(Candidate::label).collect();
+        match &first {
+            None => first = Some((study, values)),
+            Some((other, theirs)) if *theirs != values => bail!(
+                "the studies sweep different values: {} has {}, {} has {}; give all the same [sweep.grid], or judge them apart",
+                other.plant,
+                theirs.join(", "),
+                study.plant,
+                values.join(", ")
+            ),
+            Some(_) => {}
+        }
+    }
+    Ok(())
 }
 
 fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
