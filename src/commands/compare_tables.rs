@@ -118,26 +118,50 @@ fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
     pooled.flatten().collect()
 }
 
-/// What to know before relying on any of it; what is said of all models of a deployment is said once.
+/// What to know before relying on any of it; each once, with where it holds unless that is everywhere.
 pub(super) fn warnings(parts: &[Part]) -> Vec<String> {
-    let mut all = Vec::new();
-    for part in parts {
-        for warning in &part.report.warnings {
-            let mut beside = parts.iter().filter(|other| other.deployment == part.deployment);
-            let of_all = beside.all(|other| other.report.warnings.contains(warning));
-            let model = part.model.as_ref().filter(|_| !of_all);
-            let place: Vec<&str> =
-                model.into_iter().chain(&part.deployment).map(String::as_str).collect();
-            let told = match place.as_slice() {
-                [] => warning.clone(),
-                place => format!("{}: {warning}", place.join(", ")),
-            };
-            if !all.contains(&told) {
-                all.push(told);
-            }
+    let mut all: Vec<&String> = Vec::new();
+    for warning in parts.iter().flat_map(|part| &part.report.warnings) {
+        if !all.contains(&warning) {
+            all.push(warning);
         }
     }
-    all
+    let placed = |warning: &String| {
+        let holds = |part: &&Part| part.report.warnings.contains(warning);
+        match places(parts, holds).as_str() {
+            "" => warning.clone(),
+            places => format!("{places}: {warning}"),
+        }
+    };
+    all.into_iter().map(placed).collect()
+}
+
+/// The parts for which something holds: nothing to say if these are all; else deployments or models where it holds for
+/// all of one or for none.
+fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
+    if parts.iter().all(|part| holds(&part)) {
+        return String::new();
+    }
+    for name in [|part: &Part| part.deployment.clone(), |part: &Part| part.model.clone()] {
+        let differ =
+            |(one, other): (&Part, &Part)| name(one) == name(other) && holds(&one) != holds(&other);
+        let mut pairs = parts.iter().flat_map(|one| parts.iter().map(move |other| (one, other)));
+        if !pairs.any(differ) {
+            let mut names: Vec<String> = Vec::new();
+            for name in parts.iter().filter(&holds).filter_map(name) {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+            return names.join(", ");
+        }
+    }
+    let name = |part: &Part| {
+        let names: Vec<&str> =
+            part.model.iter().chain(&part.deployment).map(String::as_str).collect();
+        names.join(" in ")
+    };
+    parts.iter().filter(&holds).map(name).collect::<Vec<_>>().join("; ")
 }
 
 /// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where

@@ -51,7 +51,7 @@ pub enum KnnError {
     /// A query has fewer admissible candidates than `k`.
     #[error(
         "member {member} has only {candidates} admissible candidates for some query, fewer than `neighbors` = {k}; \
-         use more data, or lower `neighbors`, `members` or `theiler`"
+         use more data, or lower `neighbors`, `members`, `theiler` or `prototypes`"
     )]
     TooFewCandidates {
         /// The member.
