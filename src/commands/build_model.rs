@@ -1,10 +1,12 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
-use calib_core::{Seed, States, Transitions};
+use calib_core::{Monitor, Seed, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
-use calib_knn::{KnnModel, ModelConfig, Parts, Recall, Workplace, recall, verify};
+use calib_knn::{
+    KnnError, KnnModel, ModelConfig, Parts, Recall, Workplace, faults, recall, verify,
+};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
@@ -30,7 +32,7 @@ use crate::{
 /// Where a build keeps what it has found until the tables are written, below the model's directory.
 const PARTIAL: &str = "partial";
 /// Rows of each member by which the recall of approximate tables is judged.
-const RECALL_ROWS: usize = 20;
+const RECALL_ROWS: usize = 100;
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
@@ -79,6 +81,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     let existing = if args.study.force { None } else { find(&paths, &key, printer)? };
     let (manifest, built) = if let Some(manifest) = existing {
+        // A build that was killed at its very end has left them.
+        Parts::new(directory.join(PARTIAL), &key).remove()?;
         (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
     } else {
         let representation = representation.as_ref();
@@ -147,8 +151,6 @@ fn build(
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
     let transitions = Transitions::new(dataset.train.segments().clone());
-    // Before anything of an older model is given up.
-    KnnModel::check(metric(&dataset, representation).columns(), &transitions, &how.config)?;
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     // Not needed any more, and a part of the memory.
@@ -177,9 +179,9 @@ fn build(
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
-    parts.remove()?;
     let members =
         (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    let recall = recall_of(study, &knn, RECALL_ROWS, &printer.progress())?;
     let manifest = ModelManifest {
         format: <ModelManifest as artefact::Manifest>::FORMAT,
         tool: TOOL.to_owned(),
@@ -192,8 +194,8 @@ fn build(
         segments: dataset.train.segments().len(),
         times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
-        search: Some(choice.to_string()),
-        recall: recall_of(study, &knn, RECALL_ROWS),
+        search: Some(choice.without_share()),
+        recall,
         members,
         training: None,
         files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
@@ -208,19 +210,36 @@ fn build(
         },
     )?;
     claim.complete(&manifest)?;
+    // Until now a build that was killed could go on from them.
+    parts.remove()?;
     Ok(manifest)
 }
 
 /// How good approximate tables are; nothing for exact ones.
-fn recall_of(study: &Study, knn: &KnnModel, sample: usize) -> Option<Recall> {
+fn recall_of(
+    study: &Study,
+    knn: &KnnModel,
+    sample: usize,
+    monitor: &dyn Monitor,
+) -> Result<Option<Recall>, KnnError> {
     let approximate = !study.model.shortcuts().is_exact();
-    approximate.then(|| recall(knn, sample, Seed::new(study.seed).child("recall")))
+    let seed = Seed::new(study.seed).child("recall");
+    approximate.then(|| recall(knn, sample, seed, monitor)).transpose()
 }
 
 /// The recall in words.
 fn recall_line(recall: &Recall, k: usize) -> String {
+    let [low, high] = recall.interval;
+    let copies = match recall.copies_missed {
+        0 => String::new(),
+        missed => format!(
+            ", and {} rows whose true one is at distance 0 have a farther one",
+            count(missed)
+        ),
+    };
     format!(
-        "approximate: recall@{k} {:.4} by true distances, on {} rows; the {k}-th neighbour is {:.3} times as far as the true one",
+        "approximate: recall@{k} {:.3} ({low:.3} to {high:.3}) by true distances, on {} rows; \
+         the {k}-th neighbour is {:.3} times as far as the true one{copies}",
         recall.recall,
         count(recall.rows),
         recall.distance_ratio,
@@ -311,11 +330,32 @@ fn check_against_brute_force(
             );
         }
     }
-    if let Some(recall) = recall_of(study, knn, sample) {
+    let progress = printer.progress();
+    let shortcuts = study.model.shortcuts();
+    if !shortcuts.is_exact() {
+        let seed = seed.child("approximate");
+        let found = faults(knn, shortcuts, sample, seed);
+        if let Some((member, transition, fault)) = found.first() {
+            drop(progress);
+            printer.error(&format!(
+                "{} of the checked rows cannot be what a search found, the first of them row {} of member {member}: \
+                 {fault}; this is a bug in calib, please report it",
+                found.len(),
+                transition.0
+            ));
+            return Ok(ExitStatus::Internal);
+        }
+        let recall = recall(knn, sample, seed, &progress)?;
+        drop(progress);
+        printer.say(&format!(
+            "verified: the lists of {} rows have the distances of their states, in order, to states that may be neighbours",
+            count(recall.rows)
+        ));
         printer.say(&recall_line(&recall, knn.k()));
         return Ok(ExitStatus::Done);
     }
-    let verification = verify(knn, sample, seed);
+    let verification = verify(knn, sample, seed, &progress)?;
+    drop(progress);
     if !verification.agrees() {
         printer.error(&format!(
             "{} of {} checked rows differ from brute force: this is a bug in calib, please report it",

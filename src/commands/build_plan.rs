@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use anyhow::bail;
+use calib_core::{Segment, Segments, Transitions};
 use calib_data::Surveyed;
-use calib_knn::{IndexKind, MemoryNeed, ModelConfig};
+use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
 use serde::Serialize;
 
 use crate::{
@@ -53,7 +54,7 @@ impl BuildPlan {
     /// is the number of coordinates of ψ, where neighbours are searched in it.
     ///
     /// # Errors
-    /// If there is too little memory.
+    /// If no such model can be built of so many columns and these segments, or there is too little memory.
     pub(super) fn new(
         data: &Surveyed,
         part: Range<usize>,
@@ -62,6 +63,11 @@ impl BuildPlan {
         args: &BuildModelArgs,
     ) -> anyhow::Result<Self> {
         let (rows, columns) = (part.len(), data.columns());
+        // Before any state is read, and anything of an older model given up.
+        let segments = segments_of(data.segment_rows(), &part);
+        let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);
+        KnnModel::check(representation.unwrap_or(columns), &transitions, model)?;
+        drop(transitions);
         // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
         let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model);
         need.states = 4 * (rows * columns) as u64;
@@ -104,13 +110,13 @@ impl BuildPlan {
                 },
             );
         }
-        let segments = data.segment_rows().iter().map(calib_core::Segment::rows);
+        // Both are less than there are rows, or the check has refused them.
         let tables = (8 * rows * model.neighbors * model.members) as u64;
         let working = if spill == Spilled::Everything { need.working } else { 0 };
         Ok(Self {
             rows,
             columns,
-            segments: segments.filter(|of| of.start < part.end && part.start < of.end).count(),
+            segments: segments.len(),
             members: model.members,
             neighbors: model.neighbors,
             index: model.index,
@@ -142,6 +148,13 @@ impl BuildPlan {
             bytes(self.disk_bytes),
         )
     }
+}
+
+/// Rows of each segment, as far as they are in `part`.
+fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
+    let rows = segments.iter().map(Segment::rows);
+    let inside = rows.map(|of| of.start.max(part.start)..of.end.min(part.end));
+    inside.filter(|of| !of.is_empty()).map(|of| of.len()).collect()
 }
 
 impl From<Index> for IndexKind {

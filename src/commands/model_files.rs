@@ -220,7 +220,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
     let made = &manifest.study;
     let changed = [
         ("[representation]", study.is_parametric() || made.representation == study.representation),
-        ("[model]", made.model == study.model),
+        ("[model]", made.model.of_any_index() == study.model.of_any_index()),
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
         ("[data]", same_training(&made.data, &study.data)),
         ("[preprocess]", made.preprocess == study.preprocess),

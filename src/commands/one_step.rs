@@ -4,7 +4,8 @@ use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
-use calib_files::{Fingerprint, read_json, write_json};
+use calib_files::{Fingerprint, ScratchPlace, create_directory, read_json, write_json};
+use calib_knn::{KnnModel, MemoryNeed, ModelConfig};
 use calib_report::{Best, Cell, Table};
 use calib_stats::{Direction, StepErrors};
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,7 @@ use super::{
     model_files::OpenModel,
 };
 use crate::{
+    memory,
     output::{Printer, count, significant, table},
     study::{Study, StudyPaths},
 };
@@ -115,8 +117,7 @@ pub(super) fn ensure(
     let transitions = Transitions::new(held_out.segments().clone());
     let rows = spaced(&transitions);
     let progress = printer.progress();
-    progress.begin("one-step errors", model.model.members() as u64);
-    let errors = errors(study, model, held_out, &rows, &progress)?;
+    let errors = errors((study, paths), model, held_out, &rows, &progress)?;
     let one_step = OneStep {
         format: FORMAT,
         tool: TOOL.to_owned(),
@@ -147,7 +148,7 @@ fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
 }
 
 fn errors(
-    study: &Study,
+    (study, paths): (&Study, &StudyPaths),
     model: &OpenModel,
     held_out: &Frames,
     rows: &[RowIndex],
@@ -163,18 +164,16 @@ fn errors(
         Model::Knn(knn) => {
             let weights = study.model.weights()?;
             let queries = model.in_metric(&rows_of(states, rows)?)?;
-            for member in (0..knn.members()).map(|number| knn.member(number)) {
-                if monitor.interrupted() {
-                    return Err(crate::exit::Interrupted.into());
-                }
-                let expected = member.expected_next(&queries, model.frames.states(), weights)?;
+            let place = search_place(knn, &study.model, paths)?;
+            let recorded = model.frames.states();
+            for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
                 for (predicted, &row) in expected.chunks_exact(columns).zip(rows) {
                     add(predicted, row);
                 }
-                monitor.advance(1);
             }
         }
         Model::Parametric(network) => {
+            monitor.begin("one-step errors", 1);
             let all = predict(&**network, states, held_out.segments(), rows, 1, monitor)?;
             for (prediction, &row) in all.iter().zip(rows) {
                 let predicted: Vec<f64> = match prediction.steps() {
@@ -186,6 +185,20 @@ fn errors(
         }
     }
     Ok(errors)
+}
+
+/// Where a search over the states of the model has its large arrays: in memory if they fit, else in files.
+fn search_place(
+    knn: &KnnModel,
+    config: &ModelConfig,
+    paths: &StudyPaths,
+) -> anyhow::Result<ScratchPlace> {
+    let need = MemoryNeed::predict(knn.states().rows(), knn.states().columns(), config);
+    if memory::available().is_none_or(|available| need.working <= available) {
+        return Ok(ScratchPlace::Memory);
+    }
+    create_directory(&paths.rollout())?;
+    Ok(ScratchPlace::Disk(paths.rollout()))
 }
 
 /// Some rows of the states.

@@ -1,7 +1,7 @@
 use std::{cell::RefCell, fmt, ops::Deref};
 
 use calib_data::TimeRange;
-use calib_knn::ModelConfig;
+use calib_knn::{IndexKind, ModelConfig};
 use serde::{
     Deserialize, Serialize,
     de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer},
@@ -16,6 +16,15 @@ pub struct ModelSection {
     /// The part of the training range that the model is built from (default: all that is not for pre-training).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<TimeRange>,
+}
+
+impl ModelSection {
+    /// The same section with the search structure left to calib: what tables, draws and all that follows from them depend
+    /// on.
+    pub(crate) fn of_any_index(&self) -> Self {
+        let config = ModelConfig { index: IndexKind::Auto, ..self.config };
+        Self { config, period: self.period.clone() }
+    }
 }
 
 impl Deref for ModelSection {

@@ -5,7 +5,7 @@ use std::{
     path::Path,
     process::{Child, Stdio},
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use crate::harness::Place;
@@ -112,6 +112,47 @@ fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
     assert!(place.content("stopped") == place.content("whole"));
 }
 
+/// Kill a build as soon as its last table is written, while it judges the model; when its parts were written.
+fn kill_while_judging(place: &Place, directory: &Path) -> Vec<SystemTime> {
+    let table = directory.join("model/members/2/distances.npy");
+    let _ = fs::remove_file(&table);
+    let mut child = start(place, "judged");
+    while !table.exists() {
+        assert!(child.try_wait().expect("a status").is_none(), "the build ended without a table");
+        thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().expect("it was running");
+    child.wait().expect("a status");
+    assert!(!directory.join("model/manifest.json").exists(), "it had not ended");
+    let mut parts: Vec<_> = fs::read_dir(directory.join("model/partial"))
+        .expect("parts are kept until the model is complete")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| e == "part"))
+        .collect();
+    parts.sort();
+    let written = |path| fs::metadata(path).and_then(|of| of.modified()).expect("a time");
+    parts.into_iter().map(written).collect()
+}
+
+#[test]
+fn a_build_killed_while_judging_searches_nothing_again() {
+    let place = long_study();
+    // Approximate, so that there is much to judge.
+    place.edit_study("members = 3", "members = 3\nprototypes = 2");
+    let directory = place.path().join("judged");
+    let first = kill_while_judging(&place, &directory);
+    assert_eq!(first.len(), 5, "all of them");
+    assert_eq!(kill_while_judging(&place, &directory), first, "none was written again");
+    place.calib(&["build-model", "study.toml", "--output", "judged", "--verify", "9"]).succeeds();
+    assert!(!directory.join("model/partial").exists());
+    place.calib(&["build-model", "study.toml", "--output", "whole"]).succeeds();
+    assert!(place.content("judged") == place.content("whole"));
+    // Parts that a build left at its very end go with the next command.
+    fs::create_dir(directory.join("model/partial")).expect("writable");
+    place.calib(&["build-model", "study.toml", "--output", "judged"]).succeeds();
+    assert!(!directory.join("model/partial").exists());
+}
+
 #[test]
 fn too_little_memory_is_refused_with_advice() {
     let place = Place::with_study();
@@ -151,10 +192,14 @@ fn approximate_tables_say_how_good_they_are() {
             "{told}"
         );
         assert!(built.stderr().contains("on 90 rows"), "{}", built.stderr());
+        assert!(built.stderr().contains("the lists of 90 rows have"), "{}", built.stderr());
         let manifest: serde_json::Value =
             serde_json::from_str(&run(&["--json"]).succeeds()).expect("JSON on stdout");
-        assert_eq!(manifest["recall"]["rows"], 60);
-        assert!(manifest["recall"]["recall"].as_f64().expect("a number") <= 1.0);
+        assert_eq!(manifest["recall"]["rows"], 300);
+        let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+        let (recall, interval) = (&manifest["recall"]["recall"], &manifest["recall"]["interval"]);
+        assert!(number(&interval[0]) <= number(recall) && number(recall) <= number(&interval[1]));
+        assert!(number(&interval[1]) - number(&interval[0]) < 0.13, "{interval}");
     }
     let args = ["build-model", "study.toml", "--set", "model.leaf_budget=2", "--index", "scan"];
     assert!(place.calib(&args).fails(2).contains("is for the join"));
@@ -167,12 +212,15 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
     let before = place.content("study-results");
     for (set, told) in [
         ("model.neighbors=2900", "admissible candidates"),
+        ("model.neighbors=9000000000000000000", "admissible candidates"),
         ("model.components=500", "fewer than the"),
         ("model.members=4000", "transitions cannot be split"),
     ] {
         let error = place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
         assert!(error.contains(told), "{error}");
         assert_eq!(place.content("study-results"), before);
+        let dry = place.calib(&["build-model", "study.toml", "--set", set, "--dry-run"]).fails(2);
+        assert!(dry.contains(told), "a plan of what is refused: {dry}");
     }
     let args = ["build-model", "study.toml", "--force", "--index", "kd-tree"];
     let error = place.calib(&args).fails(2);
@@ -189,20 +237,23 @@ fn structures_and_places_do_not_change_the_model() {
     build("plain", &[]).succeeds();
     let mut plain = place.content("plain");
     plain.remove(Path::new("model/manifest.json"));
-    for (output, args, told) in [
-        ("join", ["--index", "join"], "join (asked for)"),
-        ("scan", ["--index", "scan"], "scan (asked for)"),
-        ("disk", ["--spill", "always"], "join (a join takes"),
+    for (output, args, told, kept) in [
+        ("join", ["--index", "join"], "join (asked for)", "join (asked for)"),
+        ("scan", ["--index", "scan"], "scan (asked for)", "scan (asked for)"),
+        ("set", ["--set", "model.index=scan"], "scan (asked for)", "scan (asked for)"),
+        ("disk", ["--spill", "always"], "join (a join takes", "join (less work than a scan"),
     ] {
         let built = build(output, &args);
         built.succeeds();
         assert!(built.stderr().contains(told), "{}", built.stderr());
         let mut content = place.content(output);
         let manifest = content.remove(Path::new("model/manifest.json")).expect("complete");
-        assert!(String::from_utf8_lossy(&manifest).contains(told));
+        assert!(String::from_utf8_lossy(&manifest).contains(kept));
         assert!(content == plain, "{output} differs");
-        // It is the model of the study, whatever found its tables.
+        // It is the model of the study, whatever found its tables and whatever would now.
         place.calib(&["rollout", "study.toml", "--output", output]).succeeds();
+        let other = ["rollout", "study.toml", "--output", output, "--set", "model.index=join"];
+        place.calib(&other).succeeds();
     }
     let error = build("tree", &["--index", "kd_tree"]).fails(2);
     assert!(error.contains("at most 8 columns"), "{error}");

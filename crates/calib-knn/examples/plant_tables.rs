@@ -172,7 +172,7 @@ fn build(path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
             let (model, choice) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
             let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);
-            let verification = verify(&model, sample, Seed::new(0));
+            let verification = verify(&model, sample, Seed::new(0), &Silent)?;
             println!(
                 "{{\"rows\": {rows}, \"columns\": {columns}, \"wall_secs\": {wall:.2}, \"processor_secs\": {processor:.2}, \
                  \"peak_kib\": {}, \"peak_anonymous_kib\": {}, \"peak_mapped_kib\": {}, \"verified\": {}, \"different\": {}, \"predicted_kib\": {}, \"index\": \"{choice}\"}}",

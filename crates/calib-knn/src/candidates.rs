@@ -27,6 +27,14 @@ impl Candidates<'_> {
         }
     }
 
+    /// The most transitions of a range of `length` that can be neighbours.
+    pub(crate) fn most_in(self, length: u64) -> usize {
+        match self {
+            Self::Every(every) => length.div_ceil(u64::from(every)) as usize,
+            Self::Chosen(_) => length as usize,
+        }
+    }
+
     /// The candidate of this number.
     pub(crate) fn nth(self, number: u32) -> u32 {
         match self {

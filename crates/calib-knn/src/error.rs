@@ -25,6 +25,12 @@ pub enum KnnError {
     /// `k` is zero.
     #[error("`neighbors` is 0: a step needs at least 1 neighbour to draw from")]
     NoNeighbors,
+    /// A member without transitions is searched.
+    #[error("member {member} has no transitions to search; use more data, or lower `members`")]
+    EmptyMember {
+        /// The member.
+        member: usize,
+    },
     /// `prototypes` is zero.
     #[error(
         "`prototypes` is 0: it is the number of sources of which one can be a neighbour; 1 is all of them"

@@ -33,6 +33,14 @@ pub enum SelfMatch {
 }
 
 impl Exclusion {
+    /// The most sources that are forbidden to any query.
+    pub(crate) fn most_forbidden(&self) -> u64 {
+        match (self.theiler, self.self_match) {
+            (0, SelfMatch::Allowed) => 0,
+            (theiler, _) => 2 * u64::from(theiler) + 1,
+        }
+    }
+
     /// The sources that are forbidden to the query at `row`, as a range of transitions in time order.
     pub fn forbidden(&self, transitions: &Transitions, row: RowIndex) -> Range<u32> {
         if self.theiler == 0 && self.self_match == SelfMatch::Allowed {
@@ -74,6 +82,7 @@ mod tests {
             let segments = transitions.segments();
             for row in 0..segments.rows() {
                 let forbidden = exclusion.forbidden(&transitions, RowIndex::new(row));
+                prop_assert!(forbidden.len() as u64 <= exclusion.most_forbidden());
                 for j in 0..transitions.len() {
                     let source = transitions.source(TransitionIndex::new(j)).get();
                     let near = theiler > 0

@@ -1,19 +1,20 @@
 //! The mean of what a step would emit.
 
-use calib_core::{States, TransitionIndex};
+use calib_core::{Monitor, States, TransitionIndex};
+use calib_files::ScratchPlace;
 
-use crate::{KnnError, Member, Neighbor, Weights};
+use crate::{KnnError, KnnModel, Neighbor, Weights};
 
-impl Member<'_> {
-    /// The expectation of the next state after each of `queries`, `[queries, columns]` row by row.
+impl KnnModel {
+    /// The expectation of the next state after each of `queries` in every member, `[queries, columns]` row by row.
     ///
     /// ŝ' = Σⱼ pⱼ s'ⱼ over the k nearest sources of the query in the member, which are found by exact search in the
-    /// model's metric; p are the probabilities with which a step would draw them, and s'ⱼ are their next states in
-    /// `recorded`, the states of the model's data as they were recorded. Of all predictions that a draw allows it
-    /// has the smallest squared error (derived).
+    /// model's metric, by one for all members; p are the probabilities with which a step would draw them, and s'ⱼ are their
+    /// next states in `recorded`, the states of the model's data as they were recorded. Of all predictions that a draw
+    /// allows it has the smallest squared error (derived).
     ///
     /// # Errors
-    /// If the queries have another number of columns than the model's metric.
+    /// As [`nearest_sources`](Self::nearest_sources).
     ///
     /// # Panics
     /// If `recorded` has other rows than the model's states.
@@ -22,24 +23,28 @@ impl Member<'_> {
         queries: &States,
         recorded: &States,
         weights: Weights,
-    ) -> Result<Vec<f64>, KnnError> {
-        let model = self.model();
-        assert_eq!(recorded.rows(), model.states().rows(), "the same rows were recorded");
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<f64>>, KnnError> {
+        assert_eq!(recorded.rows(), self.states().rows(), "the same rows were recorded");
         let columns = recorded.columns();
-        let lists = self.nearest_sources(queries, model.k())?;
-        let mut expected = vec![0.0; lists.len() * columns];
-        for (list, out) in lists.iter().zip(expected.chunks_exact_mut(columns)) {
-            let distances: Vec<f32> = list.iter().map(|neighbour| neighbour.distance).collect();
-            for (Neighbor { transition, .. }, p) in
-                list.iter().zip(weights.probabilities(&distances))
-            {
-                let next = model.transitions().next(TransitionIndex(transition.0));
-                for (out, &value) in out.iter_mut().zip(recorded.row(next.get())) {
-                    *out += p * f64::from(value);
+        let members = self.nearest_sources(queries, self.k(), place, monitor)?;
+        let of_member = |lists: Vec<Vec<Neighbor>>| {
+            let mut expected = vec![0.0; lists.len() * columns];
+            for (list, out) in lists.iter().zip(expected.chunks_exact_mut(columns)) {
+                let distances: Vec<f32> = list.iter().map(|neighbour| neighbour.distance).collect();
+                for (Neighbor { transition, .. }, p) in
+                    list.iter().zip(weights.probabilities(&distances))
+                {
+                    let next = self.transitions().next(TransitionIndex(transition.0));
+                    for (out, &value) in out.iter_mut().zip(recorded.row(next.get())) {
+                        *out += p * f64::from(value);
+                    }
                 }
             }
-        }
-        Ok(expected)
+            expected
+        };
+        Ok(members.into_iter().map(of_member).collect())
     }
 }
 
@@ -48,7 +53,7 @@ mod tests {
     use calib_core::{Segments, Silent, Transitions};
 
     use super::*;
-    use crate::{KnnModel, ModelConfig};
+    use crate::ModelConfig;
 
     #[test]
     fn it_is_the_mean_over_the_draws_of_the_nearest_sources() {
@@ -64,16 +69,21 @@ mod tests {
             model.blocks().transitions_of(0).map(|t| model.transitions().source(t).get()).collect();
         assert_eq!(sources, [6, 7, 8, 9, 10]);
         let query = States::new(vec![8.25, 100.0], 2, 1).expect("finite");
-        let member = model.member(0);
+        let expected = |query, weights| {
+            let all =
+                model.expected_next(query, &recorded, weights, &ScratchPlace::Memory, &Silent)?;
+            assert_eq!(all.len(), 2, "one of each member");
+            Ok::<_, KnnError>(all[0].clone())
+        };
         // Distances 0.25, 0.75, 1.25 to 8, 9, 7; their next states are 81, 100, 64.
-        let linear = member.expected_next(&query, &recorded, Weights::Linear).expect("it runs");
+        let linear = expected(&query, Weights::Linear).expect("it runs");
         let p = [0.25, 0.75, 1.25].map(|d| (1.0 - d / 2.25) / 2.0);
         assert!((linear[0] - (p[0] * 81.0 + p[1] * 100.0 + p[2] * 64.0)).abs() < 1e-5);
-        let uniform = member.expected_next(&query, &recorded, Weights::Uniform).expect("it runs");
+        let uniform = expected(&query, Weights::Uniform).expect("it runs");
         assert!((uniform[0] - 245.0 / 3.0).abs() < 1e-9);
         // Beyond the data it is what followed its end: 121, 100 and 81.
         assert!((uniform[1] - 302.0 / 3.0).abs() < 1e-9);
         let wide = States::new(vec![0.0, 1.0], 1, 2).expect("finite");
-        assert!(member.expected_next(&wide, &recorded, Weights::Linear).is_err());
+        assert!(expected(&wide, Weights::Linear).is_err());
     }
 }

@@ -26,7 +26,7 @@ impl Candidate {
 ///
 /// One search serves all members: a candidate enters the list of each member that contains it.
 #[derive(Clone, Debug)]
-pub struct MemberLists {
+pub(crate) struct MemberLists {
     k: usize,
     /// `k` candidates for each member, in order; short lists end in [`Candidate::NONE`].
     candidates: Vec<Candidate>,
@@ -110,12 +110,12 @@ impl MemberLists {
     }
 
     /// The members whose lists were wanted.
-    pub fn members(&self) -> &[usize] {
+    pub(crate) fn members(&self) -> &[usize] {
         &self.wanted
     }
 
     /// The neighbours found for `member`, nearest first: transition and squared distance.
-    pub fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
+    pub(crate) fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
         self.candidates[member * self.k..][..self.k]
             .iter()
             .filter(|candidate| candidate.transition != u32::MAX)

@@ -1,19 +1,11 @@
 use std::path::Path;
 
-use calib_core::{Monitor, Rng, RowIndex, Silent, States, TransitionIndex, Transitions};
-use calib_files::ScratchPlace;
+use calib_core::{Monitor, Rng, States, TransitionIndex, Transitions};
 
 use crate::{
-    Blocks, Exclusion, IndexChoice, IndexKind, KdTree, KnnError, NeighborTable, PrototypeKind,
-    Weights, Workplace, build_tables_in,
-    candidates::Candidates,
-    components::leading_components,
-    index::{Found, Queries, Sources},
-    open_table,
-    parts::PART_QUERIES,
-    prototypes::covering,
-    table::check_candidates,
-    write_table,
+    Blocks, Exclusion, IndexChoice, KdTree, KnnError, NeighborTable, PrototypeKind, Weights,
+    Workplace, build_tables_in, candidates::Candidates, components::leading_components,
+    index::Sources, open_table, prototypes::covering, table::check_candidates, write_table,
 };
 
 /// A neighbour of a state, and how far its source is.
@@ -281,72 +273,5 @@ impl<'a> Member<'a> {
         let drawn = neighbors[weights.draw(distances, rng)];
         assert!(drawn != u32::MAX, "transition {} is not in member {}", transition.0, self.number);
         TransitionIndex(drawn)
-    }
-
-    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search.
-    ///
-    /// The exclusion of the model applies, as it does in the tables. Lists are shorter than `k` only where
-    /// fewer sources are admissible.
-    ///
-    /// # Errors
-    /// If `k` is zero.
-    ///
-    /// # Panics
-    /// If a row is not a row of the data.
-    pub fn nearest_to_rows(
-        &self,
-        rows: &[RowIndex],
-        k: usize,
-    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
-        let sources = self.model.sources();
-        let queries = Queries::rows(&sources, rows, self.number, self.model.exclusion);
-        self.search(&sources, &queries, k)
-    }
-
-    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search.
-    ///
-    /// Lists are shorter than `k` only if the member is.
-    ///
-    /// # Errors
-    /// If `k` is zero, or the states have another number of columns than the model's.
-    pub fn nearest_sources(
-        &self,
-        states: &States,
-        k: usize,
-    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
-        let sources = self.model.sources();
-        let queries = Queries::external(&sources, states, self.number)?;
-        self.search(&sources, &queries, k)
-    }
-
-    fn search(
-        &self,
-        sources: &Sources<'_>,
-        queries: &Queries<'_>,
-        k: usize,
-    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
-        let k = k.min(self.len());
-        if k == 0 {
-            return Err(KnnError::NoNeighbors);
-        }
-        let planned = sources.index(IndexKind::Auto, queries, k, &ScratchPlace::Memory, &Silent)?;
-        let mut neighbors = vec![Vec::new(); queries.len()];
-        for order in planned.order.chunks(PART_QUERIES) {
-            let mut found = Found::new(order.len(), queries.members(), k);
-            planned.index.search(queries, order, &mut found, &Silent)?;
-            for (place, &query) in order.iter().enumerate() {
-                let (sources, distances) = found.list(place, self.number);
-                neighbors[query as usize] = sources
-                    .iter()
-                    .zip(distances)
-                    .filter(|(transition, _)| **transition != u32::MAX)
-                    .map(|(&transition, &distance)| Neighbor {
-                        transition: TransitionIndex(transition),
-                        distance,
-                    })
-                    .collect();
-            }
-        }
-        Ok(neighbors)
     }
 }

@@ -11,6 +11,13 @@ use crate::index::Found;
 /// Digits of a fingerprint.
 const DIGITS: usize = 64;
 
+/// Version of the search: part of the key of parts.
+///
+/// Raise it with every change after which a search can find other lists from the same inputs (a repaired search, other
+/// approximate ones), so that a build that was stopped before the change does not go on from what was found before. If
+/// tables that were completed are wrong too, raise the format of the model's manifest as well.
+const SEARCH: u32 = 2;
+
 /// Where a build keeps what it has found so far, so that one that is killed can go on.
 ///
 /// The queries are searched in an order that follows from the states and the search structure. Each file holds the lists
@@ -60,9 +67,21 @@ impl Parts {
 
     /// The parts of a search in this order; those of other searches are removed.
     pub(crate) fn open(&self, order: &[u32], members: usize, k: usize) -> Result<Open, FileError> {
+        self.open_of(SEARCH, order, members, k)
+    }
+
+    /// As [`open`](Self::open), of a search of this version.
+    fn open_of(
+        &self,
+        search: u32,
+        order: &[u32],
+        members: usize,
+        k: usize,
+    ) -> Result<Open, FileError> {
         let numbers = [members as u64, k as u64, self.queries as u64];
         let key = Fingerprinter::default()
-            .add(b"parts 1")
+            .add(b"parts 2")
+            .add(&search.to_le_bytes())
             .add(self.inputs.as_bytes())
             .add(bytemuck::cast_slice(&numbers))
             .add(bytemuck::cast_slice(order))
@@ -168,6 +187,10 @@ mod tests {
             assert!(other.read(0, 2).is_none());
             assert_eq!(fs::read_dir(&at).expect("readable").count(), 0, "stale parts are removed");
         }
+        open.write(0, &found).expect("written");
+        let later = parts.open_of(SEARCH + 1, &[1, 0, 2], 1, 2).expect("writable");
+        assert!(later.read(0, 2).is_none(), "another version of the search");
+        assert_eq!(fs::read_dir(&at).expect("readable").count(), 0);
         parts.remove().expect("removed");
         parts.remove().expect("nothing left to remove");
         assert!(!at.exists());

@@ -1,10 +1,8 @@
-use calib_core::Seed;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{KnnModel, prototypes::CHOOSING, verify};
+use crate::prototypes::CHOOSING;
 
-/// What a search leaves out to be faster: then its tables are approximate, and [`recall`] says by how much.
+/// What a search leaves out to be faster: then its tables are approximate, and [`recall`](crate::recall) says by how much.
 ///
 /// The paper names prototypes and reduced states for data that is too large for exact search, and does not say which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,45 +49,6 @@ impl Shortcuts {
         let reduced = if self.components < columns { 4 * self.components as u64 } else { 0 };
         let covers = self.prototypes > 1 && self.prototype_kind == PrototypeKind::KCentre;
         (reduced, if covers { CHOOSING } else { 0 })
-    }
-}
-
-/// How many of the neighbours in a model's tables are among the true ones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Recall {
-    /// Table rows that were searched again.
-    pub rows: usize,
-    /// Share of the neighbours that are no further than the true `k`-th neighbour is.
-    pub recall: f64,
-    /// Mean over rows of the table's `k`-th distance by the true one; rows where the true one is 0 do not count.
-    pub distance_ratio: f64,
-}
-
-/// Compare `sample` random rows of every member with brute force in f64 over all sources of the member.
-///
-/// Each row costs a pass over all states.
-pub fn recall(model: &KnnModel, sample: usize, seed: Seed) -> Recall {
-    let cells = verify::sampled(model, sample, seed);
-    let rows: Vec<(usize, Option<f64>)> = cells
-        .par_iter()
-        .map(|&(number, transition)| {
-            let (_, distances) = model.member(number).neighbors(transition);
-            let exact = verify::brute_force(model, number, transition);
-            let Some(&(squared, _)) = exact.last() else { return (0, None) };
-            let furthest = crate::distance::stored(squared);
-            let found = distances.iter().filter(|&&distance| distance <= furthest).count();
-            let last = distances.last().copied().unwrap_or(f32::INFINITY);
-            let ratio = (furthest > 0.0).then(|| f64::from(last) / f64::from(furthest));
-            (found, ratio)
-        })
-        .collect();
-    let found: usize = rows.iter().map(|row| row.0).sum();
-    let ratios: Vec<f64> = rows.iter().filter_map(|row| row.1).collect();
-    let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
-    Recall {
-        rows: rows.len(),
-        recall: found as f64 / (rows.len() * model.k()).max(1) as f64,
-        distance_ratio: if ratios.is_empty() { 1.0 } else { mean },
     }
 }
 

@@ -1,15 +1,12 @@
 use std::{
     fmt,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-        mpsc,
-    },
+    sync::{Arc, mpsc},
     thread,
 };
 
 use calib_core::{Monitor, States, TransitionIndex, Transitions};
 use calib_files::{Scratch, ScratchPlace};
+use rayon::prelude::*;
 
 use crate::{
     Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
@@ -146,18 +143,16 @@ fn fill(
         .map(|_| new_table(queries.len() * k, &workplace.scratch))
         .collect::<Result<Vec<Filling>, KnnError>>()?;
     let (send, receive) = mpsc::sync_channel::<(usize, Found, Origin)>(1);
-    let all_found = AtomicBool::new(false);
     let (searched, stored) = thread::scope(|scope| {
-        let (tables, kept, all_found) = (&mut tables, &kept, &all_found);
+        let (tables, kept) = (&mut tables, &kept);
         let storing = scope.spawn(move || -> Result<(), KnnError> {
             for (number, found, origin) in receive {
                 let order = &order[number * part..][..found.len()];
                 tables.iter_mut().enumerate().for_each(|(member, table)| {
                     put(table, member, order, &found);
                 });
-                // When everything is found, the tables are about to be written, and nothing need be kept.
-                let needed = !all_found.load(Ordering::Relaxed);
-                if let (Some(kept), Origin::Search, true) = (kept, origin, needed) {
+                // The last one too: it is needed until the model is complete.
+                if let (Some(kept), Origin::Search) = (kept, origin) {
                     kept.write(number, &found)?;
                 }
             }
@@ -188,7 +183,6 @@ fn fill(
             }
             Ok(())
         })();
-        all_found.store(searched.is_ok(), Ordering::Relaxed);
         drop(send);
         (searched, storing.join().expect("the storing thread does not panic"))
     });
@@ -224,6 +218,9 @@ fn put(table: &mut Filling, member: usize, order: &[u32], found: &Found) {
 }
 
 /// Every query must have `k` admissible candidates in each of its members.
+///
+/// A member whose candidates are enough for a query that the exclusion forbids as many as it can needs no more than that;
+/// else all queries are looked at, in parallel.
 pub(crate) fn check_candidates(
     transitions: &Transitions,
     blocks: &Blocks,
@@ -234,13 +231,20 @@ pub(crate) fn check_candidates(
     if k == 0 {
         return Err(KnnError::NoNeighbors);
     }
+    let most_forbidden = candidates.most_in(exclusion.most_forbidden());
     for member in 0..blocks.members() {
-        let least = blocks
-            .transitions_of(member)
-            .map(|query: TransitionIndex| {
-                let forbidden = exclusion.forbidden(transitions, transitions.next(query));
-                blocks.admissible(member, &forbidden, candidates)
-            })
+        if blocks.admissible(member, &(0..0), candidates) >= k.saturating_add(most_forbidden) {
+            continue;
+        }
+        let admissible = |query: TransitionIndex| {
+            let forbidden = exclusion.forbidden(transitions, transitions.next(query));
+            blocks.admissible(member, &forbidden, candidates)
+        };
+        let least = (0..blocks.transitions() as u32)
+            .into_par_iter()
+            .map(TransitionIndex)
+            .filter(|&query| blocks.contains(member, query))
+            .map(admissible)
             .min()
             .unwrap_or(0);
         if least < k {
@@ -248,4 +252,55 @@ pub(crate) fn check_candidates(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Segments;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::SelfMatch;
+
+    proptest! {
+        #[test]
+        fn the_worst_off_query_decides(
+            lengths in proptest::collection::vec(2_usize..12, 1..6),
+            members in 2_usize..4,
+            k in 1_usize..12,
+            every in 1_u32..4,
+            theiler in 0_u32..6,
+            excluded: bool,
+        ) {
+            let transitions = Transitions::new(Segments::from_lengths(lengths).expect("valid"));
+            prop_assume!(transitions.len() >= members);
+            let blocks = Blocks::new(&transitions, members).expect("enough transitions");
+            let self_match = if excluded { SelfMatch::Excluded } else { SelfMatch::Allowed };
+            let exclusion = Exclusion { self_match, theiler };
+            let count = |member, query| {
+                let forbidden = exclusion.forbidden(&transitions, transitions.next(query));
+                blocks
+                    .transitions_of(member)
+                    .filter(|j| j.0.is_multiple_of(every) && !forbidden.contains(&j.0))
+                    .count()
+            };
+            let worst = (0..members).map(|member| {
+                blocks.transitions_of(member).map(|query| count(member, query)).min().unwrap_or(0)
+            });
+            let expected = worst.enumerate().find(|&(_, least)| least < k);
+            let chosen: Vec<u32> =
+                (0..transitions.len() as u32).filter(|j| j.is_multiple_of(every)).collect();
+            for candidates in [Candidates::Every(every), Candidates::Chosen(&chosen)] {
+                let found = check_candidates(&transitions, &blocks, candidates, k, exclusion);
+                let found = match found {
+                    Ok(()) => None,
+                    Err(KnnError::TooFewCandidates { member, candidates, .. }) => {
+                        Some((member, candidates))
+                    }
+                    Err(error) => panic!("{error}"),
+                };
+                prop_assert_eq!(found, expected);
+            }
+        }
+    }
 }

@@ -77,7 +77,7 @@ fn check(name: &str, states: &States, lengths: &[usize], configs: &[ModelConfig]
             let transitions = Transitions::new(segments);
             let model = KnnModel::build(states.clone(), transitions, &config, &Silent)
                 .unwrap_or_else(|error| panic!("{name}, {config:?}: {error}"));
-            let verification = verify(&model, 25, Seed::new(7));
+            let verification = verify(&model, 25, Seed::new(7), &Silent).expect("not interrupted");
             assert!(verification.agrees(), "{name}, {config:?}: {verification:?}");
         }
     }

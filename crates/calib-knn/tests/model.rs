@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use calib_core::{RowIndex, Seed, Segments, Silent, States, TransitionIndex, Transitions};
-use calib_knn::{KnnError, KnnModel, ModelConfig, verify};
+use calib_files::ScratchPlace;
+use calib_knn::{KnnError, KnnModel, ModelConfig, recall, verify};
 
 fn walk(lengths: &[usize], columns: usize, seed: u64) -> (States, Transitions) {
     let rows = lengths.iter().sum();
@@ -46,10 +47,10 @@ fn no_row_of_the_block_is_reachable_in_its_member() {
 fn the_tables_verify_and_damage_does_not() {
     let config = ModelConfig { theiler: 3, ..ModelConfig::default() };
     let model = model(&config);
-    let sampled = verify(&model, 40, Seed::new(1));
+    let sampled = verify(&model, 40, Seed::new(1), &Silent).expect("not interrupted");
     assert!(sampled.agrees());
     assert_eq!((sampled.rows, sampled.identical), (200, 200));
-    let all = verify(&model, 10_000, Seed::new(1));
+    let all = verify(&model, 10_000, Seed::new(1), &Silent).expect("not interrupted");
     let rows: usize = (0..5).map(|m| model.member(m).len()).sum();
     assert_eq!((all.rows, all.identical), (rows, rows));
 
@@ -59,7 +60,7 @@ fn the_tables_verify_and_damage_does_not() {
     let (states, transitions) = walk(&[150, 1, 90, 200], 5, 8);
     let other = KnnModel::open(directory.path(), states, transitions, 5, config.exclusion())
         .expect("same shape");
-    let different = verify(&other, 40, Seed::new(1));
+    let different = verify(&other, 40, Seed::new(1), &Silent).expect("not interrupted");
     assert!(!different.agrees() && different.identical < different.rows);
 }
 
@@ -163,4 +164,68 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
         let got: Vec<u32> = found.iter().map(|near| near.transition.0).collect();
         assert_eq!(got, expected, "query {query}");
     }
+}
+
+#[test]
+fn all_members_are_searched_at_once_as_each_is() {
+    let model = model(&ModelConfig::default());
+    // The scan, and the join; in memory, and on disk.
+    let directory = tempfile::tempdir().expect("a directory");
+    let on_disk = ScratchPlace::Disk(directory.path().to_owned());
+    for (count, place) in [(10, ScratchPlace::Memory), (700, ScratchPlace::Memory), (700, on_disk)]
+    {
+        let (queries, _) = walk(&[count], 5, 99);
+        let all = model.nearest_sources(&queries, 4, &place, &Silent).expect("same columns");
+        assert_eq!(all.len(), 5);
+        for (number, lists) in all.iter().enumerate() {
+            let one = model.member(number).nearest_sources(&queries, 4).expect("same columns");
+            assert_eq!(*lists, one, "member {number}");
+        }
+    }
+}
+
+/// A user who asked to stop long ago.
+struct Stopped;
+
+impl calib_core::Monitor for Stopped {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn searches_and_comparisons_end_when_they_are_told_to() {
+    let model = model(&ModelConfig::default());
+    let (queries, _) = walk(&[700], 5, 99);
+    let searched = model.nearest_sources(&queries, 4, &ScratchPlace::Memory, &Stopped);
+    assert!(matches!(searched, Err(KnnError::Interrupted)));
+    assert!(matches!(verify(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Interrupted)));
+    assert!(matches!(recall(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Interrupted)));
+}
+
+#[test]
+fn an_empty_member_is_told_as_such() {
+    // Two transitions that share a row: the member that leaves one out lacks the other too.
+    let states = States::new(vec![0.0, 1.0, 2.0], 3, 1).expect("valid");
+    let transitions = Transitions::new(Segments::from_lengths([3]).expect("valid"));
+    let directory = tempfile::tempdir().expect("a directory");
+    for member in 0..2 {
+        let at = directory.path().join(format!("members/{member}"));
+        std::fs::create_dir_all(&at).expect("writable");
+        calib_files::write_npy(&at.join("neighbors.npy"), &[u32::MAX; 2], 2, 1).expect("written");
+        let none = [f32::INFINITY; 2];
+        calib_files::write_npy(&at.join("distances.npy"), &none, 2, 1).expect("written");
+    }
+    let exclusion = ModelConfig::default().exclusion();
+    let model = KnnModel::open(directory.path(), states.clone(), transitions, 2, exclusion);
+    let model = model.expect("nothing but fillers");
+    assert!(model.member(1).is_empty());
+    let error = model.member(1).nearest_sources(&states, 1).expect_err("nothing to find");
+    assert!(matches!(error, KnnError::EmptyMember { member: 1 }), "{error}");
+    let error = model.nearest_sources(&states, 1, &ScratchPlace::Memory, &Silent);
+    assert!(matches!(error, Err(KnnError::EmptyMember { member: 0 })));
 }

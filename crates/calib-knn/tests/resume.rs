@@ -106,8 +106,7 @@ fn what_was_kept_is_not_searched_again() {
     let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
     let first = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     let kept = std::fs::read_dir(directory.path().join("partial")).expect("readable").count();
-    // The last of ten may be found before they are written, and are then not needed.
-    assert!((7..=10).contains(&kept), "{kept} parts");
+    assert_eq!(kept, 10, "all of them, until the model is complete");
     let again = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     assert_eq!(bytes(&again), bytes(&first));
     // Another structure searches in another order: its parts are its own.
@@ -177,4 +176,43 @@ fn a_disk_without_room_is_an_error_and_no_panic() {
     let workplace = Workplace { scratch: ScratchPlace::Disk(file.join("scratch")), parts: None };
     let error = build(IndexKind::Join, 12, &workplace, &Silent).expect_err("no directory");
     assert!(matches!(error, KnnError::File(_)), "{error}");
+}
+
+/// Puts a directory where a part is to be written, once the search begins, and counts the queries.
+struct Obstacle {
+    path: std::path::PathBuf,
+    queries: AtomicU64,
+}
+
+impl Monitor for Obstacle {
+    fn begin(&self, task: &str, _total: u64) {
+        if task == "neighbour tables" {
+            std::fs::create_dir(&self.path).expect("nothing is there yet");
+            self.queries.store(0, Ordering::SeqCst);
+        }
+    }
+
+    fn advance(&self, units: u64) {
+        self.queries.fetch_add(units, Ordering::SeqCst);
+    }
+}
+
+#[test]
+fn a_part_that_cannot_be_written_ends_the_build() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let partial = directory.path().join("partial");
+    let parts = Parts::new(partial.clone(), "data").of_queries(300);
+    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let obstacle = Obstacle { path: partial.join("00000001.part"), queries: 0.into() };
+    let error = build(IndexKind::Join, 12, &workplace, &obstacle).expect_err("no room");
+    assert!(matches!(error, KnnError::File(_)), "{error}");
+    assert!(error.to_string().contains("00000001.part"), "{error}");
+    // The second part fails; one may wait and one be searched meanwhile, and then the search ends.
+    let searched = obstacle.queries.into_inner();
+    assert!((600..=1800).contains(&searched), "{searched} queries of 2998");
+    assert!(partial.join("00000000.part").is_file(), "what was kept before stays");
+    std::fs::remove_dir(&obstacle.path).expect("it is empty");
+    let built = build(IndexKind::Join, 12, &workplace, &Silent).expect("there is room again");
+    let whole = build(IndexKind::Join, 12, &Workplace::default(), &Silent).expect("built");
+    assert_eq!(bytes(&built), bytes(&whole));
 }

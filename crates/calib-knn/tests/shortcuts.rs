@@ -26,7 +26,8 @@ fn build(config: ModelConfig) -> KnnModel {
 
 #[test]
 fn exact_tables_recall_everything() {
-    let found = recall(&build(ModelConfig::default()), 40, Seed::new(1));
+    let found =
+        recall(&build(ModelConfig::default()), 40, Seed::new(1), &Silent).expect("not interrupted");
     assert_eq!((found.rows, found.recall), (200, 1.0));
     assert!((found.distance_ratio - 1.0).abs() < 1e-12);
 }
@@ -38,7 +39,7 @@ fn a_budget_of_leaves_trades_recall_for_time() {
     for leaf_budget in [1, 4, 1000] {
         let config = ModelConfig { leaf_budget, theiler: 5, ..ModelConfig::default() };
         let model = build(config);
-        let found = recall(&model, 100, Seed::new(1));
+        let found = recall(&model, 100, Seed::new(1), &Silent).expect("not interrupted");
         assert!(found.recall >= last && found.distance_ratio >= 1.0, "{found:?}");
         last = found.recall;
         for member in 0..5 {
@@ -86,7 +87,7 @@ fn prototypes_are_the_only_neighbours() {
             let expected: Vec<u32> = expected[..3].iter().map(|pair| pair.1).collect();
             assert_eq!(member.neighbors(query).0, expected, "{index:?}");
         }
-        let found = recall(&model, 60, Seed::new(2));
+        let found = recall(&model, 60, Seed::new(2), &Silent).expect("not interrupted");
         assert!(found.recall < 0.9 && found.distance_ratio > 1.0, "{found:?}");
     }
     assert!(tables.windows(2).all(|pair| pair[0] == pair[1]));
@@ -123,7 +124,7 @@ fn covering_prototypes_are_few_and_miss_nothing_rare() {
     neighbors.sort_unstable();
     neighbors.dedup();
     assert!((400..=ROWS.div_ceil(7) + 40).contains(&neighbors.len()), "{}", neighbors.len());
-    let found = recall(&model, 60, Seed::new(2));
+    let found = recall(&model, 60, Seed::new(2), &Silent).expect("not interrupted");
     assert!(found.recall < 0.9 && found.distance_ratio > 1.0, "{found:?}");
 
     // Something that happened twice, on days that are no multiples of seven.
@@ -170,7 +171,7 @@ fn components_find_neighbours_whose_distances_are_true() {
                 }
             }
         }
-        let found = recall(&model, 60, Seed::new(2));
+        let found = recall(&model, 60, Seed::new(2), &Silent).expect("not interrupted");
         assert!(found.recall > last && found.recall < 1.0, "{components}: {found:?}");
         last = found.recall;
     }

@@ -122,8 +122,8 @@ enum Kind<'a> {
     NextStates(&'a Transitions, Exclusion),
     /// Recorded rows, wanted by one member.
     Rows(&'a [RowIndex], &'a Transitions, Exclusion, usize),
-    /// States from elsewhere, wanted by one member.
-    External(usize),
+    /// States from elsewhere, wanted by one member or by all.
+    External(Option<usize>),
 }
 
 impl<'a> Queries<'a> {
@@ -150,14 +150,14 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// States that were not recorded with the sources, for one member. Nothing is forbidden.
+    /// States that were not recorded with the sources, for one member, or for all. Nothing is forbidden.
     ///
     /// # Errors
     /// If the states have another number of columns than the sources.
     pub fn external(
         sources: &Sources<'a>,
         states: &'a States,
-        member: usize,
+        member: Option<usize>,
     ) -> Result<Self, KnnError> {
         if states.columns() != sources.columns() {
             return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
@@ -274,7 +274,8 @@ impl<'a> Queries<'a> {
         let blocks = self.sources.blocks;
         let (members, query) = match self.kind {
             Kind::NextStates(..) => (0..blocks.members(), Some(TransitionIndex::new(query))),
-            Kind::Rows(.., member) | Kind::External(member) => (member..member + 1, None),
+            Kind::External(None) => (0..blocks.members(), None),
+            Kind::Rows(.., member) | Kind::External(Some(member)) => (member..member + 1, None),
         };
         members.filter(move |&member| query.is_none_or(|query| blocks.contains(member, query)))
     }

@@ -1,0 +1,179 @@
+//! What must hold of every list, also of approximate ones.
+
+use calib_core::{Seed, TransitionIndex};
+use rayon::prelude::*;
+
+use crate::{
+    KnnModel, PrototypeKind, Shortcuts,
+    candidates::Candidates,
+    definition::Cell,
+    distance::{squared, stored},
+    verify::sampled,
+};
+
+/// Why a row of a table cannot be what a search found, however approximate.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Fault {
+    /// A neighbour that is no transition of the member.
+    #[error("neighbour {neighbor} is not in the member")]
+    NotInMember {
+        /// The neighbour.
+        neighbor: u32,
+    },
+    /// A neighbour that the exclusion forbids.
+    #[error("neighbour {neighbor} is forbidden by `exclude_self` or `theiler`")]
+    Forbidden {
+        /// The neighbour.
+        neighbor: u32,
+    },
+    /// A neighbour that is no prototype.
+    #[error("neighbour {neighbor} is none of the prototypes, which are every {prototypes}-th")]
+    NoPrototype {
+        /// The neighbour.
+        neighbor: u32,
+        /// One source in this many can be a neighbour.
+        prototypes: u32,
+    },
+    /// A distance that is not that of the states.
+    #[error("neighbour {neighbor} is said to be {stored} away, and is {measured}")]
+    Distance {
+        /// The neighbour.
+        neighbor: u32,
+        /// The distance in the table.
+        stored: f32,
+        /// The distance by the definition.
+        measured: f32,
+    },
+    /// Two neighbours in the wrong order, or one that is there twice.
+    #[error("neighbour {neighbor} is not nearer than {next}, which follows it")]
+    Order {
+        /// The neighbour.
+        neighbor: u32,
+        /// The one after it.
+        next: u32,
+    },
+}
+
+/// The faults of `sample` random rows of every member, or of all if there are no more: the first of each row, as
+/// (member, transition, fault).
+///
+/// Neighbours must be in the member, allowed by the exclusion, and prototypes if only these can be neighbours (those that
+/// are chosen to cover the states are known only while tables are built, and not checked); distances must be those of the
+/// states by the definition; and lists in their order, ties by row. All of it holds of exact and of approximate tables.
+/// Which true neighbours are missing is for [`recall`](crate::recall) to say. The rows are the same as those of
+/// [`verify`](crate::verify) with this seed.
+pub fn faults(
+    model: &KnnModel,
+    shortcuts: Shortcuts,
+    sample: usize,
+    seed: Seed,
+) -> Vec<(usize, TransitionIndex, Fault)> {
+    let cells = sampled(model, sample, seed);
+    let first = |&cell: &Cell| Some((cell.0, cell.1, fault(model, shortcuts, cell)?));
+    cells.par_iter().filter_map(first).collect()
+}
+
+fn fault(model: &KnnModel, shortcuts: Shortcuts, (member, transition): Cell) -> Option<Fault> {
+    let (transitions, states) = (model.transitions(), model.states());
+    let query = transitions.next(transition);
+    let forbidden = model.exclusion().forbidden(transitions, query);
+    let prototypes = shortcuts.prototypes;
+    let every = shortcuts.prototype_kind == PrototypeKind::Every;
+    let (neighbors, distances) = model.member(member).neighbors(transition);
+    let mut last: Option<(f64, u32)> = None;
+    for (&neighbor, &distance) in neighbors.iter().zip(distances) {
+        if !model.blocks().contains(member, TransitionIndex(neighbor)) {
+            return Some(Fault::NotInMember { neighbor });
+        }
+        if forbidden.contains(&neighbor) {
+            return Some(Fault::Forbidden { neighbor });
+        }
+        if every && !Candidates::Every(prototypes).contains(neighbor) {
+            return Some(Fault::NoPrototype { neighbor, prototypes });
+        }
+        let source = transitions.source(TransitionIndex(neighbor));
+        let exact = squared(states.row(query.get()), states.row(source.get()));
+        let measured = stored(exact);
+        if distance.to_bits() != measured.to_bits() {
+            return Some(Fault::Distance { neighbor, stored: distance, measured });
+        }
+        if let Some(before) = last
+            && before.0.total_cmp(&exact).then(before.1.cmp(&neighbor)).is_ge()
+        {
+            return Some(Fault::Order { neighbor: before.1, next: neighbor });
+        }
+        last = Some((exact, neighbor));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, Silent, States, Transitions};
+
+    use super::*;
+    use crate::ModelConfig;
+
+    const SHORTCUTS: Shortcuts = Shortcuts {
+        prototypes: 3,
+        prototype_kind: PrototypeKind::Every,
+        components: 0,
+        leaf_budget: 0,
+    };
+
+    fn model() -> KnnModel {
+        let values = (0..120_u16).map(|row| f32::from(row * row % 47)).collect();
+        let states = States::new(values, 120, 1).expect("finite");
+        let transitions = Transitions::new(Segments::from_lengths([120]).expect("one"));
+        let config =
+            ModelConfig { prototypes: 3, exclude_self: true, members: 2, ..ModelConfig::default() };
+        KnnModel::build(states, transitions, &config, &Silent).expect("built")
+    }
+
+    /// The faults of a model in whose table of member 0 these cells of one row are changed.
+    fn after(change: impl Fn(&mut [u32], &mut [f32], &KnnModel)) -> Vec<Fault> {
+        let model = model();
+        let directory = tempfile::tempdir().expect("a directory");
+        model.write_members(directory.path()).expect("written");
+        let table = model.table(0);
+        let row = 3 * model.member(0).nth(20).get();
+        let (mut neighbors, mut distances) =
+            (table.neighbors().to_vec(), table.distances().to_vec());
+        change(&mut neighbors[row..row + 3], &mut distances[row..row + 3], &model);
+        let at = directory.path().join("members/0");
+        calib_files::write_npy(&at.join("neighbors.npy"), &neighbors, table.len(), 3).expect("ok");
+        calib_files::write_npy(&at.join("distances.npy"), &distances, table.len(), 3).expect("ok");
+        let (states, transitions) = (model.states().clone(), model.transitions().clone());
+        let exclusion = model.exclusion();
+        let changed = KnnModel::open(directory.path(), states, transitions, 2, exclusion);
+        let changed = changed.expect("nothing that opening sees");
+        faults(&changed, SHORTCUTS, 1000, Seed::new(1)).into_iter().map(|fault| fault.2).collect()
+    }
+
+    #[test]
+    fn each_fault_is_found() {
+        assert_eq!(after(|_, _, _| {}), []);
+        let moved = after(|_, distances, _| distances[2] += 0.5);
+        assert!(matches!(moved[..], [Fault::Distance { .. }]), "{moved:?}");
+        let twice = after(|neighbors, distances, _| {
+            (neighbors[2], distances[2]) = (neighbors[1], distances[1]);
+        });
+        assert!(matches!(twice[..], [Fault::Order { .. }]), "{twice:?}");
+        let other = after(|neighbors, _, _| neighbors[0] += 1);
+        assert!(matches!(other[..], [Fault::NoPrototype { prototypes: 3, .. }]), "{other:?}");
+        let own = after(|neighbors, distances, model| {
+            // The transition that starts where this one ends.
+            neighbors[0] = model.member(0).nth(20).0 + 1;
+            distances[0] = 0.0;
+        });
+        assert!(matches!(own[..], [Fault::Forbidden { .. }]), "{own:?}");
+    }
+
+    #[test]
+    fn tables_of_other_prototypes_are_not_these() {
+        let strict = Shortcuts { prototypes: 6, ..SHORTCUTS };
+        let found = faults(&model(), strict, 10, Seed::new(2));
+        assert!(!found.is_empty());
+        assert!(found.iter().all(|of| matches!(of.2, Fault::NoPrototype { prototypes: 6, .. })));
+    }
+}

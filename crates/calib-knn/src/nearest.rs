@@ -1,0 +1,127 @@
+//! The nearest sources of other states than those of the tables.
+
+use std::ops::Range;
+
+use calib_core::{Monitor, RowIndex, Silent, States, TransitionIndex};
+use calib_files::ScratchPlace;
+
+use crate::{
+    IndexKind, KnnError, KnnModel, Member, Neighbor,
+    index::{Found, Queries, Sources},
+    parts::PART_QUERIES,
+};
+
+impl KnnModel {
+    /// The `k` nearest sources in every member of each of `states`, which come from elsewhere, by exact search:
+    /// `[member][query]`.
+    ///
+    /// One search serves all members. Its large arrays are in `place`. Lists are shorter than `k` only if the member is.
+    /// Progress counts passes over the sources, then queries.
+    ///
+    /// # Errors
+    /// If `k` is zero, the states have another number of columns than the model's, a member has no transitions, there is no
+    /// place for the arrays, or the monitor interrupts.
+    pub fn nearest_sources(
+        &self,
+        states: &States,
+        k: usize,
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<Vec<Neighbor>>>, KnnError> {
+        let sources = self.sources();
+        let queries = Queries::external(&sources, states, None)?;
+        search(self, &sources, &queries, 0..self.members(), k, place, monitor)
+    }
+}
+
+impl Member<'_> {
+    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search in memory.
+    ///
+    /// The exclusion of the model applies, as it does in the tables. Lists are shorter than `k`, or empty, only where
+    /// fewer sources are admissible.
+    ///
+    /// # Errors
+    /// If `k` is zero, or the member has no transitions.
+    ///
+    /// # Panics
+    /// If a row is not a row of the data.
+    pub fn nearest_to_rows(
+        &self,
+        rows: &[RowIndex],
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let sources = self.model().sources();
+        let queries = Queries::rows(&sources, rows, self.number(), self.model().exclusion());
+        self.search(&sources, &queries, k)
+    }
+
+    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search in memory.
+    ///
+    /// Lists are shorter than `k` only if the member is, and never empty.
+    ///
+    /// # Errors
+    /// If `k` is zero, the states have another number of columns than the model's, or the member has no transitions.
+    pub fn nearest_sources(
+        &self,
+        states: &States,
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let sources = self.model().sources();
+        let queries = Queries::external(&sources, states, Some(self.number()))?;
+        self.search(&sources, &queries, k)
+    }
+
+    fn search(
+        &self,
+        sources: &Sources<'_>,
+        queries: &Queries<'_>,
+        k: usize,
+    ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
+        let (number, place) = (self.number(), ScratchPlace::Memory);
+        let members = number..number + 1;
+        let mut lists = search(self.model(), sources, queries, members, k, &place, &Silent)?;
+        Ok(lists.swap_remove(0))
+    }
+}
+
+/// Lists of these members, `[member][query]`.
+fn search(
+    model: &KnnModel,
+    sources: &Sources<'_>,
+    queries: &Queries<'_>,
+    members: Range<usize>,
+    k: usize,
+    place: &ScratchPlace,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<Vec<Neighbor>>>, KnnError> {
+    let length = |member| model.blocks().member_len(member);
+    if let Some(member) = members.clone().find(|&member| length(member) == 0) {
+        return Err(KnnError::EmptyMember { member });
+    }
+    let k = k.min(members.clone().map(length).max().unwrap_or(0));
+    if k == 0 {
+        return Err(KnnError::NoNeighbors);
+    }
+    let planned = sources.index(IndexKind::Auto, queries, k, place, monitor)?;
+    monitor.begin("nearest states", queries.len() as u64);
+    let mut lists = vec![vec![Vec::new(); queries.len()]; members.len()];
+    for order in planned.order.chunks(PART_QUERIES) {
+        let mut found = Found::new(order.len(), queries.members(), k);
+        planned.index.search(queries, order, &mut found, monitor)?;
+        for (lists, member) in lists.iter_mut().zip(members.clone()) {
+            for (place, &query) in order.iter().enumerate() {
+                let (sources, distances) = found.list(place, member);
+                lists[query as usize] = sources
+                    .iter()
+                    .zip(distances)
+                    .filter(|(transition, _)| **transition != u32::MAX)
+                    .map(|(&transition, &distance)| Neighbor {
+                        transition: TransitionIndex(transition),
+                        distance,
+                    })
+                    .collect();
+            }
+        }
+    }
+    Ok(lists)
+}

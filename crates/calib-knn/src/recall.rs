@@ -1,0 +1,125 @@
+use calib_core::{Monitor, Seed};
+use serde::{Deserialize, Serialize};
+
+use crate::{KnnError, KnnModel, definition::by_definition, distance::stored, verify::sampled};
+
+/// How many of the neighbours in a model's tables are among the true ones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Recall {
+    /// Table rows that were searched again.
+    pub rows: usize,
+    /// Share of the neighbours that are no further than the true `k`-th neighbour is.
+    pub recall: f64,
+    /// Where the share of all rows lies, with 95 % confidence at least: Wilson's interval with one trial a row. Neighbours of
+    /// one row go together, and a share of a row varies at most as much as a trial does.
+    #[serde(default = "anywhere")]
+    pub interval: [f64; 2],
+    /// Mean over rows of the table's `k`-th distance by the true one; it is 1 where both are 0.
+    pub distance_ratio: f64,
+    /// Rows whose true `k`-th distance is 0 and the table's is not: they have no ratio.
+    #[serde(default)]
+    pub copies_missed: usize,
+}
+
+/// What is known of a recall that came without an interval.
+fn anywhere() -> [f64; 2] {
+    [0.0, 1.0]
+}
+
+/// Compare `sample` random rows of every member with brute force in f64 over all sources of the member.
+///
+/// The states are read once for all rows together. Distances in the tables are taken as they are: whether they are right is
+/// what [`faults`](crate::faults) says. Progress counts sources.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn recall(
+    model: &KnnModel,
+    sample: usize,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Recall, KnnError> {
+    let cells = sampled(model, sample, seed);
+    let lists = by_definition(model, &cells, monitor)?;
+    let (mut found, mut copies_missed) = (0, 0);
+    let mut ratios = Vec::with_capacity(cells.len());
+    for (&(number, transition), exact) in cells.iter().zip(&lists) {
+        let (_, distances) = model.member(number).neighbors(transition);
+        let furthest = exact.last().map_or(f32::INFINITY, |&(squared, _)| stored(squared));
+        found += distances.iter().filter(|&&distance| distance <= furthest).count();
+        let last = distances.last().copied().unwrap_or(f32::INFINITY);
+        if furthest > 0.0 {
+            ratios.push(f64::from(last) / f64::from(furthest));
+        } else if last > 0.0 {
+            copies_missed += 1;
+        } else {
+            ratios.push(1.0);
+        }
+    }
+    let rows = cells.len();
+    let recall = found as f64 / (rows * model.k()).max(1) as f64;
+    let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
+    Ok(Recall {
+        rows,
+        recall,
+        interval: wilson(recall, rows),
+        distance_ratio: if ratios.is_empty() { 1.0 } else { mean },
+        copies_missed,
+    })
+}
+
+/// Wilson's 95 % interval (1927) for a share of `trials`.
+fn wilson(share: f64, trials: usize) -> [f64; 2] {
+    if trials == 0 {
+        return anywhere();
+    }
+    let (n, z) = (trials as f64, 1.959_963_984_540_054_f64);
+    let centre = share + z * z / (2.0 * n);
+    let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).max(0.0).sqrt();
+    [centre - half, centre + half].map(|end| (end / (1.0 + z * z / n)).clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, Silent, States, Transitions};
+
+    use super::*;
+    use crate::ModelConfig;
+
+    #[test]
+    fn the_interval_is_wilsons() {
+        // Newcombe (1998), table I: 81 of 263, and 0 of 20.
+        let [low, high] = wilson(81.0 / 263.0, 263);
+        assert!((low - 0.2553).abs() < 5e-5 && (high - 0.3662).abs() < 5e-5, "{low} {high}");
+        let [low, high] = wilson(0.0, 20);
+        assert!(low == 0.0 && (high - 0.1611).abs() < 5e-5, "{low} {high}");
+        assert_eq!(wilson(1.0, 100)[1], 1.0);
+        assert_eq!(wilson(0.0, 0), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_recall_that_was_written_without_an_interval_is_read() {
+        let old = "rows = 100\nrecall = 0.9\ndistance_ratio = 1.1\n";
+        let old: Recall = toml::from_str(old).expect("it was one");
+        assert_eq!((old.interval, old.copies_missed), ([0.0, 1.0], 0));
+    }
+
+    #[test]
+    fn copies_that_are_missed_are_told() {
+        // Every state is there five times in turn; one row in six can be a neighbour, so that most miss their copies.
+        let values = (0..1200_u16).map(|row| f32::from(row / 5)).collect();
+        let states = States::new(values, 1200, 1).expect("finite");
+        let transitions = Transitions::new(Segments::from_lengths([1200]).expect("one"));
+        let of = |prototypes| {
+            let config = ModelConfig { prototypes, ..ModelConfig::default() };
+            let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
+            recall(&model.expect("built"), 50, Seed::new(3), &Silent).expect("not interrupted")
+        };
+        let exact = of(1);
+        assert_eq!((exact.recall, exact.distance_ratio, exact.copies_missed), (1.0, 1.0, 0));
+        let every_sixth = of(6);
+        assert!(every_sixth.copies_missed > 200, "{every_sixth:?}");
+        assert!(every_sixth.interval[0] < every_sixth.recall);
+        assert!(every_sixth.interval[1] > every_sixth.recall);
+    }
+}
