@@ -34,7 +34,7 @@ pub enum SelfMatch {
 
 impl Exclusion {
     /// The most sources that are forbidden to any query.
-    pub(crate) fn most_forbidden(&self) -> u64 {
+    pub(crate) fn most_forbidden(self) -> u64 {
         match (self.theiler, self.self_match) {
             (0, SelfMatch::Allowed) => 0,
             (theiler, _) => 2 * u64::from(theiler) + 1,
