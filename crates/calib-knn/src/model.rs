@@ -66,7 +66,7 @@ impl KnnModel {
         let sources = if reduced.is_some() { sources.measured_in(&states) } else { sources };
         let chosen = match shortcuts.prototype_kind {
             PrototypeKind::KCentre if shortcuts.prototypes > 1 => {
-                Some(covering(&sources, shortcuts.prototypes, &workplace.scratch, monitor)?)
+                Some(covering(&sources, shortcuts.prototypes, monitor)?)
             }
             _ => None,
         };

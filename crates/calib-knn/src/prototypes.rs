@@ -1,21 +1,19 @@
 //! Prototypes that cover the states: local k-centre selection.
 
 use calib_core::Monitor;
-use calib_files::ScratchPlace;
 use rayon::prelude::*;
 
 use crate::{
-    KnnError, Sources,
-    components::leading_components,
-    distance::squared,
-    groups::Groups,
-    index::{LEAF, leaves},
+    KnnError, Sources, components::leading_components, distance::squared, groups::Groups,
+    index::leaves,
 };
 
 /// Principal components in which clusters are made and covered.
 const COMPONENTS: usize = 16;
 /// Memory that choosing takes a row: components, points and sorted points, with groups and their order.
 pub(crate) const CHOOSING: u64 = 3 * 4 * COMPONENTS as u64 + 44;
+/// Most states of the pieces that clusters are made of.
+const PIECE: usize = 128;
 /// Fewest prototypes of a cluster, where it is large enough.
 const CENTRES: usize = 4;
 
@@ -27,11 +25,10 @@ const CENTRES: usize = 4;
 /// to search, and members that lack a block have those in the others. Progress counts sources.
 ///
 /// # Errors
-/// If there is no place for the components, or the monitor interrupts.
+/// If the monitor interrupts.
 pub(crate) fn covering(
     sources: &Sources<'_>,
     every: u32,
-    place: &ScratchPlace,
     monitor: &dyn Monitor,
 ) -> Result<Vec<u32>, KnnError> {
     monitor.begin("prototypes", sources.len() as u64);
@@ -46,8 +43,8 @@ pub(crate) fn covering(
     for group in 0..groups.len() {
         points.extend_from_slice(reduced.row(groups.row(group)));
     }
-    let (starts, order) = leaves(&points, width, place, monitor)?;
-    let leaves = (CENTRES * every as usize).div_ceil(LEAF);
+    let (starts, order) = leaves(&points, width, PIECE, monitor)?;
+    let leaves = (CENTRES * every as usize).div_ceil(PIECE);
     let bounds: Vec<usize> = starts.iter().step_by(leaves).map(|&start| start as usize).collect();
     let clusters: Vec<&[u32]> = (bounds.iter().enumerate())
         .map(|(number, &start)| {

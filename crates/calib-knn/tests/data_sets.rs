@@ -148,6 +148,47 @@ fn outliers_near_and_far() {
 }
 
 #[test]
+fn a_few_spikes_are_kept_apart() {
+    for columns in [12, 60] {
+        // Alone and in runs, also as last rows of segments, which are queries but no sources.
+        let spiky = changed(&walk(columns, 0.02), |row, state, _| {
+            let spike = match row {
+                300 | 1799 => 1e9,
+                640..=655 => 1e6 + row as f32,
+                699 => 1e25,
+                _ => return,
+            };
+            state[row % columns] = spike;
+        });
+        check("spikes", &spiky, &[700, ROWS - 700], &exclusions());
+    }
+}
+
+#[test]
+fn a_segment_that_ends_far_away() {
+    for far in [1e9, 1e25] {
+        let states = changed(&walk(12, 0.02), |row, state, _| {
+            if row == 699 {
+                state.fill(far);
+            }
+        });
+        check("far end", &states, &[700, ROWS - 700], &exclusions());
+    }
+}
+
+#[test]
+fn states_without_columns() {
+    let transitions = Transitions::new(Segments::from_lengths([60, 40]).expect("valid"));
+    let states = States::new(Vec::new(), 100, 0).expect("valid");
+    for index in [IndexKind::Auto, IndexKind::Join, IndexKind::Scan] {
+        let config = ModelConfig { index, ..ModelConfig::default() };
+        let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
+        let verification = verify(&model.expect("built"), 25, Seed::new(7), &Silent);
+        assert!(verification.expect("not interrupted").agrees());
+    }
+}
+
+#[test]
 fn members_of_a_few_rows() {
     let config = ModelConfig { members: 3, neighbors: 2, ..ModelConfig::default() };
     let few = States::new((0..26_u8).map(f32::from).collect(), 13, 2).expect("finite");

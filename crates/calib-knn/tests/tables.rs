@@ -304,3 +304,14 @@ fn impossible_requests_are_refused_with_numbers() {
         build_tables(&states, &transitions, &blocks, 1, case.exclusion, IndexKind::Auto, &Silent);
     assert!(matches!(rows, Err(KnnError::Rows { states: 29, segments: 30 })));
 }
+
+/// The last row of a segment is a query but no source.
+#[test]
+fn a_segment_that_ends_far_away() {
+    for (far, columns) in [(1e9, 12), (1e25, 12), (1e25, 40)] {
+        let mut case = sawtooth(420, columns);
+        case.lengths = vec![200, 220];
+        case.values[199 * columns..200 * columns].fill(far);
+        case.check().expect("tables by the definition");
+    }
+}

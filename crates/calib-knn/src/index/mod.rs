@@ -12,7 +12,7 @@ mod scan;
 pub use build::Planned;
 pub use found::Found;
 pub use join::Join;
-pub(crate) use join::{LEAF, image_width, leaves};
+pub(crate) use join::{image_width, leaves};
 pub use kd_tree::KdTree;
 pub(crate) use linear::{covariance, leading_axes};
 pub use query::{Queries, Sources};
@@ -73,4 +73,22 @@ fn in_blocks(
         monitor.advance(order.len() as u64);
     });
     going_on(monitor)
+}
+
+/// Do the same with every instruction set that this processor has.
+#[cfg(test)]
+pub(crate) fn at_every_level<Op: pulp::WithSimd + Copy>(op: Op) -> Vec<Op::Output> {
+    let mut outputs = vec![op.with_simd(pulp::Scalar)];
+    #[cfg(target_arch = "x86_64")]
+    {
+        use pulp::x86;
+        outputs.extend(x86::V3::try_new().map(|level| pulp::Simd::vectorize(level, op)));
+        outputs.extend(x86::V4::try_new().map(|level| pulp::Simd::vectorize(level, op)));
+    }
+    #[cfg(target_arch = "aarch64")]
+    {
+        use pulp::aarch64;
+        outputs.extend(aarch64::Neon::try_new().map(|level| pulp::Simd::vectorize(level, op)));
+    }
+    outputs
 }

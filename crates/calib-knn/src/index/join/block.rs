@@ -5,14 +5,14 @@
     reason = "inner loops must take the instruction set of the function that calls them"
 )]
 
-use std::{cmp::Reverse, collections::BinaryHeap};
+use std::{cmp::Reverse, collections::BinaryHeap, ops::RangeInclusive};
 
 use pulp::{Simd, WithSimd};
 
 use super::{
     Join,
-    kernel::{box_to_box, box_to_lanes, lane_distances},
-    tree::{Below, LEAF},
+    kernel::{box_to_box, box_to_lanes, image_to_boxes, strip_distances, within},
+    tree::{Below, SIDES, STRIP, STRIPS},
 };
 use crate::{
     MemberLists,
@@ -29,6 +29,7 @@ const LEAF_COST: usize = 2;
 const STATE_COST: u64 = 32;
 
 /// Blocks of queries from neighbouring leaves, which mostly visit the same leaves: each leaf is brought near once for all.
+#[derive(Clone, Copy)]
 pub(super) struct Band<'a> {
     pub(super) join: &'a Join<'a>,
     pub(super) queries: &'a Queries<'a>,
@@ -71,6 +72,8 @@ struct One<'a> {
     pending: Pending<'a>,
     /// By how much images may be further apart than states.
     slack: f64,
+    /// Bounds on its distance from the mean.
+    norm: RangeInclusive<f64>,
 }
 
 /// The sides of a box.
@@ -143,7 +146,8 @@ impl WithSimd for Band<'_> {
                         }
                     }
                     reach = furthest(&blocks);
-                    left = left.saturating_sub(1);
+                    let own = blocks.iter().any(|block| block.leaf == leaf);
+                    left = left.saturating_sub(usize::from(!own));
                 }
                 Below::Nodes(children) => {
                     for child in children {
@@ -155,6 +159,10 @@ impl WithSimd for Band<'_> {
                     }
                 }
             }
+        }
+        let ones = blocks.iter_mut().flat_map(|block| &mut block.one);
+        for one in ones.filter(|one| *one.norm.start() <= self.join.norm) {
+            self.meet_far(simd, one);
         }
         let (pool, work) = (self.join.pool(), self.work(&blocks));
         let ones = blocks.into_iter().flat_map(|block| block.one);
@@ -188,12 +196,15 @@ impl<'a> Band<'a> {
         for (lane, &query) in order.iter().enumerate() {
             let image = &mut block.images[lane * width..][..width];
             let norm = self.join.image(self.queries, query as usize, image);
-            let slack = self.join.embedding.slack(self.join.norm, norm);
+            let slack = self.join.embedding.slack(self.join.norm, *norm.end());
             let (pool, query) = (self.join.pool(), query as usize);
-            let mut one =
-                One { pending: Pending::new(simd, pool, self.queries, query, self.k), slack };
+            let pending = Pending::new(simd, pool, self.queries, query, self.k);
+            let mut one = One { pending, slack, norm };
             if self.limit.leaves < usize::MAX {
                 one.pending.forget_neighbours_in_time(pool.margin);
+            }
+            if *one.norm.start() > self.join.norm {
+                self.meet_far(simd, &mut one);
             }
             block.thresholds[lane] = self.threshold(&one);
             for (c, &value) in image.iter().enumerate() {
@@ -203,6 +214,16 @@ impl<'a> Band<'a> {
             block.one.push(one);
         }
         block
+    }
+
+    /// Meet the sources outside the tree that could be near enough.
+    #[inline(always)]
+    fn meet_far<S: Simd>(&self, simd: S, one: &mut One<'_>) {
+        if let Some(radius) = one.pending.radius() {
+            for group in self.join.far.within(one.norm.clone(), radius.sqrt()) {
+                one.pending.meet(simd, self.join.pool(), group);
+            }
+        }
     }
 
     /// Images beyond this squared distance from the query's need not be looked at.
@@ -222,34 +243,42 @@ impl<'a> Band<'a> {
         let mut to_box = [0.0; QUERIES];
         let bounds = tree.bounds(tree.node_of(leaf));
         if box_to_lanes(simd, bounds, lanes, thresholds, &mut to_box) {
-            let mut distances = [0.0; LEAF];
-            let lanes = tree.lanes(leaf);
-            for (lane, one) in one.iter_mut().enumerate() {
-                let threshold = &mut thresholds[lane];
-                if to_box[lane] > *threshold {
-                    continue;
-                }
-                *work += (LEAF_COST * LEAF * width) as u64;
+            let boxes = tree.strip_boxes(leaf);
+            for lane in within(&to_box, thresholds) {
+                let (one, threshold) = (&mut one[lane], &mut thresholds[lane]);
                 let image = &images[lane * width..][..width];
-                if lane_distances(simd, image, lanes, *threshold, &mut distances) {
-                    self.meet(simd, leaf, &distances, one, threshold);
+                let mut to_strips = [0.0; STRIPS];
+                image_to_boxes(simd, image, boxes, &mut to_strips);
+                let strips = within(&to_strips, &[*threshold; STRIPS]);
+                *work +=
+                    (BOX_COST * STRIPS * SIDES + LEAF_COST * STRIP * strips.len() * width) as u64;
+                for strip in strips {
+                    if to_strips[strip] > *threshold {
+                        continue;
+                    }
+                    let mut distances = [0.0; STRIP];
+                    let lanes = tree.strip(leaf, strip);
+                    if strip_distances(simd, image, lanes, *threshold, &mut distances) {
+                        self.meet(simd, leaf, strip, &distances, one, threshold);
+                    }
                 }
             }
         }
         block.reach = thresholds.iter().copied().fold(-1.0, f32::max);
     }
 
-    /// Meet the sources of a leaf whose images are near enough to one query.
+    /// Meet the sources of a strip whose images are near enough to one query.
     #[inline(always)]
     fn meet<S: Simd>(
         &self,
         simd: S,
         leaf: usize,
-        distances: &[f32; LEAF],
+        strip: usize,
+        distances: &[f32; STRIP],
         one: &mut One<'_>,
         threshold: &mut f32,
     ) {
-        for (group, &distance) in self.join.tree.places(leaf).zip(distances) {
+        for (group, &distance) in self.join.tree.places(leaf).skip(strip * STRIP).zip(distances) {
             if distance <= *threshold && one.pending.meet(simd, self.join.pool(), group) {
                 *threshold = self.threshold(one);
             }

@@ -10,6 +10,8 @@ use crate::{
     index::{covariance, leading_axes},
 };
 
+use super::far::FAR;
+
 /// Most coordinates of an embedding.
 pub(super) const MOST: usize = 32;
 /// Coordinates are stored in multiples of this, the rest are zero.
@@ -39,6 +41,8 @@ pub(super) struct Embedding {
     places: Vec<usize>,
     width: usize,
     spans: bool,
+    /// The median distance from the mean.
+    usual: f64,
 }
 
 impl Embedding {
@@ -47,21 +51,27 @@ impl Embedding {
         let columns = sources.columns();
         let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(4 * columns);
         let stride = groups.len().div_ceil(most).max(1);
-        let sample: Vec<&[f32]> = (0..groups.len())
+        let mut sample: Vec<&[f32]> = (0..groups.len())
             .step_by(stride)
             .map(|group| sources.states().row(groups.row(group)))
             .collect();
-        let (mean, covariance) = covariance(&sample, columns);
+        let (mut mean, mut matrix) = covariance(&sample, columns);
+        let (mut usual, nearer) = without_outliers(&sample, &mean);
+        if nearer.len() < sample.len() {
+            sample = nearer;
+            (mean, matrix) = covariance(&sample, columns);
+            usual = without_outliers(&sample, &mean).0;
+        }
         let spans = columns <= MOST;
         let count = if spans { columns } else { MOST - 1 };
-        let axes = leading_axes(&covariance, columns, count, Seed::new(0));
+        let axes = leading_axes(&matrix, columns, count, Seed::new(0));
         let used = count + usize::from(!spans);
         let mut padded = vec![0.0; columns * MOST];
         for (to, from) in padded.chunks_exact_mut(MOST).zip(axes.chunks_exact(count)) {
             to[..count].copy_from_slice(from);
         }
-        let mut this =
-            Self { mean, axes: padded, places: (0..used).collect(), width: width(columns), spans };
+        let (places, width) = ((0..used).collect(), width(columns));
+        let mut this = Self { mean, axes: padded, places, width, spans, usual };
         this.sort_by_variance(&sample);
         this
     }
@@ -99,6 +109,11 @@ impl Embedding {
         self.width
     }
 
+    /// States beyond this distance from the mean are better kept apart.
+    pub(super) fn far(&self) -> f64 {
+        FAR * self.usual
+    }
+
     /// Write the image of `state`; returns `‖x − μ‖`.
     pub(super) fn map(&self, state: &[f32], image: &mut [f32]) -> f64 {
         Arch::new().dispatch(Map { embedding: self, state, image })
@@ -116,6 +131,21 @@ impl Embedding {
         let root = if self.spans { 0.0 } else { double.sqrt() };
         2.0 * (a + b) * (stored + double + root)
     }
+}
+
+/// The median distance from the mean, and the states of the sample that are not many times as far: the axes of largest variance
+/// are to be those of the plant, not those of a few spikes.
+fn without_outliers<'a>(sample: &[&'a [f32]], mean: &[f64]) -> (f64, Vec<&'a [f32]>) {
+    let norm = |state: &[f32]| {
+        let centred = state.iter().zip(mean).map(|(&value, mean)| f64::from(value) - mean);
+        centred.map(|value| value * value).sum::<f64>().sqrt()
+    };
+    let norms: Vec<f64> = sample.par_iter().map(|state| norm(state)).collect();
+    let mut sorted = norms.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let near = sample.iter().zip(&norms).filter(|&(_, &norm)| norm <= FAR * usual);
+    (usual, near.map(|(state, _)| *state).collect())
 }
 
 /// The work of [`Embedding::map`], for any instruction set.

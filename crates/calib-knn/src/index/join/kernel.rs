@@ -7,12 +7,14 @@
 
 use pulp::Simd;
 
-use super::tree::LEAF;
+use super::tree::{STRIP, STRIPS};
 
 /// Registers that a pass over lanes keeps.
 const SUMS: usize = 8;
 /// Coordinates between two looks at whether the rest is needed.
 const HALT: usize = 8;
+/// The same for strips.
+const STRIP_HALT: usize = 16;
 
 /// Squared distance between two boxes.
 #[inline(always)]
@@ -61,12 +63,7 @@ pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
                     *sum = simd.mul_add_e_f32s(gap, gap, *sum);
                 }
             }
-            // The least amount by which a lane is beyond its threshold.
-            let mut least = simd.splat_f32s(f32::INFINITY);
-            for (&sum, &limit) in sums.iter().zip(limits) {
-                least = simd.min_f32s(least, simd.sub_f32s(sum, limit));
-            }
-            within = is_any(simd, simd.less_than_or_equal_f32s(least, zero));
+            within = any_within(simd, &sums[..used], limits);
             if !within {
                 break;
             }
@@ -77,48 +74,241 @@ pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
     any
 }
 
-/// Squared distances from `image` to the lanes of a leaf, into `distances`. Returns whether any is within the
-/// threshold; where none is, the distances may be too small.
+/// Squared distances from `image`, in its leading coordinates, to the boxes of a leaf's strips,
+/// `[coordinate, lower or upper, strip]`.
 #[inline(always)]
-pub(super) fn lane_distances<S: Simd>(
+pub(super) fn image_to_boxes<S: Simd>(
     simd: S,
     image: &[f32],
-    lanes: &[f32],
+    boxes: &[f32],
+    distances: &mut [f32; STRIPS],
+) {
+    let zero = simd.splat_f32s(0.0);
+    // Two sums, so that one addition need not wait for the other.
+    let mut sums = [[zero; STRIPS]; 2];
+    let sides = boxes.as_chunks::<STRIPS>().0.as_chunks::<4>().0;
+    for (two, [lower, upper, next_lower, next_upper]) in image.as_chunks::<2>().0.iter().zip(sides)
+    {
+        for ((sums, &value), (lower, upper)) in
+            sums.iter_mut().zip(two).zip([(lower, upper), (next_lower, next_upper)])
+        {
+            let value = simd.splat_f32s(value);
+            let sides = S::as_simd_f32s(lower).0.iter().zip(S::as_simd_f32s(upper).0);
+            for (sum, (&lower, &upper)) in sums.iter_mut().zip(sides) {
+                let gap = simd.max_f32s(simd.sub_f32s(lower, value), simd.sub_f32s(value, upper));
+                let gap = simd.max_f32s(gap, zero);
+                *sum = simd.mul_add_e_f32s(gap, gap, *sum);
+            }
+        }
+    }
+    let [first, second] = sums;
+    let stored = S::as_mut_simd_f32s(distances).0.iter_mut();
+    for (to, (&a, &b)) in stored.zip(first.iter().zip(&second)) {
+        *to = simd.add_f32s(a, b);
+    }
+}
+
+/// Squared distances from `image` to the images of a strip, `[coordinate, lane]`. Returns whether any is within the
+/// threshold; where none is, the distances may be too small.
+#[inline(always)]
+pub(super) fn strip_distances<S: Simd>(
+    simd: S,
+    image: &[f32],
+    strip: &[f32],
     threshold: f32,
-    distances: &mut [f32; LEAF],
+    distances: &mut [f32; STRIP],
 ) -> bool {
-    let limit = simd.splat_f32s(threshold);
-    let mut any = false;
-    for first in (0..LEAF).step_by(SUMS * S::F32_LANES) {
-        let used = SUMS.min((LEAF - first) / S::F32_LANES);
-        let part = first..first + used * S::F32_LANES;
-        let mut sums = [simd.splat_f32s(0.0); SUMS];
-        let mut within = false;
-        for (coordinates, lanes) in image.chunks(HALT).zip(lanes.chunks(HALT * LEAF)) {
-            for (&value, row) in coordinates.iter().zip(lanes.chunks_exact(LEAF)) {
+    let used = STRIP / S::F32_LANES;
+    let mut sums = [[simd.splat_f32s(0.0); STRIP]; 4];
+    let limits = [simd.splat_f32s(threshold); STRIP];
+    let mut total = sums[0];
+    let coordinates = image.as_chunks::<4>().0.chunks(STRIP_HALT / 4);
+    for (coordinates, rows) in coordinates.zip(strip.chunks(STRIP_HALT * STRIP)) {
+        for (values, rows) in coordinates.iter().zip(rows.as_chunks::<STRIP>().0.as_chunks::<4>().0)
+        {
+            for ((sums, &value), row) in sums.iter_mut().zip(values).zip(rows) {
                 let value = simd.splat_f32s(value);
-                for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(&row[part.clone()]).0) {
+                for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(row).0) {
                     let difference = simd.sub_f32s(value, lane);
                     *sum = simd.mul_add_e_f32s(difference, difference, *sum);
                 }
             }
-            let mut minimum = sums[0];
-            for &sum in &sums[1..used] {
-                minimum = simd.min_f32s(minimum, sum);
-            }
-            // A comparison of lanes is several times as fast as finding the least of them.
-            within = is_any(simd, simd.less_than_or_equal_f32s(minimum, limit));
-            if !within {
-                break;
-            }
         }
-        any |= within;
-        S::as_mut_simd_f32s(&mut distances[part]).0.copy_from_slice(&sums[..used]);
+        for (number, total) in total[..used].iter_mut().enumerate() {
+            let [a, b, c, d] = sums.map(|sums| sums[number]);
+            *total = simd.add_f32s(simd.add_f32s(a, b), simd.add_f32s(c, d));
+        }
+        if !any_within(simd, &total[..used], &limits[..used]) {
+            return false;
+        }
     }
-    any
+    S::as_mut_simd_f32s(distances).0.copy_from_slice(&total[..used]);
+    true
 }
 
+/// The places in which `distances` are within their `thresholds`.
 #[inline(always)]
-fn is_any<S: Simd>(simd: S, mask: S::m32s) -> bool {
-    simd.first_true_m32s(mask) < S::F32_LANES
+pub(super) fn within<const N: usize>(distances: &[f32; N], thresholds: &[f32; N]) -> Places {
+    const { assert!(N <= 64, "places are bits of a number") };
+    let mut places = 0;
+    for (place, (distance, threshold)) in distances.iter().zip(thresholds).enumerate() {
+        places |= u64::from(distance <= threshold) << place;
+    }
+    Places(places)
+}
+
+/// Some of at most 64 places, in ascending order.
+pub(super) struct Places(u64);
+
+impl Places {
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.0.count_ones() as usize
+    }
+}
+
+impl Iterator for Places {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let place = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        (place < 64).then_some(place)
+    }
+}
+
+/// Whether any lane is at most its limit. Infinite ones are within infinite limits.
+#[inline(always)]
+fn any_within<S: Simd>(simd: S, sums: &[S::f32s], limits: &[S::f32s]) -> bool {
+    // A comparison of lanes is several times as fast as finding the least of them.
+    let mut any = simd.less_than_f32s(simd.splat_f32s(0.0), simd.splat_f32s(0.0));
+    for (&sum, &limit) in sums.iter().zip(limits) {
+        any = simd.or_m32s(any, simd.less_than_or_equal_f32s(sum, limit));
+    }
+    simd.first_true_m32s(any) < S::F32_LANES
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::WithSimd;
+
+    use super::{super::tree::SIDES, *};
+    use crate::index::at_every_level;
+
+    const WIDTH: usize = 32;
+
+    /// Small integers: sums of their squares are exact in f32, in any order.
+    fn values(count: usize, salt: usize) -> Vec<f32> {
+        (0..count).map(|i| ((i * i * 7 + i * 13 + salt) % 23) as f32 - 11.0).collect()
+    }
+
+    fn gap(lower: f32, value: f32, upper: f32) -> f32 {
+        (lower - value).max(value - upper).max(0.0).powi(2)
+    }
+
+    #[derive(Clone, Copy)]
+    struct Check;
+
+    impl WithSimd for Check {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            boxes(simd);
+            boxes_and_lanes(simd);
+            strips(simd);
+        }
+    }
+
+    fn boxes<S: Simd>(simd: S) {
+        let (a, b) = (values(WIDTH, 1), values(WIDTH, 8));
+        let above = |lower: &[f32]| lower.iter().map(|v| v + 3.0).collect::<Vec<_>>();
+        let (au, bu) = (above(&a), above(&b));
+        let apart = |i: usize| (a[i] - bu[i]).max(b[i] - au[i]).max(0.0).powi(2);
+        let expected: f32 = (0..WIDTH).map(apart).sum();
+        assert_eq!(box_to_box(simd, (&a, &au), (&b, &bu)), expected);
+
+        let sides = values(SIDES * 2 * STRIPS, 3);
+        let image = values(WIDTH, 4);
+        let mut distances = [f32::NAN; STRIPS];
+        image_to_boxes(simd, &image, &sides, &mut distances);
+        for (strip, &distance) in distances.iter().enumerate() {
+            let side = |c: usize| {
+                gap(sides[2 * c * STRIPS + strip], image[c], sides[(2 * c + 1) * STRIPS + strip])
+            };
+            assert_eq!(distance, (0..SIDES).map(side).sum::<f32>());
+        }
+    }
+
+    fn boxes_and_lanes<S: Simd>(simd: S) {
+        const LANES: usize = 64;
+        let (lower, images) = (values(WIDTH, 2), values(WIDTH * LANES, 5));
+        let upper: Vec<f32> = lower.iter().map(|v| v + 2.0).collect();
+        let lane = |lane: usize| -> f32 {
+            (0..WIDTH).map(|c| gap(lower[c], images[c * LANES + lane], upper[c])).sum()
+        };
+        let mut distances = [f32::NAN; LANES];
+        let mut look = |thresholds: [f32; LANES]| {
+            let any = box_to_lanes(simd, (&lower, &upper), &images, &thresholds, &mut distances);
+            any.then_some(distances)
+        };
+        let exact: [f32; LANES] = std::array::from_fn(lane);
+        for near in 0..LANES {
+            // One lane is just within its threshold, and decides whether the rest is computed.
+            let mut thresholds = [-1.0; LANES];
+            thresholds[near] = exact[near];
+            let got = look(thresholds).expect("one is within");
+            assert_eq!(within(&got, &thresholds).collect::<Vec<_>>(), [near]);
+            thresholds[near] = exact[near] - 1.0;
+            let none = look(thresholds).is_none_or(|got| within(&got, &thresholds).len() == 0);
+            assert!(none);
+        }
+    }
+
+    fn strips<S: Simd>(simd: S) {
+        let (image, strip) = (values(WIDTH, 9), values(WIDTH * STRIP, 6));
+        let lane = |lane: usize| -> f32 {
+            (0..WIDTH).map(|c| (image[c] - strip[c * STRIP + lane]).powi(2)).sum()
+        };
+        let exact: [f32; STRIP] = std::array::from_fn(lane);
+        let least = exact.iter().copied().fold(f32::INFINITY, f32::min);
+        let mut distances = [f32::NAN; STRIP];
+        assert!(!strip_distances(simd, &image, &strip, least - 1.0, &mut distances));
+        assert!(strip_distances(simd, &image, &strip, least, &mut distances));
+        assert_eq!(distances, exact);
+    }
+
+    #[test]
+    fn every_level_is_the_definition() {
+        at_every_level(Check);
+    }
+
+    #[derive(Clone, Copy)]
+    struct Infinite;
+
+    impl WithSimd for Infinite {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            let mut images = vec![0.0; 16 * 64];
+            images[..64].fill(f32::MAX);
+            let (lower, upper) = (vec![0.0; 16], vec![1.0; 16]);
+            let mut distances = [0.0; 64];
+            for near in 0..64 {
+                // Each lane is infinitely far; one may be.
+                let mut thresholds = [1.0; 64];
+                thresholds[near] = f32::INFINITY;
+                let bounds = (&lower[..], &upper[..]);
+                assert!(box_to_lanes(simd, bounds, &images, &thresholds, &mut distances));
+                assert_eq!(within(&distances, &thresholds).collect::<Vec<_>>(), [near]);
+            }
+        }
+    }
+
+    #[test]
+    fn infinite_sums_are_within_infinite_limits() {
+        at_every_level(Infinite);
+    }
 }

@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
 use pulp::Arch;
@@ -5,7 +7,9 @@ use rayon::prelude::*;
 
 mod block;
 mod embedding;
+mod far;
 mod kernel;
+mod spread;
 mod tree;
 
 use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
@@ -13,13 +17,15 @@ use crate::{KnnError, distance::Margin, groups::Groups};
 use block::{Band, Limit, QUERIES};
 use embedding::Embedding;
 pub(crate) use embedding::width as image_width;
-use tree::Tree;
-pub(crate) use tree::{LEAF, leaves};
+use far::Far;
+
+pub(crate) use spread::leaves;
+use tree::{LEAF, Tree};
 
 /// Sources between two looks at the monitor while the images are made.
 const CHUNK: usize = 1 << 12;
 /// Leaves of a band: its queries share what is read of other leaves.
-const BAND: usize = 8;
+const BAND: usize = 4;
 /// Bands by which the work is judged.
 const SAMPLE: usize = 12;
 /// Beyond this distance from the mean f32 images could overflow.
@@ -45,12 +51,15 @@ pub struct Join<'a> {
     place_of: Vec<u32>,
     image_margin: Margin,
     state_margin: Margin,
-    /// The largest distance of a source from the mean.
+    /// The largest distance from the mean of a source in the tree.
     norm: f64,
+    /// The sources that are not in the tree.
+    far: Far,
 }
 
 impl<'a> Join<'a> {
-    /// Map and sort the sources; `None` if their values are too large for images in f32. Images live in `place`.
+    /// Map and sort the sources; `None` if there are no columns, or their values are too large for images in f32.
+    /// Images live in `place`.
     /// Progress counts four passes over the sources.
     ///
     /// # Errors
@@ -60,33 +69,65 @@ impl<'a> Join<'a> {
         place: &ScratchPlace,
         monitor: &dyn Monitor,
     ) -> Result<Option<Self>, KnnError> {
+        if sources.columns() == 0 {
+            return Ok(None);
+        }
         monitor.begin("neighbour index", 4 * sources.len() as u64);
         let groups = Groups::new(&sources, monitor)?;
         let embedding = Embedding::new(&sources, &groups);
         let width = embedding.width();
         let mut images = Scratch::zeroed(groups.len() * width, place)?;
-        let norm = images
+        // The largest distance from the mean of those that are not far, and the far ones.
+        let (norm, mut far) = images
             .par_chunks_mut(CHUNK * width)
             .enumerate()
             .map(|(number, chunk)| {
+                let (mut norm, mut far) = (0.0_f64, Vec::new());
                 if monitor.interrupted() {
-                    return 0.0;
+                    return (norm, far);
                 }
                 let images = chunk.chunks_exact_mut(width);
                 let count = images.len() as u64;
-                let norm = (number * CHUNK..).zip(images).fold(0.0, |norm: f64, (group, image)| {
-                    norm.max(embedding.map(sources.states().row(groups.row(group)), image))
-                });
+                for (group, image) in (number * CHUNK..).zip(images) {
+                    let own = embedding.map(sources.states().row(groups.row(group)), image);
+                    if own > embedding.far() {
+                        far.push((own, group as u32));
+                    } else {
+                        norm = norm.max(own);
+                    }
+                }
                 monitor.advance(count);
-                norm
+                (norm, far)
             })
-            .reduce(|| 0.0, f64::max);
+            .reduce(
+                || (0.0, Vec::new()),
+                |(a, mut far), (b, more)| {
+                    far.extend(more);
+                    (a.max(b), far)
+                },
+            );
         going_on(monitor)?;
+        let mut norm = norm;
+        if far.len() > Far::most(groups.len()) {
+            norm = far.iter().fold(norm, |norm, &(own, _)| norm.max(own));
+            far.clear();
+        }
         if norm > FARTHEST {
             return Ok(None);
         }
-        let (tree, order) = Tree::new(&images, width, place, monitor)?;
+        let near = keep_near(&mut images, width, &far);
+        let count = near.as_ref().map_or(groups.len(), Vec::len);
+        let (tree, mut order) = Tree::new(&images[..count * width], width, place, monitor)?;
         drop(images);
+        if let Some(near) = near {
+            for image in &mut order {
+                *image = near[*image as usize];
+            }
+        }
+        let first = order.len() as u32;
+        far.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.extend(far.iter().map(|&(_, group)| group));
+        let far = Far::new(first, far.into_iter().map(|(own, _)| own).collect());
         let groups = groups.in_order(&order);
         drop(order);
         let mut place_of = vec![ELSEWHERE; sources.len()];
@@ -106,6 +147,7 @@ impl<'a> Join<'a> {
             image_margin,
             state_margin,
             norm,
+            far,
         }))
     }
 
@@ -113,16 +155,24 @@ impl<'a> Join<'a> {
         Pool { sources: &self.sources, groups: &self.groups, margin: self.state_margin }
     }
 
-    /// The leaf near which the query lies: that of its own row if it is a source.
-    fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
+    /// The place in the order of the tree near which the query lies: that of its own row if it is a source there.
+    fn place(&self, queries: &Queries<'_>, query: usize) -> u32 {
         if let Some(transition) = queries.own_transition(query) {
             // A transition that cannot be a neighbour lies near the last one that can.
             let transition = self.sources.candidates().near(transition);
-            return self.tree.leaf_of(self.place_of[transition as usize] as usize).0;
+            let place = self.place_of[transition as usize];
+            if self.tree.has(place) {
+                return place;
+            }
         }
         let mut image = vec![0.0; self.embedding.width()];
         self.embedding.map(queries.states().row(queries.row(query)), &mut image);
-        self.tree.nearest_leaf(&image)
+        self.tree.places(self.tree.nearest_leaf(&image)).start
+    }
+
+    /// The leaf near which the query lies.
+    fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
+        self.tree.leaf_of(self.place(queries, query) as usize).0
     }
 
     /// Runs of `order` that lie in one leaf, at most [`QUERIES`] long, with the leaf; band by band.
@@ -172,26 +222,39 @@ impl<'a> Join<'a> {
         work as f64 / scan(sampled).max(1) as f64
     }
 
-    /// Write the image of a query; returns a bound on its distance from the mean.
-    fn image(&self, queries: &Queries<'_>, query: usize, image: &mut [f32]) -> f64 {
-        let Some(transition) = queries.own_source(query) else {
-            return self.embedding.map(queries.states().row(queries.row(query)), image);
-        };
-        let (leaf, lane) = self.tree.leaf_of(self.place_of[transition as usize] as usize);
-        let lanes = self.tree.lanes(leaf).iter().skip(lane).step_by(LEAF);
-        for (coordinate, &value) in image.iter_mut().zip(lanes) {
-            *coordinate = value;
+    /// Write the image of a query; returns bounds on its distance from the mean.
+    fn image(&self, queries: &Queries<'_>, query: usize, image: &mut [f32]) -> RangeInclusive<f64> {
+        let place = queries.own_source(query).map(|own| self.place_of[own as usize]);
+        if let Some(place) = place.filter(|&place| self.tree.has(place)) {
+            let (leaf, lane) = self.tree.leaf_of(place as usize);
+            self.tree.image(leaf, lane, image);
+            return 0.0..=self.norm;
         }
-        self.norm
+        let norm = self.embedding.map(queries.states().row(queries.row(query)), image);
+        norm..=norm
     }
 }
 
+/// The numbers of the images that are not far, which are moved to the front; none if that is all of them.
+fn keep_near(images: &mut [f32], width: usize, far: &[(f64, u32)]) -> Option<Vec<u32>> {
+    let mut apart: Vec<u32> = far.iter().map(|&(_, group)| group).collect();
+    apart.sort_unstable();
+    let count = (images.len() / width) as u32;
+    let near = || (0..count).filter(|group| apart.binary_search(group).is_err()).collect();
+    let near: Vec<u32> = (!apart.is_empty()).then(near)?;
+    for (to, &from) in near.iter().enumerate() {
+        let from = from as usize * width;
+        images.copy_within(from..from + width, to * width);
+    }
+    Some(near)
+}
+
 impl NeighborIndex for Join<'_> {
-    /// Leaf by leaf.
+    /// In the order of the tree.
     fn order(&self, queries: &Queries<'_>) -> Vec<u32> {
         let mut placed: Vec<(u32, u32)> = (0..queries.len())
             .into_par_iter()
-            .map(|query| (self.leaf(queries, query) as u32, query as u32))
+            .map(|query| (self.place(queries, query), query as u32))
             .collect();
         placed.par_sort_unstable();
         placed.into_iter().map(|(_, query)| query).collect()
@@ -220,5 +283,60 @@ impl NeighborIndex for Join<'_> {
             monitor.advance(searched.lists.len() as u64);
         });
         going_on(monitor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Segments, Silent, States, Transitions};
+
+    use super::*;
+    use crate::{Blocks, Exclusion, index::at_every_level};
+
+    #[test]
+    fn levels_do_not_change_a_list() {
+        let (rows, columns) = (2000, 40);
+        let mut rng = Seed::new(8).rng();
+        let loadings: Vec<f64> = (0..3 * columns).map(|_| rng.normal()).collect();
+        let mut factors = [0.0; 3];
+        let mut values: Vec<f32> = Vec::new();
+        for row in 0..rows {
+            if row % 7 == 3 {
+                values.extend_from_within((row - 2) * columns..(row - 1) * columns);
+                continue;
+            }
+            for factor in &mut factors {
+                *factor = 0.95 * *factor + 0.3 * rng.normal();
+            }
+            for column in 0..columns {
+                let mixed =
+                    (0..3).map(|f| factors[f] * loadings[f * columns + column]).sum::<f64>();
+                let spike = if row % 333 == 9 { 1e6 } else { 0.0 };
+                values.push((mixed + 0.05 * rng.normal() + spike) as f32);
+            }
+        }
+        let states = States::new(values, rows, columns).expect("finite");
+        let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+        let queries =
+            Queries::next_states(&sources, Exclusion { theiler: 4, ..Exclusion::default() });
+        let join = Join::new(sources, &ScratchPlace::Memory, &Silent).expect("built");
+        let join = join.expect("the values are small");
+        assert_eq!(join.far.within(0.0..=0.0, f64::INFINITY).len(), 5);
+        let order = join.order(&queries);
+        for blocks in &join.bands(&queries, &order) {
+            let band = Band { join: &join, queries: &queries, blocks, k: 5, limit: join.limit() };
+            let levels = at_every_level(band);
+            let lists = |level: &block::Searched| -> Vec<Vec<_>> {
+                let of = |lists: &crate::MemberLists| {
+                    (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect()
+                };
+                level.lists.iter().map(of).collect()
+            };
+            for level in &levels[1..] {
+                assert_eq!(lists(level), lists(&levels[0]));
+            }
+        }
     }
 }

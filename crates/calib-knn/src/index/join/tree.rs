@@ -6,12 +6,19 @@ use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
 use rayon::prelude::*;
 
+use super::spread::{Spread, boundary};
 use crate::{KnnError, index::going_on};
 
-/// Images side by side in a leaf.
-pub(crate) const LEAF: usize = 128;
-/// Images from which a node chooses its widest coordinate.
-const SAMPLE: usize = 512;
+/// Most images of a leaf.
+pub(super) const LEAF: usize = STRIPS * STRIP;
+/// Images that are looked at together: near each other, and with a box of their own.
+pub(super) const STRIP: usize = 16;
+/// Strips of a leaf.
+pub(super) const STRIPS: usize = 16;
+/// Leading coordinates in which strips have boxes.
+pub(super) const SIDES: usize = 16;
+/// Numbers that bound the strips of a leaf.
+const STRIP_BOXES: usize = SIDES * 2 * STRIPS;
 
 /// One node: a box around the images below it.
 #[derive(Debug)]
@@ -30,8 +37,10 @@ pub(super) struct Tree {
     count: usize,
     /// Start of each leaf in the order of the tree, and the end of the last.
     starts: Vec<u32>,
-    /// Coordinates `[leaf, coordinate, lane]`; lanes without an image are zero.
-    lanes: Scratch<f32>,
+    /// Coordinates `[leaf, strip, coordinate, lane]`; lanes without an image are zero.
+    strips: Scratch<f32>,
+    /// Boxes of the strips `[leaf, coordinate, lower or upper, strip]`, in the leading coordinates.
+    strip_boxes: Scratch<f32>,
     nodes: Vec<Node>,
     /// Lower, then upper bounds of each node.
     boxes: Vec<f32>,
@@ -50,39 +59,52 @@ impl Tree {
         place: &ScratchPlace,
         monitor: &dyn Monitor,
     ) -> Result<(Self, Vec<u32>), KnnError> {
-        let count = images.len() / width;
-        let leaves = count.div_ceil(LEAF).max(1);
+        let (count, leaves) = (images.len() / width, (images.len() / width).div_ceil(LEAF).max(1));
         let mut order: Vec<u32> = (0..count as u32).collect();
         let starts = (0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect();
-        let spread = Spread { images, width, count, leaves, monitor };
+        let spread = Spread { images, width, count, leaves, strip: STRIP, monitor };
         spread.arrange(&mut order, 0..leaves);
         going_on(monitor)?;
         let mut tree = Self {
             width,
             count,
-            lanes: Scratch::zeroed(leaves * width * LEAF, place)?,
+            strips: Scratch::zeroed(leaves * width * LEAF, place)?,
+            strip_boxes: Scratch::zeroed(leaves * STRIP_BOXES, place)?,
             starts,
             nodes: Vec::with_capacity(2 * leaves),
             boxes: Vec::new(),
             leaf_nodes: vec![0; leaves],
         };
-        tree.fill_lanes(images, &order, monitor);
+        tree.fill_strips(images, &order, monitor);
         going_on(monitor)?;
         tree.add_node(images, &order, 0..leaves as u32);
         Ok((tree, order))
     }
 
-    fn fill_lanes(&mut self, images: &[f32], order: &[u32], monitor: &dyn Monitor) {
+    fn fill_strips(&mut self, images: &[f32], order: &[u32], monitor: &dyn Monitor) {
         let (starts, width) = (&self.starts, self.width);
-        self.lanes.par_chunks_exact_mut(width * LEAF).enumerate().for_each(|(leaf, lanes)| {
+        let strips = self.strips.par_chunks_exact_mut(width * LEAF);
+        let boxes = self.strip_boxes.par_chunks_exact_mut(STRIP_BOXES);
+        strips.zip(boxes).enumerate().for_each(|(leaf, (strips, boxes))| {
             if monitor.interrupted() {
                 return;
+            }
+            for side in boxes.chunks_exact_mut(2 * STRIPS) {
+                side[..STRIPS].fill(f32::INFINITY);
+                side[STRIPS..].fill(f32::NEG_INFINITY);
             }
             let members = &order[starts[leaf] as usize..starts[leaf + 1] as usize];
             for (lane, &image) in members.iter().enumerate() {
                 let image = &images[image as usize * width..][..width];
-                for (coordinate, &value) in image.iter().enumerate() {
-                    lanes[coordinate * LEAF + lane] = value;
+                let (strip, lane) = (lane / STRIP, lane % STRIP);
+                let lanes = strips[strip * width * STRIP + lane..].iter_mut().step_by(STRIP);
+                for (to, &value) in lanes.zip(image) {
+                    *to = value;
+                }
+                for (side, &value) in boxes.chunks_exact_mut(2 * STRIPS).zip(image) {
+                    let (lower, upper) = side.split_at_mut(STRIPS);
+                    lower[strip] = lower[strip].min(value);
+                    upper[strip] = upper[strip].max(value);
                 }
             }
             monitor.advance(members.len() as u64);
@@ -132,6 +154,11 @@ impl Tree {
         self.starts.len() - 1
     }
 
+    /// Whether some leaf holds position `place` of the order.
+    pub(super) fn has(&self, place: u32) -> bool {
+        (place as usize) < self.count
+    }
+
     /// The leaf that holds position `place` of the order, and the lane there.
     pub(super) fn leaf_of(&self, place: usize) -> (usize, usize) {
         // The last leaf whose boundary is not past the place.
@@ -145,9 +172,23 @@ impl Tree {
         self.starts[leaf]..self.starts[leaf + 1]
     }
 
-    /// Coordinates of a leaf, `[coordinate, lane]`.
-    pub(super) fn lanes(&self, leaf: usize) -> &[f32] {
-        &self.lanes[leaf * self.width * LEAF..][..self.width * LEAF]
+    /// Coordinates of a strip of a leaf, `[coordinate, lane]`.
+    pub(super) fn strip(&self, leaf: usize, strip: usize) -> &[f32] {
+        let size = self.width * STRIP;
+        &self.strips[(leaf * STRIPS + strip) * size..][..size]
+    }
+
+    /// The boxes of a leaf's strips, `[coordinate, lower or upper, strip]`; those of strips without images are empty.
+    pub(super) fn strip_boxes(&self, leaf: usize) -> &[f32] {
+        &self.strip_boxes[leaf * STRIP_BOXES..][..STRIP_BOXES]
+    }
+
+    /// Write the image in position `lane` of a leaf.
+    pub(super) fn image(&self, leaf: usize, lane: usize, image: &mut [f32]) {
+        let lanes = self.strip(leaf, lane / STRIP).iter().skip(lane % STRIP).step_by(STRIP);
+        for (coordinate, &value) in image.iter_mut().zip(lanes) {
+            *coordinate = value;
+        }
     }
 
     /// Lower and upper bounds of a node.
@@ -198,78 +239,6 @@ pub(super) enum Below {
     Nodes([usize; 2]),
 }
 
-/// Start of each leaf and the end of the last, and which image lies in which place: [`Tree::new`] without the tree.
-///
-/// # Errors
-/// If there is no place for the sorted images, or the monitor interrupts.
-pub(crate) fn leaves(
-    images: &[f32],
-    width: usize,
-    place: &ScratchPlace,
-    monitor: &dyn Monitor,
-) -> Result<(Vec<u32>, Vec<u32>), KnnError> {
-    let (tree, order) = Tree::new(images, width, place, monitor)?;
-    Ok((tree.starts, order))
-}
-
-/// The first position of `leaf` when `count` images are spread evenly over `leaves`.
-fn boundary(count: usize, leaves: usize, leaf: usize) -> usize {
-    (leaf as u128 * count as u128 / leaves as u128) as usize
-}
-
-/// How images are spread over leaves.
-struct Spread<'a> {
-    images: &'a [f32],
-    width: usize,
-    count: usize,
-    leaves: usize,
-    monitor: &'a dyn Monitor,
-}
-
-impl Spread<'_> {
-    /// Put the images of `order`, which fill `leaves`, into the order of the leaves: halve along the coordinate
-    /// of largest variance.
-    fn arrange(&self, order: &mut [u32], leaves: Range<usize>) {
-        if leaves.len() <= 1 {
-            self.monitor.advance(order.len() as u64);
-            return;
-        }
-        if self.monitor.interrupted() {
-            return;
-        }
-        let (images, width) = (self.images, self.width);
-        let coordinate = widest(images, width, order);
-        let middle = leaves.start + leaves.len() / 2;
-        let boundary = |leaf| boundary(self.count, self.leaves, leaf);
-        let at = boundary(middle) - boundary(leaves.start);
-        let value = |image: &u32| images[*image as usize * width + coordinate];
-        order.select_nth_unstable_by(at, |a, b| value(a).total_cmp(&value(b)).then(a.cmp(b)));
-        let (left, right) = order.split_at_mut(at);
-        rayon::join(
-            || self.arrange(left, leaves.start..middle),
-            || self.arrange(right, middle..leaves.end),
-        );
-    }
-}
-
-/// The coordinate of largest variance over a sample of the images.
-fn widest(images: &[f32], width: usize, order: &[u32]) -> usize {
-    let stride = order.len().div_ceil(SAMPLE);
-    let (mut sums, mut squares) = (vec![0.0_f64; width], vec![0.0_f64; width]);
-    let mut sampled = 0.0;
-    for &image in order.iter().step_by(stride) {
-        sampled += 1.0;
-        let image = &images[image as usize * width..][..width];
-        for ((sum, square), &value) in sums.iter_mut().zip(&mut squares).zip(image) {
-            let value = f64::from(value);
-            *sum += value;
-            *square += value * value;
-        }
-    }
-    let variance = |c: usize| squares[c] - sums[c] * sums[c] / sampled;
-    (0..width).max_by(|&a, &b| variance(a).total_cmp(&variance(b)).then(b.cmp(&a))).unwrap_or(0)
-}
-
 #[cfg(test)]
 mod tests {
     use calib_core::{Seed, Silent};
@@ -283,7 +252,7 @@ mod tests {
         let images: Vec<f32> = (0..count * width).map(|_| rng.normal() as f32).collect();
         let (tree, order) =
             Tree::new(&images, width, &ScratchPlace::Memory, &Silent).expect("built");
-        assert_eq!(tree.leaves(), 8);
+        assert_eq!(tree.leaves(), count.div_ceil(LEAF));
         let mut seen = vec![false; count];
         let mut open = vec![(0, Vec::new())];
         while let Some((node, mut above)) = open.pop() {
@@ -298,8 +267,13 @@ mod tests {
                         assert_eq!(tree.leaf_of(place as usize), (leaf, lane));
                         assert!(!std::mem::replace(&mut seen[image as usize], true));
                         let image = &images[image as usize * width..][..width];
+                        let mut stored = [0.0; 16];
+                        tree.image(leaf, lane, &mut stored);
+                        assert_eq!(stored, image);
                         for (c, &value) in image.iter().enumerate() {
-                            assert_eq!(tree.lanes(leaf)[c * LEAF + lane], value);
+                            let side = &tree.strip_boxes(leaf)[2 * c * STRIPS..][..2 * STRIPS];
+                            let strip = lane / STRIP;
+                            assert!(side[strip] <= value && value <= side[STRIPS + strip]);
                             for &node in &above {
                                 let (lower, upper) = tree.bounds(node);
                                 assert!(lower[c] <= value && value <= upper[c]);
