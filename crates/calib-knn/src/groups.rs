@@ -109,6 +109,13 @@ impl Groups {
         sorted
     }
 
+    /// The same groups in the order of their first transitions, in which a scan reads states one after another.
+    pub(crate) fn in_time(&self) -> Self {
+        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        order.par_sort_unstable_by_key(|&group| self.transitions(group as usize)[0]);
+        self.in_order(&order)
+    }
+
     /// Number of different states.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
@@ -205,6 +212,9 @@ mod tests {
         let all: Vec<&[u32]> = (0..3).map(|g| sorted.transitions(g)).collect();
         assert_eq!(all, [&[3][..], &[0, 2], &[1, 4, 5]]);
         assert_eq!([sorted.row(0), sorted.row(1), sorted.row(2)], [3, 0, 1]);
+        let again = sorted.in_time();
+        let all: Vec<&[u32]> = (0..3).map(|g| again.transitions(g)).collect();
+        assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! One suite over every search structure: tables against brute force in f64.
 
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
 use calib_core::{Monitor, RowIndex, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{Blocks, Exclusion, IndexKind, KnnError, NeighborTable, SelfMatch, build_tables};
 use proptest::prelude::*;
@@ -163,6 +165,19 @@ fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
             values
         },
     );
+    // Rows of very different sizes side by side: a sensor that breaks at the end of an episode.
+    let mixed = (
+        proptest::collection::vec(-1.0_f32..1.0, count),
+        proptest::collection::vec(prop_oneof![3 => Just(0), 1 => -40_i32..38], rows),
+    );
+    let mixed = mixed.prop_map(move |(mut values, exponents)| {
+        for (row, exponent) in values.chunks_exact_mut(columns).zip(exponents) {
+            for value in row {
+                *value = (f64::from(*value) * 10_f64.powi(exponent)) as f32;
+            }
+        }
+        values
+    });
     prop_oneof![
         proptest::collection::vec(-1.0_f32..1.0, count),
         quantised,
@@ -170,7 +185,8 @@ fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
         offset,
         constant,
         walk,
-        extreme
+        extreme,
+        mixed
     ]
 }
 
@@ -256,22 +272,22 @@ fn threads_do_not_change_a_byte() {
 }
 
 /// Interrupts once it has seen this much progress.
-struct Impatient(std::sync::atomic::AtomicU64, u64);
+struct Impatient(AtomicU64, u64);
 
 impl Monitor for Impatient {
     fn begin(&self, task: &str, total: u64) {
         assert!(matches!(
             (task, total),
-            ("neighbour tables", 7998) | ("neighbour index", 31_992 | 15_996)
+            ("neighbour tables", 7998) | ("neighbour index", 31_992 | 15_996 | 7998)
         ));
     }
 
     fn advance(&self, units: u64) {
-        self.0.fetch_add(units, std::sync::atomic::Ordering::Relaxed);
+        self.0.fetch_add(units, Ordering::Relaxed);
     }
 
     fn interrupted(&self) -> bool {
-        self.0.load(std::sync::atomic::Ordering::Relaxed) > self.1
+        self.0.load(Ordering::Relaxed) > self.1
     }
 }
 
@@ -287,6 +303,58 @@ fn work_ends_when_the_user_asks() {
         assert!(matches!(stopped, Err(KnnError::Interrupted)));
         assert!(monitor.0.into_inner() < 31_992);
     }
+}
+
+/// Counts the progress of the search itself, and interrupts beyond some of it.
+struct Counting {
+    searching: AtomicBool,
+    progress: AtomicU64,
+    most: u64,
+}
+
+impl Counting {
+    fn new(most: u64) -> Self {
+        Self { searching: false.into(), progress: 0.into(), most }
+    }
+}
+
+impl Monitor for Counting {
+    fn begin(&self, task: &str, _total: u64) {
+        self.searching.store(task == "neighbour tables", Ordering::Relaxed);
+    }
+
+    fn advance(&self, units: u64) {
+        if self.searching.load(Ordering::Relaxed) {
+            self.progress.fetch_add(units, Ordering::Relaxed);
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.progress.load(Ordering::Relaxed) > self.most
+    }
+}
+
+#[test]
+fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
+    let case = sawtooth(8000, 4);
+    let (states, transitions) = (case.states(), case.transitions());
+    let blocks = Blocks::new(&transitions, 4).expect("valid");
+    let build = |kind, most| {
+        let monitor = Counting::new(most);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        let built = pool.install(|| {
+            build_tables(&states, &transitions, &blocks, 3, case.exclusion, kind, &monitor)
+        });
+        (built.map(|tables| tables.len()), monitor.progress.into_inner())
+    };
+    for kind in KINDS {
+        let (built, progress) = build(kind, u64::MAX);
+        assert_eq!((built.expect("not interrupted"), progress), (4, 7998), "{kind:?}");
+    }
+    // A block has 1024 queries.
+    let (stopped, progress) = build(IndexKind::Scan, 0);
+    assert!(matches!(stopped, Err(KnnError::Interrupted)));
+    assert!((1..512).contains(&progress), "{progress}");
 }
 
 #[test]

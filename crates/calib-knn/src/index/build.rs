@@ -6,6 +6,8 @@ use crate::{IndexChoice, IndexKind, KnnError, choice::Reason};
 
 /// Up to this many columns the k-d tree is the faster of the two; see [`Sources::index`].
 const FEW_COLUMNS: usize = 3;
+/// If the k-d tree gives more states a query than this and twice the neighbours, the join is the faster of the two.
+const MOST_GIVEN: usize = 128;
 /// Fewer queries than this are not worth building anything for.
 const FEW_QUERIES: usize = 256;
 
@@ -35,19 +37,21 @@ impl<'a> Planned<'a> {
 impl<'a> Sources<'a> {
     /// A search structure of this kind over these sources, with its large arrays in `place`.
     ///
-    /// [`IndexKind::Auto`] takes the scan for few queries, else the k-d tree up to 3 columns, else the join,
+    /// [`IndexKind::Auto`] takes the scan for few queries, else the k-d tree up to 3 columns, unless its arrays should be in
+    /// files or it would give too many states that a query must not find, else the join,
     /// unless that turns out on a sample of the queries to be more work than the scan. Processor seconds for the
-    /// tables of 100 000 rows (`k` = 3, five members; `cargo bench -p calib-knn` measures them anew):
+    /// tables of 100 000 rows (`k` = 3, five members; `cargo bench -p calib-knn --bench choice` measures them anew):
     ///
     /// | columns | uniform: tree, join | simulated plant: tree, join |
     /// |---|---|---|
-    /// | 1 | 0.22, 0.46 | 0.13, 0.24 |
-    /// | 2 | 0.32, 0.40 | 0.20, 0.22 |
-    /// | 3 | 0.46, 0.43 | 0.19, 0.18 |
-    /// | 4 | 0.65, 0.45 | 0.27, 0.19 |
-    /// | 6 | 1.2, 0.63 | 0.42, 0.17 |
-    /// | 8 | 2.9, 1.0 | 0.76, 0.20 |
-    /// | 16 | 84, 3.7 | 7.6, 0.22 |
+    /// | 1 | 0.18, 0.37 | 0.08, 0.17 |
+    /// | 2 | 0.25, 0.39 | 0.20, 0.30 |
+    /// | 3 | 0.34, 0.41 | 0.23, 0.21 |
+    /// | 4 | 0.46, 0.43 | 0.20, 0.18 |
+    /// | 6 | 1.00, 0.52 | 0.18, 0.20 |
+    /// | 8 | 2.48, 0.68 | 0.20, 0.17 |
+    ///
+    /// With a Theiler window of 3600 rows, 20 000 rows of two columns of the plant take the tree 1.01, the join 0.14.
     ///
     /// Progress counts passes over the sources.
     ///
@@ -62,23 +66,32 @@ impl<'a> Sources<'a> {
         place: &ScratchPlace,
         monitor: &dyn Monitor,
     ) -> Result<Planned<'a>, KnnError> {
-        let scan = |reason| Planned::new(Scan::new(*self), queries, IndexKind::Scan, reason);
-        let tree = |reason| -> Result<_, KnnError> {
-            Ok(Planned::new(KdTree::new(*self, monitor)?, queries, IndexKind::KdTree, reason))
-        };
+        let scan = |scan: Scan<'a>, reason| Planned::new(scan, queries, IndexKind::Scan, reason);
+        let tree =
+            |tree: KdTree<'a>, reason| Planned::new(tree, queries, IndexKind::KdTree, reason);
         let budget = self.leaf_budget();
         // A budget is the join's, so that the tables do not depend on what else could be taken.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {
-            IndexKind::KdTree => tree(Reason::Asked),
-            IndexKind::Scan => Ok(scan(Reason::Asked)),
-            IndexKind::Auto if queries.len() < FEW_QUERIES => Ok(scan(Reason::FewQueries)),
-            IndexKind::Auto if self.columns() <= FEW_COLUMNS => {
-                tree(Reason::FewColumns { columns: self.columns() })
+            IndexKind::KdTree => Ok(tree(KdTree::new(*self, monitor)?, Reason::Asked)),
+            IndexKind::Scan | IndexKind::Auto if queries.len() < FEW_QUERIES => {
+                let asked = kind == IndexKind::Scan;
+                let reason = if asked { Reason::Asked } else { Reason::FewQueries };
+                Ok(scan(Scan::new(*self), reason))
             }
+            IndexKind::Scan => Ok(scan(Scan::grouped(*self, monitor)?, Reason::Asked)),
             IndexKind::Join | IndexKind::Auto => {
+                // The tree's arrays cannot be in files.
+                let few = self.columns() <= FEW_COLUMNS && *place == ScratchPlace::Memory;
+                if kind == IndexKind::Auto && few {
+                    let built = KdTree::new(*self, monitor)?;
+                    let most = MOST_GIVEN + 2 * k;
+                    if built.given(queries, k, 4 * most) <= most as f64 {
+                        return Ok(tree(built, Reason::FewColumns { columns: self.columns() }));
+                    }
+                }
                 let Some(join) = Join::new(*self, place, monitor)? else {
-                    return Ok(scan(Reason::Large));
+                    return Ok(scan(Scan::grouped(*self, monitor)?, Reason::Large));
                 };
                 let order = join.order(queries);
                 let mut reason = Reason::Asked;
@@ -86,12 +99,78 @@ impl<'a> Sources<'a> {
                     let share = join.share_of_scan(queries, &order, k);
                     reason = Reason::Work { share };
                     if share > 1.0 {
-                        return Ok(scan(reason));
+                        let groups = join.into_groups().in_time();
+                        return Ok(scan(Scan::of(*self, groups), reason));
                     }
                 }
                 let choice = IndexChoice { kind: IndexKind::Join, reason };
                 Ok(Planned { index: Box::new(join), order, choice })
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Segments, Silent, States, Transitions};
+
+    use super::*;
+    use crate::{Blocks, Exclusion, index::Found};
+
+    /// What is chosen for the next states, and what it finds: what a scan of each transition finds.
+    fn chosen(states: &States, exclusion: Exclusion, place: &ScratchPlace) -> (IndexKind, Found) {
+        let rows = states.rows();
+        let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let sources = Sources::new(states, &transitions, &blocks).expect("valid");
+        let queries = Queries::next_states(&sources, exclusion);
+        let planned =
+            sources.index(IndexKind::Auto, &queries, 3, place, &Silent).expect("not interrupted");
+        let mut found = Found::new(queries.len(), 3, 3);
+        let order: Vec<u32> = (0..queries.len() as u32).collect();
+        planned.index.search(&queries, &order, &mut found, &Silent).expect("not interrupted");
+        let scan = Scan::new(sources);
+        let mut expected = Found::new(queries.len(), 3, 3);
+        scan.search(&queries, &order, &mut expected, &Silent).expect("not interrupted");
+        assert_eq!(found, expected);
+        (planned.choice.kind, found)
+    }
+
+    #[test]
+    fn a_tree_is_not_chosen_where_the_nearest_states_are_forbidden() {
+        // A slow walk: the nearest states are those just before and after.
+        let mut rng = Seed::new(1).rng();
+        let (mut value, rows) = (0.0, 4000);
+        let walk = (0..rows).map(|_| {
+            value += rng.normal();
+            value as f32
+        });
+        let states = States::new(walk.collect(), rows, 1).expect("finite");
+        let window = |theiler| Exclusion { theiler, ..Exclusion::default() };
+        let memory = ScratchPlace::Memory;
+        assert_eq!(chosen(&states, window(0), &memory).0, IndexKind::KdTree);
+        assert_ne!(chosen(&states, window(600), &memory).0, IndexKind::KdTree);
+        let directory = tempfile::tempdir().expect("a directory");
+        let disk = ScratchPlace::Disk(directory.path().to_owned());
+        assert_ne!(chosen(&states, window(0), &disk).0, IndexKind::KdTree);
+    }
+
+    #[test]
+    fn a_scan_gets_the_different_states() {
+        // Nothing can be ruled out but that half of the rows are one standstill.
+        let (rows, columns) = (2000, 64);
+        let mut rng = Seed::new(2).rng();
+        let mut values: Vec<f32> = (0..rows * columns).map(|_| rng.normal() as f32).collect();
+        values[..rows / 2 * columns].fill(0.5);
+        let states = States::new(values, rows, columns).expect("finite");
+        let (kind, found) = chosen(&states, Exclusion::default(), &ScratchPlace::Memory);
+        assert_eq!(kind, IndexKind::Scan);
+        assert_eq!(found.list(5, 2).0, [0, 1, 2]);
+        let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+        let join = Join::new(sources, &ScratchPlace::Memory, &Silent).expect("not interrupted");
+        let groups = join.expect("small values").into_groups().in_time();
+        assert_eq!((groups.len(), groups.transitions(0).len()), (rows / 2, rows / 2));
     }
 }

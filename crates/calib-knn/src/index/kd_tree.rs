@@ -2,18 +2,24 @@ use std::num::NonZero;
 
 use calib_core::Monitor;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
 
 use super::{Found, NeighborIndex, Queries, Sources, in_blocks};
 use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
 
 /// Queries of a block, between two looks at the monitor.
 const QUERIES: usize = 256;
+/// Queries by which is judged how many states the tree gives.
+const SAMPLE: usize = 256;
 
 /// A k-d tree (the kiddo crate) over the different source states, for few columns.
 ///
 /// The tree is asked for the `n` nearest states; everything that it left out is at least as far as the last
 /// one that it gave. If every list of the query is filled from states that are strictly nearer than that, the
 /// lists are exact, else `n` grows. Distances are computed again by the definition.
+///
+/// It cannot pass over states that the query must not find, those of a Theiler window or of a block that is left out, and gives
+/// them all where they are the nearest.
 #[derive(Debug)]
 pub struct KdTree<'a> {
     sources: Sources<'a>,
@@ -50,15 +56,23 @@ impl<'a> KdTree<'a> {
         Ok(Self { sources, groups, tree })
     }
 
-    fn fill(&self, queries: &Queries<'_>, query: usize, k: usize) -> MemberLists {
+    /// The lists of a query, and how many states the tree gave for them. It is given up once there are more than `most`.
+    fn fill(
+        &self,
+        queries: &Queries<'_>,
+        query: usize,
+        k: usize,
+        most: usize,
+    ) -> (MemberLists, usize) {
         let blocks = self.sources.blocks();
         let state = queries.states().row(queries.row(query));
         let forbidden = queries.forbidden(query);
         let mut lists = MemberLists::new(blocks.members(), k);
-        let mut asked = k + 1;
+        let (mut asked, mut given) = (k + 1, 0);
         loop {
             lists.reset(queries.wanted(query));
             let found = self.tree.nearest(state, asked);
+            given += found.len();
             for &(_, group) in &found {
                 let source = self.groups.row(group as usize);
                 let squared = squared(state, self.sources.states().row(source));
@@ -66,11 +80,21 @@ impl<'a> KdTree<'a> {
             }
             // The tree computes in f64 without cancellation: far less than this relative error.
             let beyond = found.last().map_or(f64::INFINITY, |&(last, _)| last * (1.0 - 1e-12));
-            if found.len() == self.groups.len() || lists.radius() < beyond {
-                return lists;
+            if found.len() == self.groups.len() || lists.radius() < beyond || given > most {
+                return (lists, given);
             }
             asked = (4 * asked).min(self.groups.len());
         }
+    }
+
+    /// How many states the tree gives a query, judged by a few of them that are spread evenly; it is not looked into by how much they
+    /// are more than `most`.
+    pub(super) fn given(&self, queries: &Queries<'_>, k: usize, most: usize) -> f64 {
+        let stride = queries.len().div_ceil(SAMPLE).max(1);
+        let sample: Vec<usize> = (0..queries.len()).step_by(stride).collect();
+        let given: usize =
+            sample.par_iter().map(|&query| self.fill(queries, query, k, most).1).sum();
+        given as f64 / sample.len().max(1) as f64
     }
 }
 
@@ -84,7 +108,10 @@ impl NeighborIndex for KdTree<'_> {
     ) -> Result<(), KnnError> {
         let k = found.k();
         in_blocks(order, QUERIES, found, monitor, |order| {
-            order.iter().map(|&query| self.fill(queries, query as usize, k)).collect()
+            let list = |&query: &u32| self.fill(queries, query as usize, k, usize::MAX).0;
+            let lists = order.iter().map(list).collect();
+            monitor.advance(order.len() as u64);
+            lists
         })
     }
 }

@@ -54,7 +54,8 @@ pub(crate) fn going_on(monitor: &dyn Monitor) -> Result<(), KnnError> {
     if monitor.interrupted() { Err(KnnError::Interrupted) } else { Ok(()) }
 }
 
-/// Search `order` in blocks of `size` queries, in parallel, and put the lists of each in their places.
+/// Search `order` in blocks of `size` queries, in parallel, and put the lists of each in their places. `search` tells the monitor
+/// of its progress; what it finds after the monitor has interrupted is not used.
 fn in_blocks(
     order: &[u32],
     size: usize,
@@ -70,7 +71,6 @@ fn in_blocks(
         for (place, lists) in search(order).iter().enumerate() {
             piece.store(place, lists);
         }
-        monitor.advance(order.len() as u64);
     });
     going_on(monitor)
 }

@@ -151,6 +151,11 @@ impl<'a> Join<'a> {
         }))
     }
 
+    /// The different states, for a scan that is less work.
+    pub(super) fn into_groups(self) -> Groups {
+        self.groups
+    }
+
     fn pool(&self) -> Pool<'_> {
         Pool { sources: &self.sources, groups: &self.groups, margin: self.state_margin }
     }

@@ -13,6 +13,7 @@ use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
 use calib_core::Monitor;
 use kernel::{MOST_LANES, meets};
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
 /// Most queries of a block: sources are laid out once for all of them.
 const QUERIES: usize = 1024;
@@ -36,9 +37,22 @@ pub struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// A scan of these sources.
+    /// A scan of these sources, each by itself: for so few queries that equal states are not worth finding.
     pub fn new(sources: Sources<'a>) -> Self {
-        let groups = Groups::singletons(&sources);
+        Self::of(sources, Groups::singletons(&sources))
+    }
+
+    /// A scan that meets each different state once, however long a plant stood still in it. Progress counts sources.
+    ///
+    /// # Errors
+    /// If the monitor interrupts.
+    pub fn grouped(sources: Sources<'a>, monitor: &dyn Monitor) -> Result<Self, KnnError> {
+        monitor.begin("neighbour index", sources.len() as u64);
+        Ok(Self::of(sources, Groups::new(&sources, monitor)?))
+    }
+
+    /// A scan of these groups of the sources.
+    pub(super) fn of(sources: Sources<'a>, groups: Groups) -> Self {
         let centre = centre(&sources);
         let margin = Margin::new(sources.columns());
         Self { sources, groups, centre, margin }
@@ -49,17 +63,21 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// A state in the middle of the sources: the mean of up to 1000 of them. Any would do.
+/// A state in the middle of the sources: in each column the median of up to 1000 of them. Any would do, but the margin of a pair
+/// grows with how far from here it is, and a mean follows a single wild value.
 fn centre(sources: &Sources<'_>) -> Vec<f32> {
     let stride = sources.len().div_ceil(1000).max(1);
     let sampled: Vec<u32> = (0..sources.len() as u32).step_by(stride).collect();
-    let mut sums = vec![0.0_f64; sources.columns()];
-    for &transition in &sampled {
-        for (sum, &value) in sums.iter_mut().zip(sources.state(transition)) {
-            *sum += f64::from(value);
-        }
+    if sampled.is_empty() {
+        return vec![0.0; sources.columns()];
     }
-    sums.into_iter().map(|sum| (sum / sampled.len().max(1) as f64) as f32).collect()
+    let median = |column: usize| {
+        let mut values: Vec<f32> =
+            sampled.iter().map(|&transition| sources.state(transition)[column]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    };
+    (0..sources.columns()).into_par_iter().map(median).collect()
 }
 
 /// A block of queries against all sources.
@@ -69,16 +87,16 @@ struct Block<'a> {
     /// Which queries.
     order: &'a [u32],
     k: usize,
+    /// Told of every tile of sources; asked whether to go on.
+    monitor: &'a dyn Monitor,
 }
 
 /// Panels of queries: `−2 (q − centre)` as `[panel, column, query]`, and what they must be under.
 struct Panels {
     values: Vec<f32>,
     limits: Vec<f32>,
-    /// Squared norms of the centred queries.
+    /// Squared norms of the centred queries; of one that is so far that sums could overflow `−∞`: it meets every source.
     norms: Vec<f64>,
-    /// Whether a query is so far that sums could overflow. It meets every source.
-    far: bool,
 }
 
 impl WithSimd for Block<'_> {
@@ -113,7 +131,11 @@ impl Block<'_> {
         let mut lanes = vec![0.0; tile * columns.max(1)];
         let mut offsets = vec![0.0; tile];
         let mut sums = [0.0; 8 * MOST_LANES];
-        for start in tile_starts(total, tile) {
+        let tiles = total.div_ceil(tile) as u64;
+        for (done, start) in (0..).zip(tile_starts(total, tile)) {
+            if self.monitor.interrupted() {
+                break;
+            }
             let width = tile.min(total - start);
             let strips = lanes.chunks_exact_mut(strip * columns.max(1));
             for (number, (lanes, norms)) in strips.zip(offsets.chunks_mut(strip)).enumerate() {
@@ -122,15 +144,20 @@ impl Block<'_> {
                 let states = states.map(|group| pool.state(group as u32));
                 kernel::lay_strip(simd, states, &scan.centre, lanes, norms);
             }
-            // `!(≤)`: also where the sum is not a number.
-            let far = panels.far || !offsets[..width].iter().all(|&norm| norm <= FARTHEST);
-            offsets[..width].iter_mut().for_each(|offset| *offset *= 1.0 - error as f32);
-            offsets[width..].fill(f32::INFINITY);
-            if far || columns == 0 {
-                // Nothing is ruled out here; the definition decides.
-                offsets[..width].fill(f32::MIN);
-                lanes.fill(0.0);
+            for (source, offset) in offsets[..width].iter_mut().enumerate() {
+                // Not where the sum is no number either.
+                let near = *offset <= FARTHEST;
+                if columns == 0 || !near {
+                    // Too far for f32 sums: it is not ruled out, and the definition decides.
+                    let strip_of = &mut lanes[source / strip * strip * columns..];
+                    let column_of = strip_of[source % strip..].iter_mut().step_by(strip);
+                    column_of.take(columns).for_each(|value| *value = 0.0);
+                    *offset = f32::MIN;
+                } else {
+                    *offset *= 1.0 - error as f32;
+                }
             }
+            offsets[width..].fill(f32::INFINITY);
             let strips = lanes.chunks_exact(strip * columns.max(1)).zip(offsets.chunks(strip));
             for (number, (lanes, offsets)) in strips.take(width.div_ceil(strip)).enumerate() {
                 let each = panels.values.chunks_exact(PANEL * columns.max(1));
@@ -154,6 +181,15 @@ impl Block<'_> {
                     }
                 }
             }
+            // As many of the queries as the share of the sources that all of them have met.
+            let queries = |done: u64| self.order.len() as u64 * done / tiles;
+            match queries(done + 1) - queries(done) {
+                0 => {}
+                some => self.monitor.advance(some),
+            }
+        }
+        if tiles == 0 {
+            self.monitor.advance(self.order.len() as u64);
         }
         pending.into_iter().map(|one| one.finish(pool)).collect()
     }
@@ -165,7 +201,6 @@ impl Block<'_> {
             values: vec![0.0; padded * columns],
             limits: vec![f32::NEG_INFINITY; padded],
             norms: Vec::with_capacity(pending.len()),
-            far: false,
         };
         for (query, one) in pending.iter().enumerate() {
             let centred = || one.state().iter().zip(centre).map(|(value, centre)| value - centre);
@@ -176,8 +211,7 @@ impl Block<'_> {
                 let column_of = panel[query % PANEL..].iter_mut().step_by(PANEL);
                 column_of.zip(centred()).for_each(|(out, value)| *out = -2.0 * value);
             } else {
-                panels.norms.push(0.0);
-                panels.far = true;
+                panels.norms.push(f64::NEG_INFINITY);
             }
         }
         panels
@@ -206,14 +240,33 @@ impl NeighborIndex for Scan<'_> {
         // Smaller blocks where there would be too few for all threads.
         let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
         in_blocks(order, size, found, monitor, |order| {
-            arch.dispatch(Block { scan: self, queries, order, k })
+            arch.dispatch(Block { scan: self, queries, order, k, monitor })
         })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use calib_core::{Segments, States, Transitions};
+
     use super::*;
+    use crate::Blocks;
+
+    #[test]
+    fn wild_values_do_not_move_the_centre() {
+        let (rows, columns) = (4000, 3);
+        let values = |wild: bool| -> Vec<f32> {
+            let value = |i: usize| if wild && i / columns % 1000 == 0 { 1e30 } else { 5.0 };
+            (0..rows * columns).map(value).collect()
+        };
+        let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 2).expect("valid");
+        for wild in [false, true] {
+            let states = States::new(values(wild), rows, columns).expect("finite");
+            let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
+            assert_eq!(centre(&sources), [5.0; 3]);
+        }
+    }
 
     #[test]
     fn every_tile_has_its_turn() {
