@@ -1,19 +1,16 @@
 //! Tables of all members by each search structure, by dimension and by the structure of the data.
 //!
 //! `uniform` fills its cube, `plant` has a few slow factors with modes, sensor noise and quantisation, like logs of
-//! a plant, `gaussian` has nothing that could be ruled out. In test mode everything is small.
+//! a plant, `gaussian` has nothing that could be ruled out. `by shape` has what breaks simple rules: long standstills, copies,
+//! constant columns, wild values, small members and as many neighbours as there are. In test mode everything is small.
+//! The bench `choice` measures the table by which `"auto"` chooses.
 
-use std::f64::consts::TAU;
+mod data;
 
-use calib_core::{Rng, Seed, Segments, Silent, States, Transitions};
+use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_knn::{Blocks, Exclusion, IndexKind, build_tables};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-
-fn uniform(rows: usize, columns: usize) -> States {
-    let mut rng = Seed::new(1).rng();
-    let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();
-    States::new(values, rows, columns).expect("valid")
-}
+use data::{plant, uniform};
 
 fn gaussian(rows: usize, columns: usize) -> States {
     let mut rng = Seed::new(2).rng();
@@ -21,39 +18,74 @@ fn gaussian(rows: usize, columns: usize) -> States {
     States::new(values, rows, columns).expect("valid")
 }
 
-/// Ten slow factors, one with the period of a day, and a mode that shifts every sensor.
-fn plant(rows: usize, columns: usize) -> States {
-    const FACTORS: usize = 10;
-    let mut rng = Seed::new(3).rng();
-    let mut normals = |count: usize| -> Vec<f64> { (0..count).map(|_| rng.normal()).collect() };
-    let (loadings, shifts) = (normals(FACTORS * columns), normals(3 * columns));
-    let mut factors = normals(FACTORS);
-    let step = |factors: &mut [f64], row: usize, rng: &mut Rng| {
-        for (number, factor) in factors.iter_mut().enumerate().skip(1) {
-            let memory = 1.0 - 0.01 / number as f64;
-            *factor = memory * *factor + (1.0 - memory * memory).sqrt() * rng.normal();
-        }
-        factors[0] = 2.0 * (TAU * row as f64 / 8640.0).sin();
-    };
-    let mut rng = Seed::new(4).rng();
-    let mut values = Vec::with_capacity(rows * columns);
-    for row in 0..rows {
-        step(&mut factors, row, &mut rng);
-        let mode = row / 180 % 3;
-        for column in 0..columns {
-            let mixed: f64 =
-                (0..FACTORS).map(|f| factors[f] * loadings[f * columns + column]).sum();
-            let value = mixed + 3.0 * shifts[mode * columns + column] + 0.02 * rng.normal();
-            values.push(((value * 50.0).round() / 1000.0) as f32);
-        }
-    }
-    States::new(values, rows, columns).expect("valid")
+fn build(states: &States, kind: IndexKind, exclusion: Exclusion) {
+    build_of(states, (5, 3), kind, exclusion);
 }
 
-fn build(states: &States, kind: IndexKind, exclusion: Exclusion) {
+fn build_of(states: &States, (members, k): (usize, usize), kind: IndexKind, exclusion: Exclusion) {
     let transitions = Transitions::new(Segments::from_lengths([states.rows()]).expect("valid"));
-    let blocks = Blocks::new(&transitions, 5).expect("valid");
-    build_tables(states, &transitions, &blocks, 3, exclusion, kind, &Silent).expect("built");
+    let blocks = Blocks::new(&transitions, members).expect("valid");
+    build_tables(states, &transitions, &blocks, k, exclusion, kind, &Silent).expect("built");
+}
+
+/// `states` with some rows or values put in place of others: `change` gets the row's number and its values.
+fn changed(states: &States, change: impl Fn(usize, &mut [f32])) -> States {
+    let mut values = states.as_slice().to_vec();
+    for (row, state) in values.chunks_exact_mut(states.columns()).enumerate() {
+        change(row, state);
+    }
+    States::new(values, states.rows(), states.columns()).expect("valid")
+}
+
+fn by_shape(criterion: &mut Criterion) {
+    let rows = if testing() { 500 } else { 20_000 };
+    let (plant, gaussian) = (plant(rows, 142), gaussian(rows, 142));
+    let still = |states: &States| {
+        changed(states, |row, state| {
+            if row % 1000 < 500 {
+                state.fill(0.25);
+            }
+        })
+    };
+    let copies = changed(&plant, |row, state| {
+        let from = plant.row(row % (rows / 10));
+        state.copy_from_slice(from);
+    });
+    let constant = changed(&plant, |_, state| state[10..].fill(0.5));
+    let wild = |states: &States| {
+        changed(states, |row, state| {
+            if row % 1000 == 0 {
+                state.fill(1e6);
+            }
+        })
+    };
+    let shapes = [
+        ("plant, half of it one standstill", still(&plant), (5, 3)),
+        ("gaussian, half of it one standstill", still(&gaussian), (5, 3)),
+        ("plant, each state ten times", copies, (5, 3)),
+        ("plant, 132 of 142 columns constant", constant, (5, 3)),
+        ("plant, one row in 1000 wild", wild(&plant), (5, 3)),
+        ("gaussian, one row in 1000 wild", wild(&gaussian), (5, 3)),
+        ("plant, two members", plant.clone(), (2, 3)),
+        ("plant, 50 members", plant.clone(), (50, 3)),
+        ("plant, k = 100", plant.clone(), (5, 100)),
+    ];
+    let mut group = criterion.benchmark_group("by shape, 142 columns");
+    group.sample_size(10).throughput(Throughput::Elements(rows as u64));
+    for (name, states, of) in &shapes {
+        group.bench_function(*name, |bench| {
+            bench.iter(|| build_of(states, *of, IndexKind::Auto, Exclusion::default()));
+        });
+    }
+    let few = rows / 50;
+    let states = States::new(plant.as_slice()[..few * 142].to_vec(), few, 142).expect("valid");
+    // Two members of half of the transitions, less one at the border.
+    let all = (few - 1) / 2 - 1;
+    group.throughput(Throughput::Elements(few as u64));
+    group.bench_function("plant, as many neighbours as a member has", |bench| {
+        bench.iter(|| build_of(&states, (2, all), IndexKind::Auto, Exclusion::default()));
+    });
+    group.finish();
 }
 
 fn testing() -> bool {
@@ -68,7 +100,7 @@ fn by_dimension(criterion: &mut Criterion) {
         for (name, states) in [("uniform", uniform(rows, columns)), ("plant", plant(rows, columns))]
         {
             for kind in [IndexKind::KdTree, IndexKind::Join, IndexKind::Scan] {
-                if kind == IndexKind::KdTree && columns > 8 {
+                if !kind.supports(columns) {
                     continue;
                 }
                 let id = BenchmarkId::new(format!("{name} {kind:?}"), columns);
@@ -105,5 +137,5 @@ fn by_rows(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, by_dimension, by_rows);
+criterion_group!(benches, by_dimension, by_rows, by_shape);
 criterion_main!(benches);

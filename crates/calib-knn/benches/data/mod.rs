@@ -1,0 +1,41 @@
+//! States of known structure.
+
+use std::f64::consts::TAU;
+
+use calib_core::{Rng, Seed, States};
+
+/// Values that fill their cube.
+pub(crate) fn uniform(rows: usize, columns: usize) -> States {
+    let mut rng = Seed::new(1).rng();
+    let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();
+    States::new(values, rows, columns).expect("valid")
+}
+
+/// Ten slow factors, one with the period of a day, and a mode that shifts every sensor.
+pub(crate) fn plant(rows: usize, columns: usize) -> States {
+    const FACTORS: usize = 10;
+    let mut rng = Seed::new(3).rng();
+    let mut normals = |count: usize| -> Vec<f64> { (0..count).map(|_| rng.normal()).collect() };
+    let (loadings, shifts) = (normals(FACTORS * columns), normals(3 * columns));
+    let mut factors = normals(FACTORS);
+    let step = |factors: &mut [f64], row: usize, rng: &mut Rng| {
+        for (number, factor) in factors.iter_mut().enumerate().skip(1) {
+            let memory = 1.0 - 0.01 / number as f64;
+            *factor = memory * *factor + (1.0 - memory * memory).sqrt() * rng.normal();
+        }
+        factors[0] = 2.0 * (TAU * row as f64 / 8640.0).sin();
+    };
+    let mut rng = Seed::new(4).rng();
+    let mut values = Vec::with_capacity(rows * columns);
+    for row in 0..rows {
+        step(&mut factors, row, &mut rng);
+        let mode = row / 180 % 3;
+        for column in 0..columns {
+            let mixed: f64 =
+                (0..FACTORS).map(|f| factors[f] * loadings[f * columns + column]).sum();
+            let value = mixed + 3.0 * shifts[mode * columns + column] + 0.02 * rng.normal();
+            values.push(((value * 50.0).round() / 1000.0) as f32);
+        }
+    }
+    States::new(values, rows, columns).expect("valid")
+}
