@@ -28,6 +28,18 @@ pub(super) enum Spilled {
     Everything,
 }
 
+impl Spilled {
+    /// What is mapped if this was asked for: with [`Spill::Auto`] as little as `fits`, or else everything.
+    fn chosen(asked: Spill, fits: impl Fn(Self) -> bool) -> Self {
+        match asked {
+            Spill::Auto if fits(Self::Nothing) => Self::Nothing,
+            Spill::Auto if fits(Self::States) => Self::States,
+            Spill::Never => Self::Nothing,
+            Spill::Auto | Spill::Always => Self::Everything,
+        }
+    }
+}
+
 /// What is going to be done, and what it needs.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct BuildPlan {
@@ -69,7 +81,8 @@ impl BuildPlan {
         KnnModel::check(representation.unwrap_or(columns), &transitions, model)?;
         drop(transitions);
         // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
-        let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model);
+        let threads = rayon::current_num_threads();
+        let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
         let copy = 4 * (rows * representation.unwrap_or(0)) as u64;
         let held_out = 4 * (data.held_out_rows() * columns) as u64;
@@ -86,12 +99,7 @@ impl BuildPlan {
         };
         let available = args.memory.map(|size| size.0).or_else(memory::available);
         let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
-        let spill = match args.spill {
-            Spill::Auto if fits(taken(Spilled::Nothing)) => Spilled::Nothing,
-            Spill::Auto if fits(taken(Spilled::States)) => Spilled::States,
-            Spill::Never => Spilled::Nothing,
-            Spill::Auto | Spill::Always => Spilled::Everything,
-        };
+        let spill = Spilled::chosen(args.spill, |spilled| fits(taken(spilled)));
         let memory_bytes = taken(spill);
         if let (false, Some(available)) = (fits(memory_bytes), available) {
             bail!(
@@ -165,5 +173,28 @@ impl From<Index> for IndexKind {
             Index::Join => Self::Join,
             Index::Scan => Self::Scan,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plans_spill_states_before_images() {
+        let takes = |spilled| match spilled {
+            Spilled::Nothing => 100,
+            Spilled::States => 60,
+            Spilled::Everything => 20,
+        };
+        let chosen =
+            |asked, available| Spilled::chosen(asked, |spilled| takes(spilled) <= available);
+        assert_eq!(chosen(Spill::Auto, 100), Spilled::Nothing);
+        assert_eq!(chosen(Spill::Auto, 99), Spilled::States);
+        assert_eq!(chosen(Spill::Auto, 59), Spilled::Everything);
+        // The plan refuses what does not fit even so.
+        assert_eq!(chosen(Spill::Auto, 19), Spilled::Everything);
+        assert_eq!(chosen(Spill::Never, 0), Spilled::Nothing);
+        assert_eq!(chosen(Spill::Always, 1000), Spilled::Everything);
     }
 }

@@ -168,7 +168,7 @@ fn build(path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
             let transitions = Transitions::new(Segments::from_lengths([rows])?);
             let (clock, processor) = (Instant::now(), processor_secs());
             let config = ModelConfig::default();
-            let need = MemoryNeed::predict(rows, columns, &config);
+            let need = MemoryNeed::predict(rows, columns, &config, rayon::current_num_threads());
             let (model, choice) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
             let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);

@@ -11,27 +11,34 @@ pub struct MemoryNeed {
     pub least: u64,
 }
 
-/// What a program and its threads take beside its data.
+/// What a program takes beside its data.
 const PROGRAM: u64 = 64 << 20;
 /// Parts of a search that are in memory at once, at most.
 const PARTS: u64 = 5;
+/// Queries that a thread searches at once, at most.
+const QUERIES: u64 = 2048;
+/// What a query takes beside its lists: states that it has met, as many as there are before it forgets some.
+const MET: u64 = 6 << 10;
+/// States that a thread lays out at once, queries and sources of a scan.
+const LAID_OUT: u64 = 1536;
 
 impl MemoryNeed {
-    /// The need of a model of `rows` states and about as many transitions.
+    /// The need of a model of `rows` states of `columns` columns and about as many transitions, built by `threads` threads.
     ///
-    /// With `n` rows, `k` neighbours, `B` members and images of `w` f32 coordinates in the join (32, or for
+    /// With `n` rows of `d` columns, `k` neighbours, `B` members, `T` threads and images of `w` f32 coordinates in the join (32, or for
     /// fewer columns the next multiple of 16), working memory is
     ///
-    /// `n (12 + max(8 w + 20, 4 w + 24 + 8 k B)) + 40 k B min(n, 65536) + 64 MiB`
+    /// `n (12 + max(8 w + 20, 4 w + 24 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 6144) + 6144 d) + 8 d² + 64 MiB`
     ///
     /// that is timestamps and transitions (12), and the larger of: images before and after sorting, with groups, order and boxes;
-    /// or images, order of queries and the tables; and what was found of up to five parts, which are searched, wait, are put in
-    /// their places and written. Images and tables can be in files; then `52 n`, the parts and 64 MiB are left, most of it
-    /// for finding equal states. Searching in `c` principal components adds `4 c n`, and choosing prototypes by `k_centre` takes
-    /// `236 n` before the images. A scan has no images. The k-d tree has 8 columns at most, which are counted as images.
-    /// Derived, and checked against measurements.
-    pub fn predict(rows: usize, columns: usize, config: &ModelConfig) -> Self {
-        let n = rows as u64;
+    /// or images, order of queries and the tables; what was found of up to five parts, which are searched, wait, are put in
+    /// their places and written; up to 2048 queries that each thread searches at once, with their lists, the states that they have met, and
+    /// the states that a scan lays out; and a covariance. Images and tables can be in files; then `52 n`, most of it for finding equal
+    /// states, and all but the second term are left. Searching in `c` principal components adds `4 c n`, and choosing prototypes by
+    /// `k_centre` takes `236 n` before the images. A scan has no images. The arrays of the k-d tree cannot be in files, so `"auto"`
+    /// takes none if they should be; where it is asked for, `(8 d + 44) n` are left. Derived, and checked against measurements.
+    pub fn predict(rows: usize, columns: usize, config: &ModelConfig, threads: usize) -> Self {
+        let (n, d) = (rows as u64, columns as u64);
         let searched = if config.components > 0 { config.components } else { columns };
         let width = match config.index {
             IndexKind::Scan => 0,
@@ -39,16 +46,19 @@ impl MemoryNeed {
                 index::image_width(searched) as u64
             }
         };
+        let tree = if config.index == IndexKind::KdTree { 8 * searched as u64 + 44 } else { 0 };
         // More neighbours than there are rows are refused, whatever they would take.
         let tables = 8 * n.min(config.neighbors as u64) * config.members as u64;
         let most = (8 * width + 20).max(4 * width + 24 + tables);
         let (reduced, choosing) = config.shortcuts().bytes_a_row(columns);
         let most = most.max(choosing) + reduced;
         let parts = PARTS * tables * n.min(PART_QUERIES as u64);
+        let queries = QUERIES.min(n) * (2 * tables + MET);
+        let fixed = parts + threads as u64 * (queries + 4 * LAID_OUT * d) + 8 * d * d + PROGRAM;
         Self {
-            states: 4 * n * columns as u64,
-            working: n * (12 + most) + parts + PROGRAM,
-            least: (52.max(choosing) + reduced) * n + parts + PROGRAM,
+            states: 4 * n * d,
+            working: n * (12 + most) + fixed,
+            least: (52.max(tree).max(choosing) + reduced) * n + fixed,
         }
     }
 
@@ -64,14 +74,19 @@ mod tests {
 
     #[test]
     fn the_prediction_is_the_formula() {
-        let need = MemoryNeed::predict(1_000_000, 142, &ModelConfig::default());
+        let two = 2 * (2048 * (16 * 15 + 6144) + 6144 * 142) + 8 * 142 * 142;
+        let need = MemoryNeed::predict(1_000_000, 142, &ModelConfig::default(), 2);
         assert_eq!(need.states, 568_000_000);
-        assert_eq!(need.working, 1_000_000 * (12 + 276) + 600 * 65_536 + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 276) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.least, 1_000_000 * 52 + 600 * 65_536 + two + PROGRAM);
         let scan = ModelConfig { index: IndexKind::Scan, ..ModelConfig::default() };
-        let need = MemoryNeed::predict(1_000_000, 142, &scan);
-        assert_eq!(need.working, 1_000_000 * (12 + 24 + 120) + 600 * 65_536 + PROGRAM);
-        let many = ModelConfig { neighbors: 20, ..ModelConfig::default() };
-        let need = MemoryNeed::predict(1000, 8, &many);
-        assert_eq!(need.working, 1000 * (12 + 64 + 24 + 800 + 4000) + PROGRAM);
+        let need = MemoryNeed::predict(1_000_000, 142, &scan, 2);
+        assert_eq!(need.working, 1_000_000 * (12 + 24 + 120) + 600 * 65_536 + two + PROGRAM);
+        let many =
+            ModelConfig { neighbors: 20, index: IndexKind::KdTree, ..ModelConfig::default() };
+        let need = MemoryNeed::predict(1000, 8, &many, 1);
+        let fixed = 4_000_000 + 1000 * (16 * 100 + 6144) + 6144 * 8 + 8 * 64 + PROGRAM;
+        assert_eq!(need.working, 1000 * (12 + 64 + 24 + 800) + fixed);
+        assert_eq!(need.least, 1000 * (8 * 8 + 44) + fixed);
     }
 }

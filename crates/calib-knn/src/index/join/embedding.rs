@@ -18,8 +18,10 @@ pub(super) const MOST: usize = 32;
 const STEP: usize = 16;
 /// Rows from which the axes are estimated. Any axes are correct; better ones prune more.
 const SAMPLE: usize = 16_384;
-/// Work of the estimate is bounded: rows × columns².
+/// Work of the estimate, rows × columns², is bounded, but that there are this many rows; fewer than columns, which is no loss: they span
+/// many more dimensions than the axes.
 const SAMPLE_WORK: usize = 2_000_000_000;
+const LEAST_SAMPLE: usize = 1024;
 
 /// Coordinates of the image of a state, with padding.
 pub(crate) fn width(columns: usize) -> usize {
@@ -49,7 +51,7 @@ impl Embedding {
     /// An embedding that suits the sources.
     pub(super) fn new(sources: &Sources<'_>, groups: &Groups) -> Self {
         let columns = sources.columns();
-        let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(4 * columns);
+        let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(LEAST_SAMPLE);
         let stride = groups.len().div_ceil(most).max(1);
         let mut sample: Vec<&[f32]> = (0..groups.len())
             .step_by(stride)

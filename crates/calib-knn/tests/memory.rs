@@ -1,0 +1,126 @@
+//! The predicted memory against what processes of their own take.
+
+#![cfg(target_os = "linux")]
+
+use std::{
+    fs,
+    panic::{self, AssertUnwindSafe},
+    process::Command,
+    sync::atomic::{AtomicBool, AtomicU64, Ordering},
+    thread,
+    time::Duration,
+};
+
+use calib_core::{Seed, Segments, Silent, States, Transitions};
+use calib_files::ScratchPlace;
+use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig, Parts, PrototypeKind, Workplace};
+
+const ROWS: usize = 120_000;
+
+/// A case for a process of its own: columns, threads, what is built and whether in files.
+fn cases() -> Vec<(usize, usize, ModelConfig, bool)> {
+    let with = |index, neighbors| ModelConfig { index, neighbors, ..ModelConfig::default() };
+    let covering = ModelConfig {
+        prototypes: 8,
+        prototype_kind: PrototypeKind::KCentre,
+        ..with(IndexKind::Join, 3)
+    };
+    vec![
+        (40, 1, with(IndexKind::Join, 3), false),
+        (40, 4, with(IndexKind::Join, 3), false),
+        (40, 4, with(IndexKind::Join, 3), true),
+        (6, 2, with(IndexKind::Join, 50), false),
+        (3, 2, with(IndexKind::KdTree, 3), false),
+        (8, 2, with(IndexKind::KdTree, 3), true),
+        (2, 2, with(IndexKind::Auto, 50), true),
+        (40, 2, covering, false),
+        (40, 2, ModelConfig { components: 6, ..with(IndexKind::Join, 3) }, false),
+        (4, 4, with(IndexKind::Scan, 3), false),
+    ]
+}
+
+/// A figure of this process's memory, in bytes.
+fn memory(name: &str) -> u64 {
+    let status = fs::read_to_string("/proc/self/status").expect("Linux says");
+    let line = status.lines().find_map(|line| line.strip_prefix(name)).expect("a figure");
+    1024 * line.trim_matches([':', ' ', '\t', 'k', 'B']).parse::<u64>().expect("a number")
+}
+
+/// The most memory while `work` is done: of all, or, looked at often, of what is not of files.
+fn most(files_too: bool, work: impl FnOnce()) -> u64 {
+    let (done, anonymous) = (AtomicBool::new(false), AtomicU64::new(0));
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            while !done.load(Ordering::Relaxed) {
+                anonymous.fetch_max(memory("RssAnon"), Ordering::Relaxed);
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
+        let outcome = panic::catch_unwind(AssertUnwindSafe(work));
+        done.store(true, Ordering::Relaxed);
+        outcome.unwrap_or_else(|cause| panic::resume_unwind(cause));
+    });
+    if files_too { memory("VmHWM") } else { anonymous.into_inner() }
+}
+
+/// Build a case and say what it took.
+fn child(number: usize) {
+    let (columns, threads, config, on_disk) = cases().swap_remove(number);
+    // A scan takes the square of the rows.
+    let rows = if config.index == IndexKind::Scan { ROWS / 8 } else { ROWS };
+    let mut rng = Seed::new(1).rng();
+    let (mut values, mut state) = (Vec::with_capacity(rows * columns), vec![0.0; columns]);
+    for _ in 0..rows {
+        for value in &mut state {
+            *value = 0.99 * *value + 0.1 * rng.normal();
+            values.push(*value as f32);
+        }
+    }
+    let states = States::new(values, rows, columns).expect("finite");
+    let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
+    let directory = tempfile::tempdir().expect("a directory");
+    let workplace = Workplace {
+        scratch: if on_disk {
+            ScratchPlace::Disk(directory.path().to_owned())
+        } else {
+            ScratchPlace::Memory
+        },
+        parts: None::<Parts>,
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    let need = MemoryNeed::predict(rows, columns, &config, threads);
+    let took = most(!on_disk, || {
+        let (model, choice) = pool
+            .install(|| KnnModel::build_in(states, transitions, &config, &workplace, &Silent))
+            .expect("built");
+        let kind = if config.index == IndexKind::Auto { IndexKind::Join } else { config.index };
+        assert_eq!((model.k(), choice.kind), (config.neighbors, kind));
+    });
+    let predicted = if on_disk { need.states + need.least } else { need.peak() };
+    println!("took {took} {predicted} bytes");
+}
+
+#[test]
+fn a_build_takes_no_more_than_is_predicted() {
+    if let Ok(number) = std::env::var("CALIB_KNN_MEMORY_CASE") {
+        child(number.parse().expect("a number"));
+        return;
+    }
+    for (number, case) in cases().iter().enumerate() {
+        let output = Command::new(std::env::current_exe().expect("this test"))
+            .args(["--exact", "a_build_takes_no_more_than_is_predicted", "--nocapture"])
+            .env("CALIB_KNN_MEMORY_CASE", number.to_string())
+            .output()
+            .expect("started");
+        let text = String::from_utf8_lossy(&output.stdout);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{case:?}: {text}{errors}");
+        let line = text.lines().find_map(|line| line.split_once("took ")).expect("a line").1;
+        println!("{case:?}: {line}");
+        let mut numbers = line.split(' ').map_while(|number| number.parse::<u64>().ok());
+        let (took, predicted) = (numbers.next().expect("two"), numbers.next().expect("two"));
+        assert!(took <= predicted, "{case:?}: took {took} bytes, predicted {predicted}");
+        // What does not grow with the rows is most of what is predicted for so few.
+        assert!(took > predicted / 16, "{case:?}: took only {took} bytes of {predicted}");
+    }
+}
