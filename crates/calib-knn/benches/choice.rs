@@ -7,6 +7,9 @@
 //! Processor seconds of a build with two threads, the least of several rounds; in each round everything has its turn, so that
 //! other work on the machine falls on all alike. Without `--bench` everything is small.
 
+#![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
+#![expect(clippy::disallowed_methods, reason = "a bench reads the clock")]
+
 mod data;
 
 use std::{fs, time::Instant};

@@ -1,6 +1,7 @@
 //! The predicted memory against what processes of their own take.
 
 #![cfg(target_os = "linux")]
+#![expect(clippy::print_stdout, reason = "a process of its own tells the test what it took")]
 
 use std::{
     fs,

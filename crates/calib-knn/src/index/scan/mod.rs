@@ -256,7 +256,8 @@ mod tests {
     fn wild_values_do_not_move_the_centre() {
         let (rows, columns) = (4000, 3);
         let values = |wild: bool| -> Vec<f32> {
-            let value = |i: usize| if wild && i / columns % 1000 == 0 { 1e30 } else { 5.0 };
+            let value =
+                |i: usize| if wild && (i / columns).is_multiple_of(1000) { 1e30 } else { 5.0 };
             (0..rows * columns).map(value).collect()
         };
         let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
