@@ -193,7 +193,8 @@ fn search_place(
     config: &ModelConfig,
     paths: &StudyPaths,
 ) -> anyhow::Result<ScratchPlace> {
-    let need = MemoryNeed::predict(knn.states().rows(), knn.states().columns(), config);
+    let (states, threads) = (knn.states(), rayon::current_num_threads());
+    let need = MemoryNeed::predict(states.rows(), states.columns(), config, threads);
     if memory::available().is_none_or(|available| need.working <= available) {
         return Ok(ScratchPlace::Memory);
     }

@@ -28,7 +28,7 @@ impl MemoryNeed {
     /// With `n` rows of `d` columns, `k` neighbours, `B` members, `T` threads and images of `w` f32 coordinates in the join (32, or for
     /// fewer columns the next multiple of 16), working memory is
     ///
-    /// `n (12 + max(8 w + 20, 4 w + 24 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 6144) + 6144 d) + 8 d² + 64 MiB`
+    /// `n (12 + max(8 w + 28, 4 w + 32 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 6144) + 6144 d) + 8 d² + 64 MiB`
     ///
     /// that is timestamps and transitions (12), and the larger of: images before and after sorting, with groups, order and boxes;
     /// or images, order of queries and the tables; what was found of up to five parts, which are searched, wait, are put in
@@ -49,7 +49,7 @@ impl MemoryNeed {
         let tree = if config.index == IndexKind::KdTree { 8 * searched as u64 + 44 } else { 0 };
         // More neighbours than there are rows are refused, whatever they would take.
         let tables = 8 * n.min(config.neighbors as u64) * config.members as u64;
-        let most = (8 * width + 20).max(4 * width + 24 + tables);
+        let most = (8 * width + 28).max(4 * width + 32 + tables);
         let (reduced, choosing) = config.shortcuts().bytes_a_row(columns);
         let most = most.max(choosing) + reduced;
         let parts = PARTS * tables * n.min(PART_QUERIES as u64);
@@ -77,16 +77,16 @@ mod tests {
         let two = 2 * (2048 * (16 * 15 + 6144) + 6144 * 142) + 8 * 142 * 142;
         let need = MemoryNeed::predict(1_000_000, 142, &ModelConfig::default(), 2);
         assert_eq!(need.states, 568_000_000);
-        assert_eq!(need.working, 1_000_000 * (12 + 276) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 284) + 600 * 65_536 + two + PROGRAM);
         assert_eq!(need.least, 1_000_000 * 52 + 600 * 65_536 + two + PROGRAM);
         let scan = ModelConfig { index: IndexKind::Scan, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1_000_000, 142, &scan, 2);
-        assert_eq!(need.working, 1_000_000 * (12 + 24 + 120) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 32 + 120) + 600 * 65_536 + two + PROGRAM);
         let many =
             ModelConfig { neighbors: 20, index: IndexKind::KdTree, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1000, 8, &many, 1);
         let fixed = 4_000_000 + 1000 * (16 * 100 + 6144) + 6144 * 8 + 8 * 64 + PROGRAM;
-        assert_eq!(need.working, 1000 * (12 + 64 + 24 + 800) + fixed);
+        assert_eq!(need.working, 1000 * (12 + 64 + 32 + 800) + fixed);
         assert_eq!(need.least, 1000 * (8 * 8 + 44) + fixed);
     }
 }
