@@ -11,7 +11,7 @@ has one).
 Peers that would take longer than --budget seconds answer a sample of the queries; their query time is then extrapolated
 and marked with ~. A contender that is not done after --limit seconds is ended and says so. Approximate peers are tuned
 on the sample first (outside the measured time) to the cheapest setting of a doubling sequence with a recall of at least
-0.99, or to the one from which on recall hardly grows (pynndescent: to the last whose graph takes less than --budget).
+0.99, or to the one from which on recall hardly grows (pynndescent: to the first whose graph takes more than --budget).
 
 With --kept what was measured is written to a file as it comes and not measured again, so that a run can be stopped, cut into
 pieces (--within) and shown (--show). --prepare makes the data sets and the truth only.

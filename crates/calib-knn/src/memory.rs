@@ -19,6 +19,8 @@ const PARTS: u64 = 5;
 const QUERIES: u64 = 2048;
 /// What a query takes beside its lists: states that it has met, as many as there are before it forgets some.
 const MET: u64 = 6 << 10;
+/// The same for each neighbour.
+const MET_A_NEIGHBOR: u64 = 32;
 /// States that a thread lays out at once, queries and sources of a scan.
 const LAID_OUT: u64 = 1536;
 
@@ -28,13 +30,13 @@ impl MemoryNeed {
     /// With `n` rows of `d` columns, `k` neighbours, `B` members, `T` threads and images of `w` f32 coordinates in the join (32, or for
     /// fewer columns the next multiple of 16), working memory is
     ///
-    /// `n (12 + max(8 w + 28, 4 w + 32 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 6144) + 6144 d) + 8 d² + 64 MiB`
+    /// `n (12 + max(8 w + 32, 4 w + 36 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 32 k + 6144) + 6144 d) + 8 d² + 64 MiB`
     ///
     /// that is timestamps and transitions (12), and the larger of: images before and after sorting, with groups, order and boxes;
     /// or images, order of queries and the tables; what was found of up to five parts, which are searched, wait, are put in
     /// their places and written; up to 2048 queries that each thread searches at once, with their lists, the states that they have met, and
-    /// the states that a scan lays out; and a covariance. Images and tables can be in files; then `52 n`, most of it for finding equal
-    /// states, and all but the second term are left. Searching in `c` principal components adds `4 c n`, and choosing prototypes by
+    /// the states that a scan lays out; and a covariance. Images and tables can be in files; then `52 n` of the first term is left, most of
+    /// it for finding equal states, and all of the others. Searching in `c` principal components adds `4 c n`, and choosing prototypes by
     /// `k_centre` takes `236 n` before the images. A scan has no images. The arrays of the k-d tree cannot be in files, so `"auto"`
     /// takes none if they should be; where it is asked for, `(8 d + 44) n` are left. Derived, and checked against measurements.
     pub fn predict(rows: usize, columns: usize, config: &ModelConfig, threads: usize) -> Self {
@@ -48,23 +50,26 @@ impl MemoryNeed {
         };
         let tree = if config.index == IndexKind::KdTree { 8 * searched as u64 + 44 } else { 0 };
         // More neighbours than there are rows are refused, whatever they would take.
-        let tables = 8 * n.min(config.neighbors as u64) * config.members as u64;
-        let most = (8 * width + 28).max(4 * width + 32 + tables);
+        let (neighbors, members) = (n.min(config.neighbors as u64), n.min(config.members as u64));
+        let tables = 8_u64.saturating_mul(neighbors).saturating_mul(members);
+        let most = (8 * width + 32).max(tables.saturating_add(4 * width + 36));
         let (reduced, choosing) = config.shortcuts().bytes_a_row(columns);
-        let most = most.max(choosing) + reduced;
-        let parts = PARTS * tables * n.min(PART_QUERIES as u64);
-        let queries = QUERIES.min(n) * (2 * tables + MET);
-        let fixed = parts + threads as u64 * (queries + 4 * LAID_OUT * d) + 8 * d * d + PROGRAM;
+        let most = most.max(choosing).saturating_add(reduced + 12);
+        let parts = tables.saturating_mul(PARTS * n.min(PART_QUERIES as u64));
+        let met = MET + MET_A_NEIGHBOR * neighbors;
+        let queries = tables.saturating_mul(2).saturating_add(met).saturating_mul(QUERIES.min(n));
+        let of_threads = queries.saturating_add(4 * LAID_OUT * d).saturating_mul(threads as u64);
+        let fixed = parts.saturating_add(of_threads).saturating_add(8 * d * d + PROGRAM);
         Self {
             states: 4 * n * d,
-            working: n * (12 + most) + fixed,
-            least: (52.max(tree).max(choosing) + reduced) * n + fixed,
+            working: n.saturating_mul(most).saturating_add(fixed),
+            least: ((52.max(tree).max(choosing) + reduced) * n).saturating_add(fixed),
         }
     }
 
     /// The peak if everything is in memory.
     pub fn peak(&self) -> u64 {
-        self.states + self.working
+        self.states.saturating_add(self.working)
     }
 }
 
@@ -74,19 +79,26 @@ mod tests {
 
     #[test]
     fn the_prediction_is_the_formula() {
-        let two = 2 * (2048 * (16 * 15 + 6144) + 6144 * 142) + 8 * 142 * 142;
+        let two = 2 * (2048 * (16 * 15 + 32 * 3 + 6144) + 6144 * 142) + 8 * 142 * 142;
         let need = MemoryNeed::predict(1_000_000, 142, &ModelConfig::default(), 2);
         assert_eq!(need.states, 568_000_000);
-        assert_eq!(need.working, 1_000_000 * (12 + 284) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 288) + 600 * 65_536 + two + PROGRAM);
         assert_eq!(need.least, 1_000_000 * 52 + 600 * 65_536 + two + PROGRAM);
         let scan = ModelConfig { index: IndexKind::Scan, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1_000_000, 142, &scan, 2);
-        assert_eq!(need.working, 1_000_000 * (12 + 32 + 120) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 36 + 120) + 600 * 65_536 + two + PROGRAM);
         let many =
             ModelConfig { neighbors: 20, index: IndexKind::KdTree, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1000, 8, &many, 1);
-        let fixed = 4_000_000 + 1000 * (16 * 100 + 6144) + 6144 * 8 + 8 * 64 + PROGRAM;
-        assert_eq!(need.working, 1000 * (12 + 64 + 32 + 800) + fixed);
+        let fixed = 4_000_000 + 1000 * (16 * 100 + 32 * 20 + 6144) + 6144 * 8 + 8 * 64 + PROGRAM;
+        assert_eq!(need.working, 1000 * (12 + 64 + 36 + 800) + fixed);
         assert_eq!(need.least, 1000 * (8 * 8 + 44) + fixed);
+    }
+
+    #[test]
+    fn what_no_machine_has_is_no_small_number() {
+        let config =
+            ModelConfig { neighbors: usize::MAX, members: 1 << 40, ..ModelConfig::default() };
+        assert_eq!(MemoryNeed::predict(4_000_000, 142, &config, 2).peak(), u64::MAX);
     }
 }

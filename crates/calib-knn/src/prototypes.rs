@@ -4,8 +4,11 @@ use calib_core::Monitor;
 use rayon::prelude::*;
 
 use crate::{
-    KnnError, Sources, components::leading_components, distance::squared, groups::Groups,
-    index::leaves,
+    KnnError, Sources,
+    components::leading_components,
+    distance::squared,
+    groups::Groups,
+    index::{going_on, leaves},
 };
 
 /// Principal components in which clusters are made and covered.
@@ -43,6 +46,7 @@ pub(crate) fn covering(
     for group in 0..groups.len() {
         points.extend_from_slice(reduced.row(groups.row(group)));
     }
+    monitor.begin("clusters", groups.len() as u64);
     let (starts, order) = leaves(&points, width, PIECE, monitor)?;
     let leaves = (CENTRES * every as usize).div_ceil(PIECE);
     let bounds: Vec<usize> = starts.iter().step_by(leaves).map(|&start| start as usize).collect();
@@ -55,6 +59,7 @@ pub(crate) fn covering(
     let mut kept: Vec<u32> = clusters
         .par_iter()
         .flat_map_iter(|cluster| {
+            let cluster = if monitor.interrupted() { &[] } else { *cluster };
             let count = cluster.len().div_ceil(every as usize);
             let point = |group: u32| &points[group as usize * width..][..width];
             let taken = farthest_first(cluster, width, count, point);
@@ -62,6 +67,7 @@ pub(crate) fn covering(
         })
         .copied()
         .collect();
+    going_on(monitor)?;
     kept.par_sort_unstable();
     Ok(kept)
 }

@@ -68,7 +68,18 @@ fn changed(states: &States, mut change: impl FnMut(usize, &mut [f32], &[f32])) -
     States::new(values, states.rows(), states.columns()).expect("finite")
 }
 
+/// Some rows of every member.
 fn check(name: &str, states: &States, lengths: &[usize], configs: &[ModelConfig]) {
+    check_rows(25, name, states, lengths, configs);
+}
+
+fn check_rows(
+    rows: usize,
+    name: &str,
+    states: &States,
+    lengths: &[usize],
+    configs: &[ModelConfig],
+) {
     let kinds = [IndexKind::Auto, IndexKind::Join, IndexKind::Scan, IndexKind::KdTree];
     for kind in kinds.into_iter().filter(|kind| kind.supports(states.columns())) {
         for config in configs {
@@ -77,7 +88,8 @@ fn check(name: &str, states: &States, lengths: &[usize], configs: &[ModelConfig]
             let transitions = Transitions::new(segments);
             let model = KnnModel::build(states.clone(), transitions, &config, &Silent)
                 .unwrap_or_else(|error| panic!("{name}, {config:?}: {error}"));
-            let verification = verify(&model, 25, Seed::new(7), &Silent).expect("not interrupted");
+            let verification =
+                verify(&model, rows, Seed::new(7), &Silent).expect("not interrupted");
             assert!(verification.agrees(), "{name}, {config:?}: {verification:?}");
         }
     }
@@ -143,7 +155,7 @@ fn outliers_near_and_far() {
                 state[row % 16] = scale * (1.0 + row as f32);
             }
         });
-        check("outliers", &far, &[ROWS], &exclusions()[..2]);
+        check_rows(ROWS, "outliers", &far, &[ROWS], &exclusions()[..2]);
     }
 }
 
@@ -160,19 +172,33 @@ fn a_few_spikes_are_kept_apart() {
             };
             state[row % columns] = spike;
         });
-        check("spikes", &spiky, &[700, ROWS - 700], &exclusions());
+        check_rows(ROWS, "spikes", &spiky, &[700, ROWS - 700], &exclusions());
     }
 }
 
 #[test]
+fn more_far_states_than_are_kept_apart() {
+    // A tenth of the time the plant is elsewhere, in its own directions.
+    let elsewhere = walk(60, 0.02);
+    let shifted = changed(&walk(60, 0.001), |row, state, _| {
+        if row % 200 < 20 {
+            for (value, other) in state.iter_mut().zip(elsewhere.row((row * 7) % ROWS)) {
+                *value = 300.0 + 9.0 * other;
+            }
+        }
+    });
+    check_rows(ROWS, "elsewhere", &shifted, &[700, ROWS - 700], &exclusions()[..1]);
+}
+
+#[test]
 fn a_segment_that_ends_far_away() {
-    for far in [1e9, 1e25] {
+    for far in [1e9, 1e25, 1e30, f32::MAX] {
         let states = changed(&walk(12, 0.02), |row, state, _| {
             if row == 699 {
                 state.fill(far);
             }
         });
-        check("far end", &states, &[700, ROWS - 700], &exclusions());
+        check_rows(ROWS, "far end", &states, &[700, ROWS - 700], &exclusions());
     }
 }
 

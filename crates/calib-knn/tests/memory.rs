@@ -17,6 +17,8 @@ use calib_files::ScratchPlace;
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig, Parts, PrototypeKind, Workplace};
 
 const ROWS: usize = 120_000;
+/// What tells a process of these tests which case it builds, and of how many times the rows.
+const CASE: &str = "CALIB_KNN_MEMORY_CASE";
 
 /// A case for a process of its own: columns, threads, what is built and whether in files.
 fn cases() -> Vec<(usize, usize, ModelConfig, bool)> {
@@ -65,10 +67,10 @@ fn most(files_too: bool, work: impl FnOnce()) -> u64 {
 }
 
 /// Build a case and say what it took.
-fn child(number: usize) {
+fn child(number: usize, times: usize) {
     let (columns, threads, config, on_disk) = cases().swap_remove(number);
     // A scan takes the square of the rows.
-    let rows = if config.index == IndexKind::Scan { ROWS / 8 } else { ROWS };
+    let rows = if config.index == IndexKind::Scan { ROWS / 8 } else { times * ROWS };
     let mut rng = Seed::new(1).rng();
     let (mut values, mut state) = (Vec::with_capacity(rows * columns), vec![0.0; columns]);
     for _ in 0..rows {
@@ -101,27 +103,42 @@ fn child(number: usize) {
     println!("took {took} {predicted} bytes");
 }
 
+/// What a process takes that builds this case of so many times the rows, and what is predicted.
+fn built(number: usize, times: usize) -> (u64, u64) {
+    let output = Command::new(std::env::current_exe().expect("this test"))
+        .args(["--exact", "a_build_takes_no_more_than_is_predicted", "--nocapture"])
+        .env(CASE, format!("{number} {times}"))
+        .output()
+        .expect("started");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "case {number}: {text}{errors}");
+    let line = text.lines().find_map(|line| line.split_once("took ")).expect("a line").1;
+    let mut numbers = line.split(' ').map_while(|number| number.parse().ok());
+    (numbers.next().expect("two"), numbers.next().expect("two"))
+}
+
 #[test]
 fn a_build_takes_no_more_than_is_predicted() {
-    if let Ok(number) = std::env::var("CALIB_KNN_MEMORY_CASE") {
-        child(number.parse().expect("a number"));
+    if let Ok(case) = std::env::var(CASE) {
+        let (number, times) = case.split_once(' ').expect("two numbers");
+        child(number.parse().expect("a number"), times.parse().expect("a number"));
         return;
     }
     for (number, case) in cases().iter().enumerate() {
-        let output = Command::new(std::env::current_exe().expect("this test"))
-            .args(["--exact", "a_build_takes_no_more_than_is_predicted", "--nocapture"])
-            .env("CALIB_KNN_MEMORY_CASE", number.to_string())
-            .output()
-            .expect("started");
-        let text = String::from_utf8_lossy(&output.stdout);
-        let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{case:?}: {text}{errors}");
-        let line = text.lines().find_map(|line| line.split_once("took ")).expect("a line").1;
-        println!("{case:?}: {line}");
-        let mut numbers = line.split(' ').map_while(|number| number.parse::<u64>().ok());
-        let (took, predicted) = (numbers.next().expect("two"), numbers.next().expect("two"));
+        let (took, predicted) = built(number, 1);
+        println!("{case:?}: {took} of {predicted} bytes");
         assert!(took <= predicted, "{case:?}: took {took} bytes, predicted {predicted}");
-        // What does not grow with the rows is most of what is predicted for so few.
-        assert!(took > predicted / 16, "{case:?}: took only {took} bytes of {predicted}");
+        // What does not grow with the rows is most of what is predicted for so few, so it is taken off where rows count.
+        let &(columns, _, config, on_disk) = case;
+        if columns == 40 && !on_disk {
+            let (more, much) = built(number, 4);
+            let (grows, predicted) = (more - took, much - predicted);
+            println!("    three times the rows: {grows} of {predicted} bytes");
+            // What an allocator keeps differs by some megabytes from run to run.
+            let most = predicted + predicted / 20;
+            assert!(grows <= most, "{config:?}: {grows} bytes more, predicted {predicted}");
+            assert!(grows > predicted / 2, "{config:?}: only {grows} bytes more of {predicted}");
+        }
     }
 }

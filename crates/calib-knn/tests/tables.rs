@@ -376,7 +376,7 @@ fn impossible_requests_are_refused_with_numbers() {
 /// The last row of a segment is a query but no source.
 #[test]
 fn a_segment_that_ends_far_away() {
-    for (far, columns) in [(1e9, 12), (1e25, 12), (1e25, 40)] {
+    for (far, columns) in [(1e9, 12), (1e25, 12), (1e25, 40), (1e30, 12), (1e37, 40)] {
         let mut case = sawtooth(420, columns);
         case.lengths = vec![200, 220];
         case.values[199 * columns..200 * columns].fill(far);

@@ -6,7 +6,8 @@ use crate::{IndexChoice, IndexKind, KnnError, choice::Reason};
 
 /// Up to this many columns the k-d tree is the faster of the two; see [`Sources::index`].
 const FEW_COLUMNS: usize = 3;
-/// If the k-d tree gives more states a query than this and twice the neighbours, the join is the faster of the two.
+/// If the k-d tree gives more states a query than this beside the first that it is asked for, as where a member lacks a block (five and
+/// a little times the neighbours), the join is the faster of the two.
 const MOST_GIVEN: usize = 128;
 /// Fewer queries than this are not worth building anything for.
 const FEW_QUERIES: usize = 256;
@@ -85,7 +86,7 @@ impl<'a> Sources<'a> {
                 let few = self.columns() <= FEW_COLUMNS && *place == ScratchPlace::Memory;
                 if kind == IndexKind::Auto && few {
                     let built = KdTree::new(*self, monitor)?;
-                    let most = MOST_GIVEN + 2 * k;
+                    let most = MOST_GIVEN + 6 * k;
                     if built.given(queries, k, 4 * most) <= most as f64 {
                         return Ok(tree(built, Reason::FewColumns { columns: self.columns() }));
                     }
@@ -96,7 +97,7 @@ impl<'a> Sources<'a> {
                 let order = join.order(queries);
                 let mut reason = Reason::Asked;
                 if kind == IndexKind::Auto {
-                    let share = join.share_of_scan(queries, &order, k);
+                    let share = join.share_of_scan(queries, &order, k, monitor);
                     reason = Reason::Work { share };
                     if share > 1.0 {
                         let groups = join.into_groups().in_time();

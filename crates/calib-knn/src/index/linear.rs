@@ -9,11 +9,8 @@ const ROUNDS: usize = 12;
 /// Rows of the covariance that a task computes.
 const BAND: usize = 16;
 
-/// Mean and covariance `[columns, columns]` of some states, in f64.
-///
-/// Takes `8 columns²` bytes, and for each thread `8 · 17 · columns`.
-pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
-    let count = sample.len().max(1) as f64;
+/// Mean of some states, in f64.
+pub(crate) fn mean(sample: &[&[f32]], columns: usize) -> Vec<f64> {
     let mut mean = vec![0.0; columns];
     for state in sample {
         for (sum, &value) in mean.iter_mut().zip(*state) {
@@ -21,8 +18,17 @@ pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f6
         }
     }
     for sum in &mut mean {
-        *sum /= count;
+        *sum /= sample.len().max(1) as f64;
     }
+    mean
+}
+
+/// Mean and covariance `[columns, columns]` of some states, in f64.
+///
+/// Takes `8 columns²` bytes, and for each thread `8 · 17 · columns`.
+pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
+    let count = sample.len().max(1) as f64;
+    let mean = mean(sample, columns);
     // Each task has some of the rows, from the diagonal on, and adds the states in order: what comes out does not depend on the
     // number of threads.
     let mut total = vec![0.0; columns * columns];

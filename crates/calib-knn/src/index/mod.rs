@@ -14,7 +14,7 @@ pub use found::Found;
 pub use join::Join;
 pub(crate) use join::{image_width, leaves};
 pub use kd_tree::KdTree;
-pub(crate) use linear::{covariance, leading_axes};
+pub(crate) use linear::{covariance, leading_axes, mean};
 pub use query::{Queries, Sources};
 pub use scan::Scan;
 

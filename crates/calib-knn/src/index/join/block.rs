@@ -7,10 +7,12 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap, ops::RangeInclusive};
 
+use calib_core::Monitor;
 use pulp::{Simd, WithSimd};
 
 use super::{
     Join,
+    far::apart,
     kernel::{box_to_box, box_to_lanes, image_to_boxes, strip_distances, within},
     tree::{Below, SIDES, STRIP, STRIPS},
 };
@@ -28,6 +30,9 @@ const BOX_COST: usize = 8;
 const LEAF_COST: usize = 2;
 const STATE_COST: u64 = 32;
 
+/// Nodes between two looks at the monitor.
+const LOOK: usize = 256;
+
 /// Blocks of queries from neighbouring leaves, which mostly visit the same leaves: each leaf is brought near once for all.
 #[derive(Clone, Copy)]
 pub(super) struct Band<'a> {
@@ -37,6 +42,7 @@ pub(super) struct Band<'a> {
     pub(super) blocks: &'a [(usize, &'a [u32])],
     pub(super) k: usize,
     pub(super) limit: Limit,
+    pub(super) monitor: &'a dyn Monitor,
 }
 
 /// When a search ends before it is exact.
@@ -129,9 +135,14 @@ impl WithSimd for Band<'_> {
             blocks.iter().flat_map(|block| &block.one).all(|one| one.pending.is_full())
         };
         let mut left = self.limit.leaves;
-        let mut open = BinaryHeap::new();
+        let (mut open, mut popped) = (BinaryHeap::new(), 0_usize);
         open.push((Reverse(0), Reverse(0)));
+        // Where nothing can be ruled out a band takes long; its lists are of no use once it is interrupted.
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
+            popped += 1;
+            if popped.is_multiple_of(LOOK) && self.monitor.interrupted() {
+                break;
+            }
             let given_up = (left == 0 && full(&blocks))
                 || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
             if f32::from_bits(bound) > reach || given_up {
@@ -228,7 +239,9 @@ impl<'a> Band<'a> {
 
     /// Images beyond this squared distance from the query's need not be looked at.
     fn threshold(&self, one: &One<'_>) -> f32 {
-        one.pending.radius().map_or(-1.0, |radius| {
+        // A far query that has found far neighbours is done with the tree.
+        let within = |radius: &f64| !apart(*one.norm.start(), self.join.norm, radius.sqrt());
+        one.pending.radius().filter(within).map_or(-1.0, |radius| {
             let reach = radius.sqrt() + one.slack;
             self.join.image_margin.threshold(reach * reach)
         })

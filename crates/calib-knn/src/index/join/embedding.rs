@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use crate::{
     Sources,
     groups::Groups,
-    index::{covariance, leading_axes},
+    index::{covariance, leading_axes, mean},
 };
 
-use super::far::FAR;
+use super::far::{FAR, Far};
 
 /// Most coordinates of an embedding.
 pub(super) const MOST: usize = 32;
@@ -43,7 +43,7 @@ pub(super) struct Embedding {
     places: Vec<usize>,
     width: usize,
     spans: bool,
-    /// The median distance from the mean.
+    /// The median distance from the mean; infinite where nothing is to be kept apart.
     usual: f64,
 }
 
@@ -53,20 +53,15 @@ impl Embedding {
         let columns = sources.columns();
         let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(LEAST_SAMPLE);
         let stride = groups.len().div_ceil(most).max(1);
-        let mut sample: Vec<&[f32]> = (0..groups.len())
+        let sample: Vec<&[f32]> = (0..groups.len())
             .step_by(stride)
             .map(|group| sources.states().row(groups.row(group)))
             .collect();
-        let (mut mean, mut matrix) = covariance(&sample, columns);
-        let (mut usual, nearer) = without_outliers(&sample, &mean);
-        if nearer.len() < sample.len() {
-            sample = nearer;
-            (mean, matrix) = covariance(&sample, columns);
-            usual = without_outliers(&sample, &mean).0;
-        }
+        let (sample, usual) = without_far(sample, columns, Far::most(groups.len()) / stride);
+        let (mean, covariance) = covariance(&sample, columns);
         let spans = columns <= MOST;
         let count = if spans { columns } else { MOST - 1 };
-        let axes = leading_axes(&matrix, columns, count, Seed::new(0));
+        let axes = leading_axes(&covariance, columns, count, Seed::new(0));
         let used = count + usize::from(!spans);
         let mut padded = vec![0.0; columns * MOST];
         for (to, from) in padded.chunks_exact_mut(MOST).zip(axes.chunks_exact(count)) {
@@ -135,19 +130,32 @@ impl Embedding {
     }
 }
 
-/// The median distance from the mean, and the states of the sample that are not many times as far: the axes of largest variance
-/// are to be those of the plant, not those of a few spikes.
-fn without_outliers<'a>(sample: &[&'a [f32]], mean: &[f64]) -> (f64, Vec<&'a [f32]>) {
-    let norm = |state: &[f32]| {
-        let centred = state.iter().zip(mean).map(|(&value, mean)| f64::from(value) - mean);
-        centred.map(|value| value * value).sum::<f64>().sqrt()
-    };
-    let norms: Vec<f64> = sample.par_iter().map(|state| norm(state)).collect();
-    let mut sorted = norms.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let near = sample.iter().zip(&norms).filter(|&(_, &norm)| norm <= FAR * usual);
-    (usual, near.map(|(state, _)| *state).collect())
+/// A sample without the states that lie many times as far from the mean as usual, and what is usual: the axes of largest variance are to
+/// be those of the plant, not those of a few spikes. Where there are more than `most`, they are no exceptions: then all are kept,
+/// and nothing is far.
+fn without_far(all: Vec<&[f32]>, columns: usize, most: usize) -> (Vec<&[f32]>, f64) {
+    let mut sample = all.clone();
+    loop {
+        let mean = mean(&sample, columns);
+        let norm = |state: &&[f32]| {
+            let centred = state.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean);
+            centred.map(|value| value * value).sum::<f64>().sqrt()
+        };
+        let norms: Vec<f64> = sample.par_iter().map(norm).collect();
+        let mut sorted = norms.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let near = sample.iter().zip(&norms).filter(|&(_, &norm)| norm <= FAR * usual);
+        let near: Vec<&[f32]> = near.map(|(state, _)| *state).collect();
+        if near.len() + most < all.len() {
+            return (all, f64::INFINITY);
+        }
+        // Without the farthest the mean is another, and others may be far from it.
+        if near.len() == sample.len() {
+            return (sample, usual);
+        }
+        sample = near;
+    }
 }
 
 /// The work of [`Embedding::map`], for any instruction set.

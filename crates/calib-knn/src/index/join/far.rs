@@ -34,11 +34,15 @@ impl Far {
     /// The places of those that can be within `radius` of a state whose distance from the mean is in `norm`.
     pub(super) fn within(&self, norm: RangeInclusive<f64>, radius: f64) -> Range<u32> {
         let (low, high) = norm.into_inner();
-        let apart = |a: f64, b: f64| a - b - ROUNDING * (a + b) > radius;
-        let start = self.norms.partition_point(|&far| apart(low, far));
-        let end = self.norms.partition_point(|&far| !apart(far, high));
+        let start = self.norms.partition_point(|&far| apart(low, far, radius));
+        let end = self.norms.partition_point(|&far| !apart(far, high, radius));
         self.first + start as u32..self.first + end.max(start) as u32
     }
+}
+
+/// Whether states so far from the mean, the first at least and the second at most, are surely further than `radius` from each other.
+pub(super) fn apart(further: f64, nearer: f64, radius: f64) -> bool {
+    further - nearer - ROUNDING * (further + nearer) > radius
 }
 
 #[cfg(test)]

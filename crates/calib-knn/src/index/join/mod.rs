@@ -209,7 +209,13 @@ impl<'a> Join<'a> {
 
     /// The work of the join as a share of that of a scan, judged by a few of the queries; it is not looked into how
     /// much more than twice the work the join would be.
-    pub(super) fn share_of_scan(&self, queries: &Queries<'_>, order: &[u32], k: usize) -> f64 {
+    pub(super) fn share_of_scan(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        k: usize,
+        monitor: &dyn Monitor,
+    ) -> f64 {
         let bands = self.bands(queries, order);
         let stride = bands.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<_> = bands.iter().step_by(stride).map(|band| &band[..1]).collect();
@@ -220,7 +226,7 @@ impl<'a> Join<'a> {
             .map(|blocks| {
                 let count = blocks[0].1.len();
                 let limit = Limit { work: 2 * scan(count), ..self.limit() };
-                let band = Band { join: self, queries, blocks, k, limit };
+                let band = Band { join: self, queries, blocks, k, limit, monitor };
                 (arch.dispatch(band).work, count)
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
@@ -280,8 +286,14 @@ impl NeighborIndex for Join<'_> {
             if monitor.interrupted() {
                 return;
             }
-            let searched =
-                arch.dispatch(Band { join: self, queries, blocks, k, limit: self.limit() });
+            let searched = arch.dispatch(Band {
+                join: self,
+                queries,
+                blocks,
+                k,
+                limit: self.limit(),
+                monitor,
+            });
             for (place, lists) in searched.lists.iter().enumerate() {
                 piece.store(place, lists);
             }
@@ -331,7 +343,8 @@ mod tests {
         assert_eq!(join.far.within(0.0..=0.0, f64::INFINITY).len(), 5);
         let order = join.order(&queries);
         for blocks in &join.bands(&queries, &order) {
-            let band = Band { join: &join, queries: &queries, blocks, k: 5, limit: join.limit() };
+            let (queries, limit) = (&queries, join.limit());
+            let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
             let levels = at_every_level(band);
             let lists = |level: &block::Searched| -> Vec<Vec<_>> {
                 let of = |lists: &crate::MemberLists| {
