@@ -5,7 +5,7 @@ use super::{Join, KdTree, NeighborIndex, Queries, Scan, Sources};
 use crate::{IndexChoice, IndexKind, KnnError, choice::Reason};
 
 /// Up to this many columns the k-d tree is the faster of the two; see [`Sources::index`].
-const FEW_COLUMNS: usize = 3;
+const FEW_COLUMNS: usize = 2;
 /// If the k-d tree gives more states a query than this beside the first that it is asked for, as where a member lacks a block (five and
 /// a little times the neighbours), the join is the faster of the two.
 const MOST_GIVEN: usize = 128;
@@ -38,19 +38,19 @@ impl<'a> Planned<'a> {
 impl<'a> Sources<'a> {
     /// A search structure of this kind over these sources, with its large arrays in `place`.
     ///
-    /// [`IndexKind::Auto`] takes the scan for few queries, else the k-d tree up to 3 columns, unless its arrays should be in
+    /// [`IndexKind::Auto`] takes the scan for few queries, else the k-d tree up to 2 columns, unless its arrays should be in
     /// files or it would give too many states that a query must not find, else the join,
     /// unless that turns out on a sample of the queries to be more work than the scan. Processor seconds for the
     /// tables of 100 000 rows (`k` = 3, five members; `cargo bench -p calib-knn --bench choice` measures them anew):
     ///
     /// | columns | uniform: tree, join | simulated plant: tree, join |
     /// |---|---|---|
-    /// | 1 | 0.18, 0.37 | 0.08, 0.17 |
-    /// | 2 | 0.25, 0.39 | 0.20, 0.30 |
-    /// | 3 | 0.34, 0.41 | 0.23, 0.21 |
-    /// | 4 | 0.46, 0.43 | 0.20, 0.18 |
-    /// | 6 | 1.00, 0.52 | 0.18, 0.20 |
-    /// | 8 | 2.48, 0.68 | 0.20, 0.17 |
+    /// | 1 | 0.19, 0.23 | 0.09, 0.16 |
+    /// | 2 | 0.26, 0.26 | 0.21, 0.22 |
+    /// | 3 | 0.36, 0.30 | 0.24, 0.22 |
+    /// | 4 | 0.47, 0.35 | 0.20, 0.19 |
+    /// | 6 | 1.03, 0.45 | 0.17, 0.17 |
+    /// | 8 | 2.58, 0.69 | 0.20, 0.18 |
     ///
     /// With a Theiler window of 3600 rows, 20 000 rows of two columns of the plant take the tree 1.01, the join 0.14.
     ///

@@ -13,7 +13,7 @@ use pulp::{Simd, WithSimd};
 use super::{
     Join,
     far::apart,
-    kernel::{box_to_box, box_to_lanes, image_to_boxes, strip_distances, within},
+    kernel::{box_to_box, box_to_lanes, image_to_boxes, least, strip_distances, within},
     tree::{Below, SIDES, STRIP, STRIPS},
 };
 use crate::{
@@ -251,7 +251,7 @@ impl<'a> Band<'a> {
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, leaf: usize, block: &mut Block<'_>) {
         let (tree, width) = (&self.join.tree, self.join.embedding.width());
-        let Block { one, images, lanes, thresholds, work, .. } = block;
+        let Block { leaf: home, one, images, lanes, thresholds, work, .. } = block;
         *work += (BOX_COST * QUERIES * width) as u64;
         let mut to_box = [0.0; QUERIES];
         let bounds = tree.bounds(tree.node_of(leaf));
@@ -265,7 +265,9 @@ impl<'a> Band<'a> {
                 let strips = within(&to_strips, &[*threshold; STRIPS]);
                 *work +=
                     (BOX_COST * STRIPS * SIDES + LEAF_COST * STRIP * strips.len() * width) as u64;
-                for strip in strips {
+                // In its own leaf a query begins with the nearest, so that few of the others are met on the way.
+                let nearest = if leaf == *home { least(&to_strips) } else { 0 };
+                for strip in strips.beginning_with(nearest) {
                     if to_strips[strip] > *threshold {
                         continue;
                     }

@@ -157,10 +157,22 @@ pub(super) fn within<const N: usize>(distances: &[f32; N], thresholds: &[f32; N]
     Places(places)
 }
 
+/// The place of the least of these distances.
+pub(super) fn least<const N: usize>(distances: &[f32; N]) -> usize {
+    let nearer = |a: usize, b: usize| if distances[b] < distances[a] { b } else { a };
+    (0..N).reduce(nearer).unwrap_or(0)
+}
+
 /// Some of at most 64 places, in ascending order.
 pub(super) struct Places(u64);
 
 impl Places {
+    /// The same places, `first` before all others if it is among them.
+    pub(super) fn beginning_with(self, first: usize) -> impl Iterator<Item = usize> {
+        let only = self.0 & (1 << first);
+        Self(only).chain(Self(self.0 ^ only))
+    }
+
     /// How many there are.
     pub(super) fn len(&self) -> usize {
         self.0.count_ones() as usize
@@ -277,6 +289,15 @@ mod tests {
         assert!(!strip_distances(simd, &image, &strip, least - 1.0, &mut distances));
         assert!(strip_distances(simd, &image, &strip, least, &mut distances));
         assert_eq!(distances, exact);
+    }
+
+    #[test]
+    fn one_place_is_first() {
+        let places = within(&[1.0, 5.0, 0.5, 2.0], &[3.0; 4]);
+        assert_eq!(places.beginning_with(2).collect::<Vec<_>>(), [2, 0, 3]);
+        let places = within(&[1.0, 5.0, 0.5, 2.0], &[3.0; 4]);
+        assert_eq!(places.beginning_with(1).collect::<Vec<_>>(), [0, 2, 3]);
+        assert_eq!(least(&[1.0, 5.0, 0.5, 2.0]), 2);
     }
 
     #[test]
