@@ -15,6 +15,7 @@ from knn_truth import K, RECALL, member_sources, recall
 
 class Flat:
     settings = (None,)
+    batch = 2048  # a product of few queries is no fast product
 
     def build(self, sources, threads):
         import faiss
@@ -31,6 +32,7 @@ class Flat:
 
 
 class Ivf(Flat):
+    batch = 256
     settings = tuple(2**power for power in range(11))
 
     def build(self, sources, threads):
@@ -50,6 +52,7 @@ class Ivf(Flat):
 
 
 class FaissHnsw(Flat):
+    batch = 256
     settings = tuple(2**power for power in range(4, 12))
 
     def build(self, sources, threads):
@@ -65,6 +68,7 @@ class FaissHnsw(Flat):
 
 
 class Hnswlib:
+    batch = 256
     settings = tuple(2**power for power in range(4, 12))
 
     def build(self, sources, threads):
@@ -83,6 +87,7 @@ class Hnswlib:
 
 
 class Tree:
+    batch = 256
     settings = (None,)
 
     def build(self, sources, threads):
@@ -118,7 +123,7 @@ PEERS = {
 
 def answer(peer, states, base, queries, budget):
     """Answers in the order of `queries`, in growing batches, until all are done or the budget is spent."""
-    found, seconds, done, batch = [], 0.0, 0, 256
+    found, seconds, done, batch = [], 0.0, 0, peer.batch
     while done < len(queries) and seconds < budget:
         rows = np.sort(queries[done : done + batch])
         states_of = np.ascontiguousarray(states[rows])
@@ -133,7 +138,7 @@ def answer(peer, states, base, queries, budget):
         found.append(answers[order])
         done += len(rows)
         fits = int((budget - seconds) * done / max(seconds, 1e-9))
-        batch = max(64, min(max(2 * batch, 1 << 16 if done > 4096 else 0), fits))
+        batch = max(peer.batch // 4, min(max(2 * batch, 1 << 16 if done > 4096 else 0), fits))
     return np.concatenate(found), seconds
 
 
