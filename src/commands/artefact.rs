@@ -92,8 +92,8 @@ impl Claim {
         }
     }
 
-    /// Complete the directory with its manifest.
-    pub(super) fn complete<M: Manifest>(self, manifest: &M) -> anyhow::Result<()> {
+    /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
+    pub(super) fn complete<M: Manifest>(&self, manifest: &M) -> anyhow::Result<()> {
         Ok(write_json(&self.directory.join(MANIFEST), manifest)?)
     }
 }
@@ -147,4 +147,37 @@ pub(super) fn key(inputs: &impl Serialize) -> anyhow::Result<String> {
     let text = serde_json::to_vec(inputs)?;
     let fingerprint: Fingerprint = Fingerprinter::default().add(&text).finish();
     Ok(fingerprint.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Serialize, Deserialize)]
+    struct Made {
+        format: u32,
+    }
+
+    impl Manifest for Made {
+        const FORMAT: u32 = 1;
+
+        fn format(&self) -> u32 {
+            self.format
+        }
+    }
+
+    #[test]
+    fn a_directory_stays_claimed_when_it_is_complete() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let claim = Claim::new(directory.path(), Below::Ours).expect("nobody has it");
+        claim.begin().expect("writable");
+        claim.complete(&Made { format: 1 }).expect("writable");
+        assert!(read::<Made>(directory.path()).is_some());
+        let other = Claim::new(directory.path(), Below::Ours).err().expect("it is claimed");
+        assert!(other.to_string().contains("another calib is writing"), "{other}");
+        drop(claim);
+        assert!(Claim::new(directory.path(), Below::Ours).is_ok(), "it was given up");
+    }
 }

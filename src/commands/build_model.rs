@@ -1,21 +1,19 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
-use calib_core::{Monitor, Seed, States, Transitions};
+use calib_core::{Seed, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
-use calib_knn::{
-    KnnError, KnnModel, ModelConfig, Parts, Recall, Workplace, faults, recall, verify,
-};
+use calib_knn::{KnnModel, ModelConfig, Parts, Workplace};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
+    build_check::{check_against_brute_force, recall_line, recall_of},
     build_network,
     build_plan::{BuildPlan, Spilled},
     jumps, load_study,
-    model::Model,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     partition::{self, span},
     plant_of_study,
@@ -31,8 +29,6 @@ use crate::{
 
 /// Where a build keeps what it has found until the tables are written, below the model's directory.
 const PARTIAL: &str = "partial";
-/// Rows of each member by which the recall of approximate tables is judged.
-const RECALL_ROWS: usize = 100;
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
@@ -53,8 +49,8 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let config =
         ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..*study.model };
     let model_rows = partition::model_rows(&study, &surveyed.timestamps())?;
-    let plan =
-        BuildPlan::new(&surveyed, model_rows, &config, represent::width(&study, &paths), args)?;
+    let width = represent::width(&study, &paths, surveyed.columns());
+    let plan = BuildPlan::new(&surveyed, model_rows, &config, width, args)?;
     printer.say(&plan.sentence());
     if args.study.dry_run {
         if args.study.json {
@@ -80,9 +76,9 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     let representation = represent::open(&study, &paths, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     let existing = if args.study.force { None } else { find(&paths, &key, printer)? };
-    let (manifest, built) = if let Some(manifest) = existing {
-        // A build that was killed at its very end has left them.
-        Parts::new(directory.join(PARTIAL), &key).remove()?;
+    let (manifest, built) = if let Some(manifest) = existing
+        && is_still_there(&directory, &key)?
+    {
         (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
     } else {
         let representation = representation.as_ref();
@@ -131,6 +127,21 @@ pub(super) fn find(
     Ok(None)
 }
 
+/// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
+/// there: another calib may have begun another one, whose parts they then are.
+fn is_still_there(directory: &Path, key: &str) -> anyhow::Result<bool> {
+    let parts = directory.join(PARTIAL);
+    if !parts.exists() {
+        return Ok(true);
+    }
+    let _claim = Claim::new(directory, Below::Ours)?;
+    let is_there = up_to_date(directory, key).is_some();
+    if is_there {
+        Parts::new(parts, key).remove()?;
+    }
+    Ok(is_there)
+}
+
 /// How a model is built; nothing but the key tells of its tables.
 struct How {
     /// Fingerprint of all that the tables follow from.
@@ -151,6 +162,10 @@ fn build(
     printer: &Printer,
 ) -> anyhow::Result<ModelManifest> {
     let transitions = Transitions::new(dataset.train.segments().clone());
+    if let Some(representation) = representation {
+        // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
+        KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
+    }
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     // Not needed any more, and a part of the memory.
@@ -181,7 +196,7 @@ fn build(
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
     let members =
         (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
-    let recall = recall_of(study, &knn, RECALL_ROWS, &printer.progress())?;
+    let recall = recall_of(study, &knn, &printer.progress())?;
     let manifest = ModelManifest {
         format: <ModelManifest as artefact::Manifest>::FORMAT,
         tool: TOOL.to_owned(),
@@ -210,40 +225,9 @@ fn build(
         },
     )?;
     claim.complete(&manifest)?;
-    // Until now a build that was killed could go on from them.
+    // Until now a build that was killed could go on from them; the directory is still claimed.
     parts.remove()?;
     Ok(manifest)
-}
-
-/// How good approximate tables are; nothing for exact ones.
-fn recall_of(
-    study: &Study,
-    knn: &KnnModel,
-    sample: usize,
-    monitor: &dyn Monitor,
-) -> Result<Option<Recall>, KnnError> {
-    let approximate = !study.model.shortcuts().is_exact();
-    let seed = Seed::new(study.seed).child("recall");
-    approximate.then(|| recall(knn, sample, seed, monitor)).transpose()
-}
-
-/// The recall in words.
-fn recall_line(recall: &Recall, k: usize) -> String {
-    let [low, high] = recall.interval;
-    let copies = match recall.copies_missed {
-        0 => String::new(),
-        missed => format!(
-            ", and {} rows whose true one is at distance 0 have a farther one",
-            count(missed)
-        ),
-    };
-    format!(
-        "approximate: recall@{k} {:.3} ({low:.3} to {high:.3}) by true distances, on {} rows; \
-         the {k}-th neighbour is {:.3} times as far as the true one{copies}",
-        recall.recall,
-        count(recall.rows),
-        recall.distance_ratio,
-    )
 }
 
 /// A model that is up to date, under a study that may differ in what does not change its tables.
@@ -309,63 +293,6 @@ pub(super) fn fingerprints(
     }
     let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
     names.into_iter().map(fingerprint).collect()
-}
-
-fn check_against_brute_force(
-    paths: &StudyPaths,
-    study: &Study,
-    sample: usize,
-    printer: &Printer,
-) -> anyhow::Result<ExitStatus> {
-    let model = model_files::open(paths, study)?;
-    let Model::Knn(knn) = &model.model else { bail!("the model has no neighbour tables") };
-    let seed = Seed::new(study.seed).child("verify");
-    for (name, written) in &model.manifest.files {
-        let path = paths.model().join(name);
-        if fingerprint_file(&path)? != *written {
-            bail!(
-                "{} is not what was written; run `{} --force`",
-                path.display(),
-                paths.command("build-model")
-            );
-        }
-    }
-    let progress = printer.progress();
-    let shortcuts = study.model.shortcuts();
-    if !shortcuts.is_exact() {
-        let seed = seed.child("approximate");
-        let found = faults(knn, shortcuts, sample, seed);
-        if let Some((member, transition, fault)) = found.first() {
-            drop(progress);
-            printer.error(&format!(
-                "{} of the checked rows cannot be what a search found, the first of them row {} of member {member}: \
-                 {fault}; this is a bug in calib, please report it",
-                found.len(),
-                transition.0
-            ));
-            return Ok(ExitStatus::Internal);
-        }
-        let recall = recall(knn, sample, seed, &progress)?;
-        drop(progress);
-        printer.say(&format!(
-            "verified: the lists of {} rows have the distances of their states, in order, to states that may be neighbours",
-            count(recall.rows)
-        ));
-        printer.say(&recall_line(&recall, knn.k()));
-        return Ok(ExitStatus::Done);
-    }
-    let verification = verify(knn, sample, seed, &progress)?;
-    drop(progress);
-    if !verification.agrees() {
-        printer.error(&format!(
-            "{} of {} checked rows differ from brute force: this is a bug in calib, please report it",
-            verification.different.len(),
-            verification.rows
-        ));
-        return Ok(ExitStatus::Internal);
-    }
-    printer.say(&format!("verified: {} rows agree with brute force", count(verification.rows)));
-    Ok(ExitStatus::Done)
 }
 
 fn summarise(

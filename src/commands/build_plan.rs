@@ -8,6 +8,7 @@ use calib_data::Surveyed;
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
 use serde::Serialize;
 
+use super::represent::Width;
 use crate::{
     cli::{BuildModelArgs, Index, Spill},
     memory,
@@ -62,8 +63,8 @@ pub(super) struct BuildPlan {
 
 impl BuildPlan {
     /// The plan for a log of which `part` are the training states that the model is built from. The others are read
-    /// with them, and stay in memory while the model is built unless the states are mapped from files. `representation`
-    /// is the number of coordinates of ψ, where neighbours are searched in it.
+    /// with them, and stay in memory while the model is built unless the states are mapped from files. `width` is that of
+    /// what is searched.
     ///
     /// # Errors
     /// If no such model can be built of so many columns and these segments, or there is too little memory.
@@ -71,29 +72,34 @@ impl BuildPlan {
         data: &Surveyed,
         part: Range<usize>,
         model: &ModelConfig,
-        representation: Option<usize>,
+        width: Width,
         args: &BuildModelArgs,
     ) -> anyhow::Result<Self> {
         let (rows, columns) = (part.len(), data.columns());
         // Before any state is read, and anything of an older model given up.
         let segments = segments_of(data.segment_rows(), &part);
         let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);
-        KnnModel::check(representation.unwrap_or(columns), &transitions, model)?;
+        let (known, psi) = match width {
+            Width::OfStates => (Some(columns), None),
+            Width::Exactly(coordinates) => (Some(coordinates), Some(coordinates)),
+            Width::Perhaps(coordinates) => (None, Some(coordinates)),
+        };
+        KnnModel::check(known, &transitions, model)?;
         drop(transitions);
         // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
         let threads = rayon::current_num_threads();
-        let mut need = MemoryNeed::predict(rows, representation.unwrap_or(columns), model, threads);
+        let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
-        let copy = 4 * (rows * representation.unwrap_or(0)) as u64;
+        let copy = 4 * (rows * psi.unwrap_or(0)) as u64;
         let held_out = 4 * (data.held_out_rows() * columns) as u64;
         let others = 4 * ((data.rows() - rows) * columns) as u64;
         let reading =
             need.states + others + held_out + READING + READING_A_ROW * data.log_rows() as u64;
         let taken = |spill: Spilled| {
             reading.max(match spill {
-                Spilled::Nothing => need.peak() + others,
+                Spilled::Nothing => need.peak().saturating_add(others),
                 // Some of the states should stay in memory, or each is read from the disk again and again.
-                Spilled::States => need.working + need.states / 3,
+                Spilled::States => need.working.saturating_add(need.states / 3),
                 Spilled::Everything => need.least,
             })
         };
@@ -118,9 +124,9 @@ impl BuildPlan {
                 },
             );
         }
-        // Both are less than there are rows, or the check has refused them.
-        let tables = (8 * rows * model.neighbors * model.members) as u64;
         let working = if spill == Spilled::Everything { need.working } else { 0 };
+        let tables = bytes_of_tables(rows, model);
+        let on_disk = [need.states, copy, tables, tables, working];
         Ok(Self {
             rows,
             columns,
@@ -131,7 +137,7 @@ impl BuildPlan {
             spill,
             memory_bytes,
             available_bytes: available,
-            disk_bytes: need.states + copy + 2 * tables + working,
+            disk_bytes: on_disk.into_iter().fold(0, u64::saturating_add),
         })
     }
 
@@ -158,6 +164,13 @@ impl BuildPlan {
     }
 }
 
+/// What the tables of all members take; the most that can be said where they take more.
+fn bytes_of_tables(rows: usize, model: &ModelConfig) -> u64 {
+    // The check lets through nearly as many neighbours as rows in half as many members as rows.
+    let factors = [rows, model.neighbors, model.members];
+    factors.into_iter().fold(8, |bytes, factor| bytes.saturating_mul(factor as u64))
+}
+
 /// Rows of each segment, as far as they are in `part`.
 fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
     let rows = segments.iter().map(Segment::rows);
@@ -179,6 +192,16 @@ impl From<Index> for IndexKind {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tables_beyond_all_numbers_are_not_small() {
+        let of = |rows, neighbors, members| {
+            bytes_of_tables(rows, &ModelConfig { neighbors, members, ..ModelConfig::default() })
+        };
+        assert_eq!(of(1000, 3, 5), 120_000);
+        // 3.2e19, which is 1.4e19 more than a u64 can say.
+        assert_eq!(of(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+    }
 
     #[test]
     fn plans_spill_states_before_images() {

@@ -1,6 +1,7 @@
 //! One file a command: load, call the crates, write, summarise.
 
 mod artefact;
+mod build_check;
 mod build_model;
 mod build_network;
 mod build_plan;

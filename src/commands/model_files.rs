@@ -11,7 +11,7 @@ use calib_data::{
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
-use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, Shortcuts};
+use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
@@ -93,6 +93,16 @@ pub(super) fn model_key(
     model: &ModelConfig,
     representation: Option<&Representation>,
 ) -> anyhow::Result<String> {
+    key_of(SEARCH_VERSION, data, model, representation)
+}
+
+/// As [`model_key`], of tables that this version of the search found. Every version finds the same exact ones.
+fn key_of(
+    search: u32,
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> anyhow::Result<String> {
     // The search structure does not change the tables, and the weights only what is drawn from them.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler);
@@ -105,7 +115,7 @@ pub(super) fn model_key(
         return Ok(exact);
     }
     let Shortcuts { prototypes, prototype_kind, components, leaf_budget } = shortcuts;
-    artefact::key(&(exact, prototypes, prototype_kind, components, leaf_budget))
+    artefact::key(&(exact, search, prototypes, prototype_kind, components, leaf_budget))
 }
 
 /// A model that was opened from its directory.
@@ -310,4 +320,27 @@ fn sensor_column(
     }
     profile.require_sensor(sensor)?;
     bail!("sensor {sensor} is not a column of the states")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn approximate_tables_are_those_of_one_version_of_the_search() {
+        let data = Fingerprint::of(b"states");
+        let key = |search: u32, model: &ModelConfig| {
+            key_of(search, &data, model, None).expect("a fingerprint")
+        };
+        let exact = ModelConfig::default();
+        assert_eq!(key(1, &exact), key(2, &exact));
+        for approximate in [
+            ModelConfig { prototypes: 4, ..exact },
+            ModelConfig { components: 4, ..exact },
+            ModelConfig { leaf_budget: 4, ..exact },
+        ] {
+            assert_ne!(key(1, &approximate), key(2, &approximate), "{approximate:?}");
+            assert_ne!(key(1, &approximate), key(1, &exact), "{approximate:?}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions
 use calib_data::TimeRange;
 use calib_dynamics::predict;
 use calib_files::{Fingerprint, ScratchPlace, create_directory, read_json, write_json};
-use calib_knn::{KnnModel, MemoryNeed, ModelConfig};
+use calib_knn::KnnModel;
 use calib_report::{Best, Cell, Table};
 use calib_stats::{Direction, StepErrors};
 use serde::{Deserialize, Serialize};
@@ -164,7 +164,7 @@ fn errors(
         Model::Knn(knn) => {
             let weights = study.model.weights()?;
             let queries = model.in_metric(&rows_of(states, rows)?)?;
-            let place = search_place(knn, &study.model, paths)?;
+            let place = search_place(knn, paths)?;
             let recorded = model.frames.states();
             for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
                 for (predicted, &row) in expected.chunks_exact(columns).zip(rows) {
@@ -187,14 +187,9 @@ fn errors(
     Ok(errors)
 }
 
-/// Where a search over the states of the model has its large arrays: in memory if they fit, else in files.
-fn search_place(
-    knn: &KnnModel,
-    config: &ModelConfig,
-    paths: &StudyPaths,
-) -> anyhow::Result<ScratchPlace> {
-    let (states, threads) = (knn.states(), rayon::current_num_threads());
-    let need = MemoryNeed::predict(states.rows(), states.columns(), config, threads);
+/// Where a search among the states of the model has its large arrays: in memory if they fit, else in files.
+fn search_place(knn: &KnnModel, paths: &StudyPaths) -> anyhow::Result<ScratchPlace> {
+    let need = knn.search_need(knn.k(), rayon::current_num_threads());
     if memory::available().is_none_or(|available| need.working <= available) {
         return Ok(ScratchPlace::Memory);
     }

@@ -112,18 +112,22 @@ fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
     assert!(place.content("stopped") == place.content("whole"));
 }
 
-/// Kill a build as soon as its last table is written, while it judges the model; when its parts were written.
-fn kill_while_judging(place: &Place, directory: &Path) -> Vec<SystemTime> {
+/// Kill a build when its last table is written, while it judges the model; when its parts were written. Nothing if it
+/// had judged before the kill came, as it may on a busy machine.
+fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>> {
     let table = directory.join("model/members/2/distances.npy");
     let _ = fs::remove_file(&table);
     let mut child = start(place, "judged");
-    while !table.exists() {
-        assert!(child.try_wait().expect("a status").is_none(), "the build ended without a table");
+    while !table.exists() && child.try_wait().expect("a status").is_none() {
         thread::sleep(Duration::from_millis(1));
     }
-    child.kill().expect("it was running");
+    // It may have ended by itself.
+    let _ = child.kill();
     child.wait().expect("a status");
-    assert!(!directory.join("model/manifest.json").exists(), "it had not ended");
+    assert!(table.exists(), "the build ended without a table");
+    if directory.join("model/manifest.json").exists() {
+        return None;
+    }
     let mut parts: Vec<_> = fs::read_dir(directory.join("model/partial"))
         .expect("parts are kept until the model is complete")
         .map(|entry| entry.expect("an entry").path())
@@ -131,7 +135,7 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Vec<SystemTime> {
         .collect();
     parts.sort();
     let written = |path| fs::metadata(path).and_then(|of| of.modified()).expect("a time");
-    parts.into_iter().map(written).collect()
+    Some(parts.into_iter().map(written).collect())
 }
 
 #[test]
@@ -140,17 +144,40 @@ fn a_build_killed_while_judging_searches_nothing_again() {
     // Approximate, so that there is much to judge.
     place.edit_study("members = 3", "members = 3\nprototypes = 2");
     let directory = place.path().join("judged");
-    let first = kill_while_judging(&place, &directory);
+    // A build that ends before it is killed forgets its parts: then both of them begin anew.
+    let killed = (0..20).find_map(|_| {
+        let _ = fs::remove_dir_all(&directory);
+        let first = kill_while_judging(&place, &directory)?;
+        Some((first, kill_while_judging(&place, &directory)?))
+    });
+    let (first, second) = killed.expect("in one of twenty times it is killed while it judges");
     assert_eq!(first.len(), 5, "all of them");
-    assert_eq!(kill_while_judging(&place, &directory), first, "none was written again");
+    assert_eq!(second, first, "none was written again");
     place.calib(&["build-model", "study.toml", "--output", "judged", "--verify", "9"]).succeeds();
     assert!(!directory.join("model/partial").exists());
     place.calib(&["build-model", "study.toml", "--output", "whole"]).succeeds();
     assert!(place.content("judged") == place.content("whole"));
-    // Parts that a build left at its very end go with the next command.
-    fs::create_dir(directory.join("model/partial")).expect("writable");
-    place.calib(&["build-model", "study.toml", "--output", "judged"]).succeeds();
-    assert!(!directory.join("model/partial").exists());
+}
+
+#[test]
+fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() {
+    let place = Place::with_study();
+    let build = || place.calib(&["build-model", "study.toml"]);
+    build().succeeds();
+    let before = place.content("study-results");
+    let model = place.path().join("study-results/model");
+    let part = model.join("partial/00000000.part");
+    fs::create_dir(model.join("partial")).expect("writable");
+    fs::write(&part, "of a build that began a moment ago").expect("writable");
+    let lock = fs::File::open(model.join(".lock")).expect("it was claimed");
+    lock.lock().expect("nobody has it");
+    let refused = build().fails(2);
+    assert!(refused.contains("another calib is writing to"), "{refused}");
+    assert!(part.exists(), "it is another's");
+    drop(lock);
+    assert!(build().succeeds().contains("up to date"));
+    assert!(!model.join("partial").exists());
+    assert!(place.content("study-results") == before);
 }
 
 #[test]

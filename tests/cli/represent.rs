@@ -175,6 +175,47 @@ fn an_imported_representation_is_searched_in() {
 }
 
 #[test]
+fn what_depends_on_coordinates_waits_until_they_are_known() {
+    let place = laplacian();
+    let tree = ["build-model", "study.toml", "--index", "kd-tree"];
+    let dry = [&tree[..], &["--dry-run"]].concat();
+    // There are eight, though they are yet to be trained, and the states have more.
+    place.calib(&dry).succeeds();
+    let asked = place.calib(&tree).fails(2);
+    assert!(asked.contains("run `calib represent study.toml` first"), "{asked}");
+    place.edit_study("dimension = 8", "dimension = 9");
+    for args in [&dry[..], &tree[..]] {
+        let refused = place.calib(args).fails(2);
+        assert!(refused.contains("at most 8 columns, got 9"), "{refused}");
+    }
+    // Of these, either may be chosen.
+    place.edit_study("dimension = 9", "dimension = [8, 9]");
+    place.calib(&dry).succeeds();
+    let asked = place.calib(&tree).fails(2);
+    assert!(asked.contains("run `calib represent study.toml` first"), "{asked}");
+}
+
+#[test]
+fn a_stale_representation_says_nothing_of_the_next_one() {
+    let place = importing("path = \"psi.npy\"");
+    let (psi, rows) = psi(&place);
+    write_npy(&place.path().join("psi.npy"), &psi, rows, 4).expect("written");
+    place.calib(&["represent", "study.toml"]).succeeds();
+    let components =
+        |count: &'static str| ["build-model", "study.toml", "--set", count, "--index", "scan"];
+    let before = place.content("study-results");
+    let refused = place.calib(&components("model.components=4")).fails(2);
+    assert!(refused.contains("fewer than the"), "{refused}");
+    assert!(place.content("study-results") == before, "the model is still there");
+    // Five components of four coordinates there are none, but the next ones are eight.
+    let twice: Vec<f32> = psi.chunks_exact(4).flat_map(|row| [row, row].concat()).collect();
+    write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
+    place.edit_study("psi.npy", "wide.npy");
+    let stale = place.calib(&components("model.components=5")).fails(2);
+    assert!(stale.contains("run `calib represent study.toml` again"), "{stale}");
+}
+
+#[test]
 fn imports_that_do_not_fit_are_refused() {
     let place = importing("path = \"psi.npy\"");
     let (psi, rows) = psi(&place);

@@ -6,7 +6,8 @@ use calib_files::ScratchPlace;
 use crate::{KnnError, KnnModel, Neighbor, Weights};
 
 impl KnnModel {
-    /// The expectation of the next state after each of `queries` in every member, `[queries, columns]` row by row.
+    /// The expectation of the next state after each of `queries` in every member: one item a member, in order,
+    /// `[queries, columns]` row by row, made when it is asked for.
     ///
     /// ŝ' = Σⱼ pⱼ s'ⱼ over the k nearest sources of the query in the member, which are found by exact search in the
     /// model's metric, by one for all members; p are the probabilities with which a step would draw them, and s'ⱼ are their
@@ -18,18 +19,18 @@ impl KnnModel {
     ///
     /// # Panics
     /// If `recorded` has other rows than the model's states.
-    pub fn expected_next(
-        &self,
+    pub fn expected_next<'a>(
+        &'a self,
         queries: &States,
-        recorded: &States,
+        recorded: &'a States,
         weights: Weights,
         place: &ScratchPlace,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Vec<f64>>, KnnError> {
+    ) -> Result<impl Iterator<Item = Vec<f64>> + use<'a>, KnnError> {
         assert_eq!(recorded.rows(), self.states().rows(), "the same rows were recorded");
         let columns = recorded.columns();
         let members = self.nearest_sources(queries, self.k(), place, monitor)?;
-        let of_member = |lists: Vec<Vec<Neighbor>>| {
+        let of_member = move |lists: Vec<Vec<Neighbor>>| {
             let mut expected = vec![0.0; lists.len() * columns];
             for (list, out) in lists.iter().zip(expected.chunks_exact_mut(columns)) {
                 let distances: Vec<f32> = list.iter().map(|neighbour| neighbour.distance).collect();
@@ -44,7 +45,7 @@ impl KnnModel {
             }
             expected
         };
-        Ok(members.into_iter().map(of_member).collect())
+        Ok(members.into_iter().map(of_member))
     }
 }
 
@@ -70,10 +71,11 @@ mod tests {
         assert_eq!(sources, [6, 7, 8, 9, 10]);
         let query = States::new(vec![8.25, 100.0], 2, 1).expect("finite");
         let expected = |query, weights| {
-            let all =
-                model.expected_next(query, &recorded, weights, &ScratchPlace::Memory, &Silent)?;
+            let place = ScratchPlace::Memory;
+            let all = model.expected_next(query, &recorded, weights, &place, &Silent)?;
+            let mut all: Vec<Vec<f64>> = all.collect();
             assert_eq!(all.len(), 2, "one of each member");
-            Ok::<_, KnnError>(all[0].clone())
+            Ok::<_, KnnError>(all.swap_remove(0))
         };
         // Distances 0.25, 0.75, 1.25 to 8, 9, 7; their next states are 81, 100, 64.
         let linear = expected(&query, Weights::Linear).expect("it runs");

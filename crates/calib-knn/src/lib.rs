@@ -62,7 +62,7 @@ pub use index::{Found, Join, KdTree, NeighborIndex, Planned, Queries, Scan, Sour
 pub(crate) use lists::MemberLists;
 pub use memory::MemoryNeed;
 pub use model::{KnnModel, Member, Neighbor};
-pub use parts::{PART_QUERIES, Parts};
+pub use parts::{PART_QUERIES, Parts, SEARCH_VERSION};
 pub use recall::{Recall, recall};
 pub use shortcuts::{PrototypeKind, Shortcuts};
 pub use store::{open_table, write_table};

@@ -55,7 +55,7 @@ impl KnnModel {
         workplace: &Workplace,
         monitor: &dyn Monitor,
     ) -> Result<(Self, IndexChoice), KnnError> {
-        Self::check(states.columns(), &transitions, config)?;
+        Self::check(Some(states.columns()), &transitions, config)?;
         let blocks = Blocks::new(&transitions, config.members)?;
         let exclusion = config.exclusion();
         let shortcuts = config.shortcuts();
@@ -85,24 +85,25 @@ impl KnnModel {
     }
 
     /// Check, from what is known before anything is searched, that a model can be built of states with `columns` columns.
+    /// Where these are not known yet, what depends on them is not checked.
     ///
     /// # Errors
     /// As [`ModelConfig::check`](crate::ModelConfig::check) and [`Blocks::new`]; if there are not fewer components than columns, the
     /// k-d tree is asked for more columns than it supports, or some query has too few candidates. Where prototypes are
     /// chosen to cover the states, their number is what can be expected.
     pub fn check(
-        columns: usize,
+        columns: Option<usize>,
         transitions: &Transitions,
         config: &crate::ModelConfig,
     ) -> Result<(), KnnError> {
         config.check()?;
         let components = config.components;
-        if components > 0 && components >= columns {
+        if let Some(columns) = columns.filter(|&columns| components > 0 && components >= columns) {
             return Err(KnnError::Components { components, columns });
         }
-        let searched = if components > 0 { components } else { columns };
-        if !config.index.supports(searched) {
-            return Err(KnnError::Dimensions { columns: searched, max: KdTree::MAX_COLUMNS });
+        let searched = if components > 0 { Some(components) } else { columns };
+        if let Some(columns) = searched.filter(|&columns| !config.index.supports(columns)) {
+            return Err(KnnError::Dimensions { columns, max: KdTree::MAX_COLUMNS });
         }
         let blocks = Blocks::new(transitions, config.members)?;
         let candidates = Candidates::Every(config.prototypes);

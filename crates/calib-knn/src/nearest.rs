@@ -6,7 +6,7 @@ use calib_core::{Monitor, RowIndex, Silent, States, TransitionIndex};
 use calib_files::ScratchPlace;
 
 use crate::{
-    IndexKind, KnnError, KnnModel, Member, Neighbor,
+    IndexKind, KnnError, KnnModel, Member, MemoryNeed, ModelConfig, Neighbor,
     index::{Found, Queries, Sources},
     parts::PART_QUERIES,
 };
@@ -31,6 +31,16 @@ impl KnnModel {
         let sources = self.sources();
         let queries = Queries::external(&sources, states, None)?;
         search(self, &sources, &queries, 0..self.members(), k, place, monitor)
+    }
+
+    /// The memory that such a search for `k` sources takes with `threads` threads, at most.
+    ///
+    /// It does not follow from how the tables were found: other states are searched for among all sources, in all
+    /// columns of the metric, with the structure that suits them.
+    pub fn search_need(&self, k: usize, threads: usize) -> MemoryNeed {
+        let config =
+            ModelConfig { members: self.members(), neighbors: k, ..ModelConfig::default() };
+        MemoryNeed::predict(self.states().rows(), self.states().columns(), &config, threads)
     }
 }
 

@@ -11,12 +11,13 @@ use crate::index::Found;
 /// Digits of a fingerprint.
 const DIGITS: usize = 64;
 
-/// Version of the search: part of the key of parts.
+/// Version of the search: part of the key of parts, and it belongs into the key of every model with approximate tables.
 ///
 /// Raise it with every change after which a search can find other lists from the same inputs (a repaired search, other
-/// approximate ones), so that a build that was stopped before the change does not go on from what was found before. If
-/// tables that were completed are wrong too, raise the format of the model's manifest as well.
-const SEARCH: u32 = 2;
+/// prototypes, another meaning of a leaf budget). A build that was stopped before the change then does not go on from
+/// what was found before, and approximate tables that were completed count as those of another model. Exact tables are
+/// what every version finds: if those that were completed are wrong, raise the format of the model's manifest as well.
+pub const SEARCH_VERSION: u32 = 2;
 
 /// Where a build keeps what it has found so far, so that one that is killed can go on.
 ///
@@ -67,7 +68,7 @@ impl Parts {
 
     /// The parts of a search in this order; those of other searches are removed.
     pub(crate) fn open(&self, order: &[u32], members: usize, k: usize) -> Result<Open, FileError> {
-        self.open_of(SEARCH, order, members, k)
+        self.open_of(SEARCH_VERSION, order, members, k)
     }
 
     /// As [`open`](Self::open), of a search of this version.
@@ -188,7 +189,7 @@ mod tests {
             assert_eq!(fs::read_dir(&at).expect("readable").count(), 0, "stale parts are removed");
         }
         open.write(0, &found).expect("written");
-        let later = parts.open_of(SEARCH + 1, &[1, 0, 2], 1, 2).expect("writable");
+        let later = parts.open_of(SEARCH_VERSION + 1, &[1, 0, 2], 1, 2).expect("writable");
         assert!(later.read(0, 2).is_none(), "another version of the search");
         assert_eq!(fs::read_dir(&at).expect("readable").count(), 0);
         parts.remove().expect("removed");

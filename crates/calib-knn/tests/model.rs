@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use calib_core::{RowIndex, Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_files::ScratchPlace;
-use calib_knn::{KnnError, KnnModel, ModelConfig, recall, verify};
+use calib_knn::{
+    IndexKind, KnnError, KnnModel, MemoryNeed, ModelConfig, PrototypeKind, recall, verify,
+};
 
 fn walk(lengths: &[usize], columns: usize, seed: u64) -> (States, Transitions) {
     let rows = lengths.iter().sum();
@@ -182,6 +184,25 @@ fn all_members_are_searched_at_once_as_each_is() {
             assert_eq!(*lists, one, "member {number}");
         }
     }
+}
+
+#[test]
+fn a_search_for_other_states_takes_the_same_however_the_tables_were_found() {
+    let built = ModelConfig { neighbors: 4, ..ModelConfig::default() };
+    let others = [
+        ModelConfig { index: IndexKind::Scan, ..built },
+        ModelConfig { components: 2, ..built },
+        ModelConfig { prototypes: 5, prototype_kind: PrototypeKind::KCentre, ..built },
+    ];
+    let exact = model(&built);
+    let need = exact.search_need(4, 2);
+    let states = exact.states();
+    assert_eq!(need, MemoryNeed::predict(states.rows(), states.columns(), &built, 2));
+    for config in others {
+        assert_eq!(model(&config).search_need(4, 2), need, "{config:?}");
+    }
+    let own = MemoryNeed::predict(states.rows(), states.columns(), &others[0], 2);
+    assert!(own.working < need.working, "a scan has no images, and these states are not scanned");
 }
 
 /// A user who asked to stop long ago.

@@ -311,11 +311,35 @@ pub(super) fn open(
     Ok(Some(Representation { key: manifest.key, psi, encoder }))
 }
 
-/// Coordinates of the study's ψ, if there is one already.
-pub(super) fn width(study: &Study, paths: &StudyPaths) -> Option<usize> {
-    let searched = study.representation.kind != RepresentationKind::None;
-    let file = searched.then(|| paths.representation().join(PSI))?;
-    map_npy::<f32>(&file).ok().map(|psi| psi.columns())
+/// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Width {
+    /// They are the columns of the states.
+    OfStates,
+    /// ψ has so many, whichever it will be.
+    Exactly(usize),
+    /// ψ has about so many, unless it is yet to be made, or made again.
+    Perhaps(usize),
+}
+
+/// The width of what the study searches, whose states have so many columns.
+pub(super) fn width(study: &Study, paths: &StudyPaths, columns: usize) -> Width {
+    let config = &study.representation;
+    let candidates = match config.kind {
+        RepresentationKind::None => return Width::OfStates,
+        RepresentationKind::Laplacian => config.candidates(),
+        RepresentationKind::Import => Vec::new(),
+    };
+    let dimensions = || candidates.iter().map(|of| of.dimension);
+    let widest = dimensions().max();
+    if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
+        return Width::Exactly(only);
+    }
+    let directory = paths.representation();
+    let made = artefact::read::<RepresentationManifest>(&directory)
+        .filter(|found| found.study.representation == *config)
+        .and_then(|_| map_npy::<f32>(&directory.join(PSI)).ok());
+    Width::Perhaps(made.map(|psi| psi.columns()).or(widest).unwrap_or(columns))
 }
 
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
