@@ -1,9 +1,9 @@
 //! The environments of a sweep: members, Online and log replay.
 
-use calib_core::Seed;
+use calib_core::{Monitor, Seed};
 use calib_data::Dataset;
-use calib_files::Fingerprint;
-use calib_rollout::{StartState, Wanted};
+use calib_files::{Fingerprint, ScratchPlace};
+use calib_rollout::Wanted;
 use calib_sweep::{
     Environment, MemberEnvironment, PredictedEnvironment, ReplayEnvironment, RolloutOptions,
 };
@@ -23,12 +23,13 @@ pub(super) struct Environments<'a> {
 }
 
 impl<'a> Environments<'a> {
-    /// Streams of `steps` steps.
+    /// Streams of `steps` steps. Searches for start states have their large arrays in `place`.
     pub(super) fn new(
         study: &'a Study,
         model: &'a OpenModel,
         dataset: &'a Dataset,
         steps: usize,
+        (place, monitor): (&ScratchPlace, &dyn Monitor),
     ) -> anyhow::Result<Self> {
         let seed = Seed::new(study.seed);
         let sweep = &study.sweep;
@@ -46,8 +47,9 @@ impl<'a> Environments<'a> {
         match &model.model {
             Model::Knn(knn) => {
                 let weights = study.model.weights()?;
-                for member in (0..knn.members()).map(|member| knn.member(member)) {
-                    let own: Vec<StartState> = starts.of_member(&member, sweep.member_runs)?;
+                let all = starts.of_members(knn, sweep.member_runs, place, monitor)?;
+                for (number, own) in all.into_iter().enumerate() {
+                    let member = knn.member(number);
                     given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
                     let (seed, inputs) = (rollout_seed, inputs.clone());
                     let options = RolloutOptions { steps, weights, seed, inputs };

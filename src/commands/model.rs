@@ -1,12 +1,15 @@
 //! The calibration model of a study, of whatever kind.
 
+use std::path::Path;
+
 use calib_core::{Monitor, RowIndex, Seed};
 use calib_dynamics::{Dynamics, predict};
+use calib_files::ScratchPlace;
 use calib_knn::KnnModel;
-use calib_rollout::rollouts;
+use calib_rollout::{StartState, rollouts};
 
 use super::{model_files::OpenModel, starts::Starts, trajectory::Trajectory};
-use crate::study::Study;
+use crate::{memory, study::Study};
 
 /// A model that can be rolled out.
 pub(super) enum Model {
@@ -26,11 +29,25 @@ impl Model {
     }
 }
 
-/// The rollouts of each member, as the study asks for them.
+/// Where a search for as many of the model's states as are in a row of its tables has its large arrays: in memory if they
+/// fit, else in files in `directory`. In networks nothing is searched.
+pub(super) fn search_place(model: &Model, directory: &Path) -> ScratchPlace {
+    let fits = |knn: &KnnModel| {
+        let need = knn.search_need(knn.k(), rayon::current_num_threads());
+        memory::available().is_none_or(|available| need.working <= available)
+    };
+    match model {
+        Model::Knn(knn) if !fits(knn) => ScratchPlace::Disk(directory.to_owned()),
+        Model::Knn(_) | Model::Parametric(_) => ScratchPlace::Memory,
+    }
+}
+
+/// The rollouts of each member, as the study asks for them. Searches for start states have their large arrays in `place`.
 pub(super) fn roll_out(
     model: &OpenModel,
     study: &Study,
     starts: &Starts<'_>,
+    place: &ScratchPlace,
     monitor: &dyn Monitor,
 ) -> anyhow::Result<Vec<Vec<Trajectory>>> {
     let config = &study.rollout;
@@ -38,13 +55,13 @@ pub(super) fn roll_out(
     match &model.model {
         Model::Knn(knn) => {
             let weights = study.model.weights()?;
-            let member = |number| {
+            let starts = starts.of_members(knn, config.rollouts, place, monitor)?;
+            let member = |(number, starts): (usize, &Vec<StartState>)| {
                 let member = knn.member(number);
-                let starts = starts.of_member(&member, config.rollouts)?;
-                let all = rollouts(&member, &starts, config.steps, weights, seed, monitor)?;
+                let all = rollouts(&member, starts, config.steps, weights, seed, monitor)?;
                 Ok(all.into_iter().map(Trajectory::Recorded).collect())
             };
-            (0..knn.members()).map(member).collect()
+            starts.iter().enumerate().map(member).collect()
         }
         Model::Parametric(network) => {
             let starts = starts.of_network(config.rollouts)?;

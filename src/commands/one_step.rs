@@ -4,19 +4,17 @@ use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
-use calib_files::{Fingerprint, ScratchPlace, create_directory, read_json, write_json};
-use calib_knn::KnnModel;
+use calib_files::{Fingerprint, read_json, write_json};
 use calib_report::{Best, Cell, Table};
 use calib_stats::{Direction, StepErrors};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, TOOL},
-    model::Model,
+    model::{Model, search_place},
     model_files::OpenModel,
 };
 use crate::{
-    memory,
     output::{Printer, count, significant, table},
     study::{Study, StudyPaths},
 };
@@ -164,7 +162,7 @@ fn errors(
         Model::Knn(knn) => {
             let weights = study.model.weights()?;
             let queries = model.in_metric(&rows_of(states, rows)?)?;
-            let place = search_place(knn, paths)?;
+            let place = search_place(&model.model, &paths.rollout());
             let recorded = model.frames.states();
             for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
                 for (predicted, &row) in expected.chunks_exact(columns).zip(rows) {
@@ -185,16 +183,6 @@ fn errors(
         }
     }
     Ok(errors)
-}
-
-/// Where a search among the states of the model has its large arrays: in memory if they fit, else in files.
-fn search_place(knn: &KnnModel, paths: &StudyPaths) -> anyhow::Result<ScratchPlace> {
-    let need = knn.search_need(knn.k(), rayon::current_num_threads());
-    if memory::available().is_none_or(|available| need.working <= available) {
-        return Ok(ScratchPlace::Memory);
-    }
-    create_directory(&paths.rollout())?;
-    Ok(ScratchPlace::Disk(paths.rollout()))
 }
 
 /// Some rows of the states.

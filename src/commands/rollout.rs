@@ -11,7 +11,7 @@ use super::{
     collapse::{self, Collapse},
     comparison::{self, Comparison},
     figures, jumps, load_study,
-    model::{self, Model},
+    model::{self, Model, search_place},
     model_files::{self, OpenModel},
     one_step, partition,
     starts::{StartSummary, Starts, follow_from_deployment, summaries},
@@ -186,7 +186,8 @@ fn roll_out(
     claim.begin()?;
     let config = &study.rollout;
     let progress = printer.progress();
-    let all = model::roll_out(model, study, starts, &progress)?;
+    let place = search_place(&model.model, directory);
+    let all = model::roll_out(model, study, starts, &place, &progress)?;
     drop(progress);
     let trajectories = trajectories(model, record, &all, sensors);
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;

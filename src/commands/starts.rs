@@ -1,13 +1,13 @@
 //! Start states as a study asks for them.
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, RowIndex, Seed, States, Timestamp, Transitions};
+use calib_core::{Frames, Monitor, RowIndex, Seed, States, Timestamp, Transitions};
 use calib_data::Moment;
-use calib_files::Fingerprint;
-use calib_knn::Member;
+use calib_files::{Fingerprint, ScratchPlace};
+use calib_knn::KnnModel;
 use calib_rollout::{
     RolloutConfig, StartKind, StartRow, StartSource, StartState, Wanted, month_of, start_rows,
-    start_states, year_of,
+    start_states_of_all, year_of,
 };
 use serde::{Deserialize, Serialize};
 
@@ -68,13 +68,15 @@ impl<'a> Starts<'a> {
         Ok(Self { config, model, seed, deployed, listed, metric: metric.transpose()? })
     }
 
-    /// `count` start states for `member`.
-    pub(super) fn of_member(
+    /// `count` start states for each member.
+    pub(super) fn of_members(
         &self,
-        member: &Member<'_>,
+        knn: &KnnModel,
         count: usize,
-    ) -> anyhow::Result<Vec<StartState>> {
-        start_states(member, self.source()?, count, self.seed_of(member.number()))
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
+    ) -> anyhow::Result<Vec<Vec<StartState>>> {
+        start_states_of_all(knn, self.source()?, count, self.seed, place, monitor)
             .context("[rollout]")
     }
 
@@ -82,16 +84,9 @@ impl<'a> Starts<'a> {
     pub(super) fn of_network(&self, count: usize) -> anyhow::Result<Vec<StartRow>> {
         let frames = &self.model.frames;
         let transitions = Transitions::new(frames.segments().clone());
-        start_rows(frames.states(), &transitions, self.source()?, count, self.seed_of(0))
-            .context("[rollout]")
-    }
-
-    /// Members have random starts of their own; all others are chosen once for all.
-    fn seed_of(&self, member: usize) -> Seed {
-        match self.config.start {
-            StartKind::Random => self.seed.child("member").number(member as u64),
-            _ => self.seed,
-        }
+        let source = self.source()?;
+        let seed = source.seed_of(self.seed, 0);
+        start_rows(frames.states(), &transitions, source, count, seed).context("[rollout]")
     }
 
     /// What starts follow from, with the fingerprint of the deployment's states; none if they do from the model alone.

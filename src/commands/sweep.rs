@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
     environments::Environments,
-    load_study, model_files,
+    load_study,
+    model::search_place,
+    model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files,
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
@@ -102,8 +104,12 @@ pub(super) fn run(
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, &candidates, printer)?;
+    // Beside the states that are searched: what the sweep writes may not be there yet.
+    let place = search_place(&model.model, &paths.model());
+    let progress = printer.progress();
     let Environments { environments, starts: told_starts } =
-        Environments::new(&study, &model, &dataset, lengths.steps)?;
+        Environments::new(&study, &model, &dataset, lengths.steps, (&place, &progress))?;
+    drop(progress);
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;

@@ -45,13 +45,13 @@ impl KnnModel {
 }
 
 impl Member<'_> {
-    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search in memory.
+    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search whose large arrays are in `place`.
     ///
     /// The exclusion of the model applies, as it does in the tables. Lists are shorter than `k`, or empty, only where
-    /// fewer sources are admissible.
+    /// fewer sources are admissible. Progress is that of [`KnnModel::nearest_sources`].
     ///
     /// # Errors
-    /// If `k` is zero, or the member has no transitions.
+    /// If `k` is zero, the member has no transitions, there is no place for the arrays, or the monitor interrupts.
     ///
     /// # Panics
     /// If a row is not a row of the data.
@@ -59,10 +59,12 @@ impl Member<'_> {
         &self,
         rows: &[RowIndex],
         k: usize,
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
         let queries = Queries::rows(&sources, rows, self.number(), self.model().exclusion());
-        self.search(&sources, &queries, k)
+        self.search(&sources, &queries, k, place, monitor)
     }
 
     /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search in memory.
@@ -78,7 +80,7 @@ impl Member<'_> {
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
         let queries = Queries::external(&sources, states, Some(self.number()))?;
-        self.search(&sources, &queries, k)
+        self.search(&sources, &queries, k, &ScratchPlace::Memory, &Silent)
     }
 
     fn search(
@@ -86,10 +88,11 @@ impl Member<'_> {
         sources: &Sources<'_>,
         queries: &Queries<'_>,
         k: usize,
+        place: &ScratchPlace,
+        monitor: &dyn Monitor,
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
-        let (number, place) = (self.number(), ScratchPlace::Memory);
-        let members = number..number + 1;
-        let mut lists = search(self.model(), sources, queries, members, k, &place, &Silent)?;
+        let members = self.number()..self.number() + 1;
+        let mut lists = search(self.model(), sources, queries, members, k, place, monitor)?;
         Ok(lists.swap_remove(0))
     }
 }

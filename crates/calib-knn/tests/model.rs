@@ -128,7 +128,7 @@ fn recorded_rows_are_searched_as_the_tables_were() {
     let transitions: Vec<TransitionIndex> =
         (0..member.len()).step_by(9).map(|p| member.nth(p)).collect();
     let rows: Vec<RowIndex> = transitions.iter().map(|&i| model.transitions().next(i)).collect();
-    let found = member.nearest_to_rows(&rows, 3).expect("found");
+    let found = member.nearest_to_rows(&rows, 3, &ScratchPlace::Memory, &Silent).expect("found");
     for (transition, found) in transitions.iter().zip(found) {
         let (neighbors, distances) = member.neighbors(*transition);
         let got: Vec<(u32, f32)> = found.iter().map(|n| (n.transition.0, n.distance)).collect();

@@ -68,8 +68,17 @@ pub enum RolloutError {
     },
     /// The search for start states failed.
     #[error(transparent)]
-    Search(#[from] KnnError),
+    Search(KnnError),
     /// The user asked to stop.
     #[error("interrupted")]
     Interrupted,
+}
+
+impl From<KnnError> for RolloutError {
+    fn from(error: KnnError) -> Self {
+        match error {
+            KnnError::Interrupted => Self::Interrupted,
+            other => Self::Search(other),
+        }
+    }
 }

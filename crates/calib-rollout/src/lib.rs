@@ -1,6 +1,6 @@
 //! Start states, rollouts and replay: streams of states for an agent.
 //!
-//! - [`StartSource`], [`start_states`], [`Start`], [`Wanted`]: where rollouts start: random, listed rows, recent rows, a
+//! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`Wanted`]: where rollouts start: random, listed rows, recent rows, a
 //!   month of the year, or the nearest recorded states to those of another period.
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
@@ -40,7 +40,7 @@ pub use config::{Absent, RolloutConfig, StartKind};
 pub use error::RolloutError;
 pub use month::{month_of, year_of};
 pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
-pub use start::{Start, StartSource, StartState, start_states};
+pub use start::{Start, StartSource, StartState, start_states, start_states_of_all};
 pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
 pub use wanted::Wanted;

@@ -1,5 +1,6 @@
-use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex};
-use calib_knn::{Member, Neighbor};
+use calib_core::{Monitor, RowIndex, Seed, Silent, States, Timestamp, TransitionIndex};
+use calib_files::ScratchPlace;
+use calib_knn::{KnnModel, Member, Neighbor};
 
 use crate::{
     Absent, RolloutError, Wanted,
@@ -67,7 +68,20 @@ pub enum StartSource<'a> {
     },
 }
 
-/// `count` start states for rollouts of `member`: a pure function of its arguments.
+impl StartSource<'_> {
+    /// The seed of member `member`'s start states: members have random ones of their own, and share all others.
+    pub fn seed_of(&self, seed: Seed, member: usize) -> Seed {
+        match self {
+            Self::Random => seed.child("member").number(member as u64),
+            _ => seed,
+        }
+    }
+}
+
+/// Where a search for nearest states has its large arrays, and who watches it.
+type Search<'a> = (&'a ScratchPlace, &'a dyn Monitor);
+
+/// `count` start states for rollouts of `member`: a pure function of its arguments. Searches in memory.
 ///
 /// Start `r` depends on `seed` and `r` only, so asking for more starts keeps the first ones. All sources but
 /// [`Random`](StartSource::Random), which draws from what the member has, choose states without regard to the
@@ -83,25 +97,82 @@ pub fn start_states(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartState>, RolloutError> {
-    if member.is_empty() {
-        return Err(RolloutError::NoTransitions);
-    }
-    let (transitions, recorded) = (member.model().transitions(), member.model().states().rows());
+    check_members(std::iter::once(*member))?;
+    let search: Search<'_> = (&ScratchPlace::Memory, &Silent);
     if let StartSource::Nearest { states } = source {
-        let rows = deployment_rows(states, count, seed)?;
-        let drawn: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
-        let drawn = States::new(drawn, count, states.columns())
-            .unwrap_or_else(|_| unreachable!("rows of states are finite"));
+        let (rows, drawn) = drawn(states, count, seed)?;
         let nearest = member.nearest_sources(&drawn, 1)?;
-        let wanted = rows.into_iter().map(Wanted::Deployment);
-        return replaced_by(member, nearest.iter().map(|found| found[0]).zip(wanted));
+        return replaced_by(member, &nearest, rows.into_iter().map(Wanted::Deployment), search);
     }
-    if let Some(rows) = recorded_rows(source, transitions, recorded, count, seed)? {
+    recorded(member, source, count, seed, search)
+}
+
+/// `count` start states for rollouts of each member, as [`start_states`] with [`StartSource::seed_of`] the member.
+///
+/// States of a deployment are searched for once for all members; recorded rows in each member that lacks them, which are
+/// others in each. The large arrays of searches are in `place`.
+///
+/// # Errors
+/// As [`start_states`]; if there is no place for the arrays, or the monitor interrupts a search.
+pub fn start_states_of_all(
+    model: &KnnModel,
+    source: StartSource<'_>,
+    count: usize,
+    seed: Seed,
+    place: &ScratchPlace,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<StartState>>, RolloutError> {
+    let members = (0..model.members()).map(|number| model.member(number));
+    check_members(members.clone())?;
+    let search: Search<'_> = (place, monitor);
+    if let StartSource::Nearest { states } = source {
+        let (rows, drawn) = drawn(states, count, seed)?;
+        let nearest = model.nearest_sources(&drawn, 1, place, monitor)?;
+        let wanted = || rows.iter().copied().map(Wanted::Deployment);
+        let of = |(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
+            replaced_by(&member, &nearest, wanted(), search)
+        };
+        return members.zip(nearest).map(of).collect();
+    }
+    let of = |member: Member<'_>| {
+        recorded(&member, source, count, source.seed_of(seed, member.number()), search)
+    };
+    members.map(of).collect()
+}
+
+/// A member without transitions has no states to start from.
+fn check_members<'a>(mut members: impl Iterator<Item = Member<'a>>) -> Result<(), RolloutError> {
+    if members.any(|member| member.is_empty()) { Err(RolloutError::NoTransitions) } else { Ok(()) }
+}
+
+/// Drawn rows of the deployment period, and their states.
+fn drawn(
+    states: &States,
+    count: usize,
+    seed: Seed,
+) -> Result<(Vec<RowIndex>, States), RolloutError> {
+    let rows = deployment_rows(states, count, seed)?;
+    let values: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
+    let drawn = States::new(values, count, states.columns())
+        .unwrap_or_else(|_| unreachable!("rows of states are finite"));
+    Ok((rows, drawn))
+}
+
+/// Starts from sources within the data of the model.
+fn recorded(
+    member: &Member<'_>,
+    source: StartSource<'_>,
+    count: usize,
+    seed: Seed,
+    search: Search<'_>,
+) -> Result<Vec<StartState>, RolloutError> {
+    let (transitions, rows) = (member.model().transitions(), member.model().states().rows());
+    if let Some(rows) = recorded_rows(source, transitions, rows, count, seed)? {
         let absent = match source {
             StartSource::Rows { absent, .. } => absent,
             _ => Absent::Replace,
         };
-        return at_rows(member, &rows, absent);
+        return at_rows(member, &rows, absent, search);
     }
     Ok((0..count).map(|r| at(member, member.nth(draw(seed, r, member.len())))).collect())
 }
@@ -123,15 +194,16 @@ fn at_rows(
     member: &Member<'_>,
     rows: &[RowIndex],
     absent: Absent,
+    search: Search<'_>,
 ) -> Result<Vec<StartState>, RolloutError> {
     let lacking: Vec<RowIndex> =
         rows.iter().copied().filter(|&row| ending_in(member, row).is_none()).collect();
     let substitutes = match absent {
-        Absent::External => external(member, &lacking)?,
+        Absent::External => external(member, &lacking, search)?,
         Absent::Replace => {
-            let nearest = found(member, &lacking, 1)?;
+            let nearest = found(member, &lacking, 1, search)?;
             let wanted = lacking.iter().copied().map(Wanted::Recorded);
-            replaced_by(member, nearest.iter().map(|found| found[0]).zip(wanted))?
+            replaced_by(member, &nearest, wanted, search)?
         }
     };
     let mut substitutes = substitutes.into_iter();
@@ -144,24 +216,30 @@ fn at_rows(
         .collect())
 }
 
-/// Starts at the source states of these neighbours, for what was wanted.
+/// Starts at the source states of the first of these neighbours, for what was wanted.
 fn replaced_by(
     member: &Member<'_>,
-    nearest: impl Iterator<Item = (Neighbor, Wanted)> + Clone,
+    nearest: &[Vec<Neighbor>],
+    wanted: impl Iterator<Item = Wanted>,
+    search: Search<'_>,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let source = |neighbor: Neighbor| member.model().transitions().source(neighbor.transition);
-    let rows: Vec<RowIndex> = nearest.clone().map(|(neighbor, _)| source(neighbor)).collect();
-    let mut starts = at_rows(member, &rows, Absent::External)?;
-    for (start, (neighbor, wanted)) in starts.iter_mut().zip(nearest) {
+    let source = |near: &Vec<Neighbor>| member.model().transitions().source(near[0].transition);
+    let rows: Vec<RowIndex> = nearest.iter().map(source).collect();
+    let mut starts = at_rows(member, &rows, Absent::External, search)?;
+    for ((start, near), wanted) in starts.iter_mut().zip(nearest).zip(wanted) {
         start.wanted = wanted;
-        start.replaced = Some(neighbor.distance);
+        start.replaced = Some(near[0].distance);
     }
     Ok(starts)
 }
 
 /// Starts at rows that the member lacks.
-fn external(member: &Member<'_>, rows: &[RowIndex]) -> Result<Vec<StartState>, RolloutError> {
-    let found = found(member, rows, member.model().k())?;
+fn external(
+    member: &Member<'_>,
+    rows: &[RowIndex],
+    search: Search<'_>,
+) -> Result<Vec<StartState>, RolloutError> {
+    let found = found(member, rows, member.model().k(), search)?;
     let starts = rows.iter().zip(found).map(|(&row, neighbors)| StartState {
         start: Start::External { row, neighbors },
         wanted: Wanted::Recorded(row),
@@ -175,11 +253,12 @@ fn found(
     member: &Member<'_>,
     rows: &[RowIndex],
     k: usize,
+    (place, monitor): Search<'_>,
 ) -> Result<Vec<Vec<Neighbor>>, RolloutError> {
     if rows.is_empty() {
         return Ok(Vec::new());
     }
-    let found = member.nearest_to_rows(rows, k)?;
+    let found = member.nearest_to_rows(rows, k, place, monitor)?;
     match found.iter().position(Vec::is_empty) {
         Some(position) => {
             Err(RolloutError::NoNeighbor { row: rows[position], member: member.number() })

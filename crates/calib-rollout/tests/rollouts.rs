@@ -6,10 +6,11 @@ use calib_core::{
     Monitor, RowIndex, Seed, Segments, Silent, States, Stream as _, Timestamp, TransitionIndex,
     Transitions,
 };
-use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_files::ScratchPlace;
+use calib_knn::{KnnModel, Member, ModelConfig, Neighbor, Weights};
 use calib_rollout::{
     Absent, JumpStatistics, Rollout, RolloutError, Start, StartSource, StartState, Wanted, rollout,
-    rollouts, start_states,
+    rollouts, start_states, start_states_of_all,
 };
 use proptest::prelude::*;
 
@@ -34,6 +35,11 @@ fn model(config: &ModelConfig) -> KnnModel {
 fn rows_of_member(model: &KnnModel, member: usize) -> BTreeSet<RowIndex> {
     let ends = |i| [model.transitions().source(i), model.transitions().next(i)];
     model.blocks().transitions_of(member).flat_map(ends).collect()
+}
+
+fn nearest_to(member: &Member<'_>, row: RowIndex, k: usize) -> Vec<Neighbor> {
+    let found = member.nearest_to_rows(&[row], k, &ScratchPlace::Memory, &Silent);
+    found.expect("found").remove(0)
 }
 
 #[test]
@@ -151,7 +157,7 @@ fn recent_starts_are_the_last_rows_or_the_nearest_to_them() {
         assert!(start.replaced.expect("it is replaced") > 0.0);
         let walk = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
         let Wanted::Recorded(row) = start.wanted else { panic!("{start:?}") };
-        let near = model.member(4).nearest_to_rows(&[row], 1).expect("found")[0][0];
+        let near = nearest_to(&model.member(4), row, 1)[0];
         assert_eq!(walk.rows()[0], model.transitions().source(near.transition));
     }
     let before = starts(0, Some(timestamps[300]));
@@ -177,7 +183,7 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
     assert_eq!(external[3], external[0]);
     for (start, row) in external[1..3].iter().zip(&rows[1..]) {
         let Start::External { row: at, neighbors } = &start.start else { panic!("{start:?}") };
-        assert_eq!((at, neighbors), (row, &member.nearest_to_rows(&[*row], 3).expect("found")[0]));
+        assert_eq!((at, neighbors), (row, &nearest_to(&member, *row, 3)));
         let walk = rollout(&member, start, 20, Weights::Linear, Seed::new(2));
         assert_eq!(walk.rows()[0], *row);
         assert!(neighbors.iter().any(|near| near.transition == walk.transitions()[0]));
@@ -254,6 +260,86 @@ fn calendar_months_choose_rows_before_the_deployment() {
     assert!(text.contains("no rows in month 2 of a year before 1970"), "{text}");
     let bad = start_states(&member, source(13, None), 1, Seed::new(1));
     assert!(matches!(bad, Err(RolloutError::Month { got: 13 })));
+}
+
+/// Notes what is searched for.
+#[derive(Default)]
+struct Searches(std::sync::Mutex<Vec<u64>>);
+
+impl Monitor for Searches {
+    fn begin(&self, task: &str, total: u64) {
+        if task == "nearest states" {
+            self.0.lock().expect("nobody panics").push(total);
+        }
+    }
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn all_members_start_as_each_does() {
+    let model = model(&ModelConfig::default());
+    let timestamps: Vec<Timestamp> = (0..441).map(Timestamp::from_micros).collect();
+    let deployment = States::new(vec![0.2, 0.5, 0.8, 0.6, 0.6, 0.1], 2, 3).expect("valid");
+    let rows: Vec<RowIndex> = (0..441).step_by(20).map(RowIndex::new).collect();
+    let directory = tempfile::tempdir().expect("a directory");
+    let places = [ScratchPlace::Memory, ScratchPlace::Disk(directory.path().to_owned())];
+    for source in [
+        StartSource::Random,
+        StartSource::Recent { timestamps: &timestamps, before: None },
+        StartSource::Rows { rows: &rows, absent: Absent::External },
+        StartSource::Rows { rows: &rows, absent: Absent::Replace },
+        StartSource::Nearest { states: &deployment },
+    ] {
+        for place in &places {
+            let (seed, searches) = (Seed::new(6), Searches::default());
+            let all = start_states_of_all(&model, source, 30, seed, place, &searches);
+            let all = all.expect("starts");
+            assert_eq!(all.len(), 5);
+            for (number, starts) in all.iter().enumerate() {
+                let seed = source.seed_of(seed, number);
+                let own = start_states(&model.member(number), source, 30, seed).expect("starts");
+                assert_eq!(*starts, own, "{source:?} in member {number}");
+            }
+            let searches = searches.0.into_inner().expect("nobody panics");
+            if let StartSource::Nearest { .. } = source {
+                let of_all = searches.iter().filter(|&&queries| queries == 30).count();
+                assert_eq!((searches[0], of_all), (30, 1), "one for all members: {searches:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_search_for_starts_ends_when_the_user_asks() {
+    let model = model(&ModelConfig::default());
+    let deployment = States::new(vec![0.2, 0.5, 0.8], 1, 3).expect("valid");
+    let rows: Vec<RowIndex> = (0..441).map(RowIndex::new).collect();
+    for source in [
+        StartSource::Nearest { states: &deployment },
+        StartSource::Rows { rows: &rows, absent: Absent::Replace },
+    ] {
+        let place = ScratchPlace::Memory;
+        let stopped = start_states_of_all(&model, source, 441, Seed::new(1), &place, &LongStopped);
+        assert!(matches!(stopped, Err(RolloutError::Interrupted)), "{stopped:?}");
+    }
+}
+
+/// A user who asked to stop before anything began.
+struct LongStopped;
+
+impl Monitor for LongStopped {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        true
+    }
 }
 
 #[test]
