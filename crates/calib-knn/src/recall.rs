@@ -12,7 +12,7 @@ pub struct Recall {
     pub recall: f64,
     /// Where the share of all rows lies, with about 95 % confidence: Wilson's interval with one trial a row. Neighbours of
     /// one row go together, and a share of a row varies at most as much as a trial does. Of trials it covers 95 % on
-    /// average over shares, and less for some: down to 84 % near 0 and 1 (Brown, Cai and DasGupta, 2001).
+    /// average over shares, and less for some: down to 84 % near 0 and 1 (Brown, Cai and `DasGupta`, 2001).
     #[serde(default = "anywhere")]
     pub interval: [f64; 2],
     /// Mean over rows of the table's `k`-th distance by the true one; it is 1 where both are 0.
