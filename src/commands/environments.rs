@@ -1,19 +1,22 @@
 //! The environments of a sweep: members, Online and log replay.
 
-use calib_core::{Monitor, Seed};
+use calib_core::Seed;
 use calib_data::Dataset;
-use calib_files::{Fingerprint, ScratchPlace};
+use calib_files::Fingerprint;
 use calib_rollout::Wanted;
 use calib_sweep::{
     Environment, MemberEnvironment, PredictedEnvironment, ReplayEnvironment, RolloutOptions,
 };
 
 use super::{
-    model::Model,
+    model::{Model, search_place},
     model_files::OpenModel,
     starts::{StartSummary, Starts, summaries},
 };
-use crate::study::Study;
+use crate::{
+    output::Printer,
+    study::{Study, StudyPaths},
+};
 
 /// Everything that agents are trained in.
 pub(super) struct Environments<'a> {
@@ -23,13 +26,13 @@ pub(super) struct Environments<'a> {
 }
 
 impl<'a> Environments<'a> {
-    /// Streams of `steps` steps. Searches for start states have their large arrays in `place`.
+    /// Streams of `steps` steps.
     pub(super) fn new(
         study: &'a Study,
         model: &'a OpenModel,
         dataset: &'a Dataset,
         steps: usize,
-        (place, monitor): (&ScratchPlace, &dyn Monitor),
+        (paths, printer): (&StudyPaths, &Printer),
     ) -> anyhow::Result<Self> {
         let seed = Seed::new(study.seed);
         let sweep = &study.sweep;
@@ -47,7 +50,11 @@ impl<'a> Environments<'a> {
         match &model.model {
             Model::Knn(knn) => {
                 let weights = study.model.weights()?;
-                let all = starts.of_members(knn, sweep.member_runs, place, monitor)?;
+                // Beside the states that are searched: what the sweep writes need not be there yet.
+                let place = search_place(&model.model, &paths.model());
+                let progress = printer.progress();
+                let all = starts.of_members(knn, sweep.member_runs, &place, &progress)?;
+                drop(progress);
                 for (number, own) in all.into_iter().enumerate() {
                     let member = knn.member(number);
                     given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());

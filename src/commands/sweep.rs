@@ -14,9 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     artefact::{self, Below, Claim, Manifest, TOOL},
     environments::Environments,
-    load_study,
-    model::search_place,
-    model_files,
+    load_study, model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files,
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
@@ -104,12 +102,8 @@ pub(super) fn run(
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
     let lengths = Lengths::of(&study, &dataset, &candidates, printer)?;
-    // Beside the states that are searched: what the sweep writes may not be there yet.
-    let place = search_place(&model.model, &paths.model());
-    let progress = printer.progress();
     let Environments { environments, starts: told_starts } =
-        Environments::new(&study, &model, &dataset, lengths.steps, (&place, &progress))?;
-    drop(progress);
+        Environments::new(&study, &model, &dataset, lengths.steps, (&paths, printer))?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
