@@ -38,7 +38,7 @@ pub(super) fn recall_line(recall: &Recall, k: usize) -> String {
     };
     format!(
         "approximate: recall@{k} {:.3} ({low:.3} to {high:.3}) by true distances, on {} rows; \
-         the {k}-th neighbour is {:.3} times as far as the true one{copies}",
+         neighbour {k} is {:.3} times as far as the true one{copies}",
         recall.recall,
         count(recall.rows),
         recall.distance_ratio,

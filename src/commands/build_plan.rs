@@ -108,15 +108,18 @@ impl BuildPlan {
         let spill = Spilled::chosen(args.spill, |spilled| fits(taken(spilled)));
         let memory_bytes = taken(spill);
         if let (false, Some(available)) = (fits(memory_bytes), available) {
+            // Tables have as many numbers a row as there are neighbours in all members.
+            let tables = model.neighbors.saturating_mul(model.members) > columns;
             bail!(
                 "building this model takes {} of memory ({} to read {} states of {} columns), and {} is there; \
-                 raise `preprocess.subsample`, shorten `data.train`, leave channels out with `data.exclude`{}, \
+                 {}raise `preprocess.subsample`, shorten `data.train`, leave channels out with `data.exclude`{}, \
                  or say with --memory SIZE that there is more",
                 bytes(memory_bytes),
                 bytes(reading),
                 count(data.rows()),
                 columns,
                 bytes(available),
+                if tables { "lower `model.neighbors` or `model.members`, " } else { "" },
                 if args.spill == Spill::Never {
                     ", let it work on disk with --spill auto"
                 } else {

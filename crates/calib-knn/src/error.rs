@@ -88,7 +88,9 @@ pub enum KnnError {
         got: usize,
     },
     /// The k-d tree was asked for more dimensions than it is compiled for.
-    #[error("the k-d tree supports at most {max} columns, got {columns}; set `index` to \"auto\"")]
+    #[error(
+        "the k-d tree supports at most {max} columns, got {columns}; choose the index \"auto\" (`model.index`, or --index), or search in fewer (`model.components`, `data.include`)"
+    )]
     Dimensions {
         /// Columns of the states.
         columns: usize,
