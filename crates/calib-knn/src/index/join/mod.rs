@@ -77,37 +77,7 @@ impl<'a> Join<'a> {
         let embedding = Embedding::new(&sources, &groups);
         let width = embedding.width();
         let mut images = Scratch::zeroed(groups.len() * width, place)?;
-        // The largest distance from the mean of those that are not far, and the far ones.
-        let (norm, mut far) = images
-            .par_chunks_mut(CHUNK * width)
-            .enumerate()
-            .map(|(number, chunk)| {
-                let (mut norm, mut far) = (0.0_f64, Vec::new());
-                if monitor.interrupted() {
-                    return (norm, far);
-                }
-                let images = chunk.chunks_exact_mut(width);
-                let count = images.len() as u64;
-                for (group, image) in (number * CHUNK..).zip(images) {
-                    let own = embedding.map(sources.states().row(groups.row(group)), image);
-                    if own > embedding.far() {
-                        far.push((own, group as u32));
-                    } else {
-                        norm = norm.max(own);
-                    }
-                }
-                monitor.advance(count);
-                (norm, far)
-            })
-            .reduce(
-                || (0.0, Vec::new()),
-                |(a, mut far), (b, more)| {
-                    far.extend(more);
-                    (a.max(b), far)
-                },
-            );
-        going_on(monitor)?;
-        let mut norm = norm;
+        let (mut norm, mut far) = map(&embedding, &sources, &groups, &mut images, monitor)?;
         if far.len() > Far::most(groups.len()) {
             norm = far.iter().fold(norm, |norm, &(own, _)| norm.max(own));
             far.clear();
@@ -244,6 +214,46 @@ impl<'a> Join<'a> {
         let norm = self.embedding.map(queries.states().row(queries.row(query)), image);
         norm..=norm
     }
+}
+
+/// Write the image of every group. Returns the largest distance from the mean of those that are not far, and the far ones with
+/// theirs. Progress counts groups.
+fn map(
+    embedding: &Embedding,
+    sources: &Sources<'_>,
+    groups: &Groups,
+    images: &mut [f32],
+    monitor: &dyn Monitor,
+) -> Result<(f64, Vec<(f64, u32)>), KnnError> {
+    let width = embedding.width();
+    let chunks = images.par_chunks_mut(CHUNK * width).enumerate();
+    let mapped = chunks.map(|(number, chunk)| {
+        let (mut norm, mut far) = (0.0_f64, Vec::new());
+        if monitor.interrupted() {
+            return (norm, far);
+        }
+        let images = chunk.chunks_exact_mut(width);
+        let count = images.len() as u64;
+        for (group, image) in (number * CHUNK..).zip(images) {
+            let own = embedding.map(sources.states().row(groups.row(group)), image);
+            if own > embedding.far() {
+                far.push((own, group as u32));
+            } else {
+                norm = norm.max(own);
+            }
+        }
+        monitor.advance(count);
+        (norm, far)
+    });
+    let all = mapped.reduce(
+        || (0.0, Vec::new()),
+        |(a, mut far), (b, more)| {
+            far.extend(more);
+            (a.max(b), far)
+        },
+    );
+    going_on(monitor)?;
+    Ok(all)
 }
 
 /// The numbers of the images that are not far, which are moved to the front; none if that is all of them.
