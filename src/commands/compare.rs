@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
+use anyhow::ensure;
 use calib_files::write_json;
 use calib_report::{LearningCurves, Report, RolloutGrid, Sensitivity, Verdict};
 use serde::Serialize;
@@ -11,7 +12,7 @@ use super::{
     compare_tables,
     comparison::Comparison,
     deployed::{self, Deployed},
-    evaluate::{Judged, Summary, judge, print, told},
+    evaluate::{self, Judged, Summary, judge, print, told},
     figures::{self, Starts},
     learning, load_study, name, report, report_data,
     rollout::{self, RolloutManifest},
@@ -123,6 +124,17 @@ pub(super) fn run(
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
+    let mut left_out = left_out.to_vec();
+    let mut judged = Vec::with_capacity(parts.len());
+    for part in parts {
+        match evaluate::left_out(part)? {
+            Some(reason) if !left_out.contains(&reason) => left_out.push(reason),
+            Some(_) => {}
+            None => judged.push(part.clone()),
+        }
+    }
+    let parts = judged;
+    ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
     let mut ended = ExitStatus::Done;
@@ -139,7 +151,7 @@ pub(super) fn run(
     }
     let what_to_deploy = deployed::all(&parts)?;
     let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy);
-    whole.warnings.extend_from_slice(left_out);
+    whole.warnings.extend_from_slice(&left_out);
     let comparison = show(&parts);
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_figures(&paths, &whole)?;
@@ -367,7 +379,7 @@ fn show(parts: &[Part]) -> String {
             let deployment = named.then(|| part.deployment_name().to_owned());
             let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
             let numbers = [
-                or_none(online.and_then(|online| Some(percent(online.regret?)))),
+                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
                 or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
                 or_none(warping.map(significant)),
                 or_none(collapse(part, &first.sensor)),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use calib_report::{LearningCurve, LearningCurves};
 use calib_stats::{Summary, summarise};
-use calib_sweep::{Candidate, EnvironmentId, Role, RunRow, UnitResult};
+use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use super::report::{field, setting};
 
@@ -30,7 +30,7 @@ pub(super) fn curves(
                 .flat_map(|result| &result.rows)
                 .collect();
             let mut curves = Vec::new();
-            for candidate in candidates.iter().filter(|candidate| candidate.role == Role::Grid) {
+            for candidate in candidates {
                 let runs: Vec<&RunRow> =
                     rows.iter().copied().filter(|row| row.candidate == candidate.index).collect();
                 curves.push(LearningCurve {
@@ -103,6 +103,7 @@ fn points(runs: &[&RunRow], all: &[&RunRow]) -> anyhow::Result<Vec<(usize, Summa
 
 #[cfg(test)]
 mod tests {
+    use calib_agent::Scores;
     use calib_sweep::CurvePoint;
 
     use super::*;
@@ -111,13 +112,8 @@ mod tests {
         RunRow {
             candidate: 0,
             steps: 30,
-            scored_steps: 10,
             updates: 1,
-            rmse: 1.0,
-            nrmse: 1.0,
-            rmse_over_std: 1.0,
-            mean_return: 1.0,
-            return_std: 1.0,
+            scores: Scores::default(),
             diverged_at,
             curve: curve.iter().map(|&(step, rmse)| CurvePoint { step, rmse }).collect(),
         }

@@ -35,6 +35,7 @@ mod rollout;
 mod series;
 mod simulate;
 mod starts;
+mod streams;
 mod sweep;
 mod sweep_plan;
 mod sweep_tables;

@@ -30,6 +30,6 @@ pub use number::{count, duration, number, percent, setting};
 pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
-    Report, Reproduction, Table, TopK, Verdict,
+    Reason, Report, Reproduction, Table, TopK, Verdict, Way,
 };
 pub use setting::Setting;

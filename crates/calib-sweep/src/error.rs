@@ -134,6 +134,14 @@ pub enum SweepError {
         /// One of them.
         example: Unit,
     },
+    /// A run whose scored part has no step with a complete return.
+    #[error(
+        "{unit} has no step to score: gaps or gamma leave none; use longer streams, or score the whole run"
+    )]
+    NothingScored {
+        /// Which run.
+        unit: Unit,
+    },
     /// The user asked to stop; finished units are stored.
     #[error("interrupted")]
     Interrupted,

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use calib_agent::Part;
 use serde::{Deserialize, Serialize};
 
 use crate::{EnvironmentId, SweepError, Unit, UnitResult};
@@ -9,8 +10,8 @@ use crate::{EnvironmentId, SweepError, Unit, UnitResult};
 /// Drop hopeless values early: the `[sweep.halving]` section.
 ///
 /// A rung is a number of runs. When every member has made that many, the `keep` share of the values with the
-/// lowest mean error goes on to the runs that follow, and the others are dropped. The error is the mean over
-/// members of the mean NRMSE over the runs made so far, infinite if any diverged; of equal ones the earlier value
+/// lowest mean error goes on to the runs that follow, and the others are dropped, but for the default. The error is the mean over
+/// members of the mean RMSE over the runs made so far, infinite if any diverged; of equal ones the earlier value
 /// goes on.
 ///
 /// Rungs count runs and not steps, because which learning rate is best depends on how long one learns: a run cut
@@ -91,6 +92,7 @@ impl Survivors {
         halving: &Halving,
         sensor: &str,
         members: &[usize],
+        (part, default): (Part, Option<usize>),
         results: &BTreeMap<Unit, UnitResult>,
     ) -> bool {
         let Some(&runs) = halving.rungs.get(self.decided(sensor)) else { return false };
@@ -108,7 +110,8 @@ impl Survivors {
                     });
                 }
                 for row in &result.rows {
-                    *sums.entry(row.candidate).or_insert(0.0) += row.nrmse / runs as f64;
+                    let rmse = row.rmse(part).unwrap_or(f64::INFINITY);
+                    *sums.entry(row.candidate).or_insert(0.0) += rmse / runs as f64;
                 }
             }
             for (candidate, mean) in sums {
@@ -116,12 +119,15 @@ impl Survivors {
             }
         }
         let mut ranked: Vec<(f64, usize)> = errors
-            .into_iter()
-            .map(|(candidate, of)| (of.iter().sum::<f64>() / of.len() as f64, candidate))
+            .iter()
+            .map(|(&candidate, of)| (of.iter().sum::<f64>() / of.len() as f64, candidate))
             .collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let kept = ((halving.keep * ranked.len() as f64).ceil() as usize).max(1);
-        let going_on = ranked[..kept].iter().map(|&(_, candidate)| candidate).collect();
+        let going_on = ranked[..kept].iter().map(|&(_, candidate)| candidate);
+        // What nobody has to decide is what all others are compared with.
+        let going_on =
+            going_on.chain(default.filter(|default| errors.contains_key(default))).collect();
         self.0.entry(sensor.to_owned()).or_default().push(going_on);
         true
     }

@@ -1,14 +1,14 @@
 use std::collections::BTreeMap;
 
-use calib_agent::AgentConfig;
+use calib_agent::{AgentConfig, Part};
 use calib_core::{Monitor, Seed};
 use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    Candidate, Environment, EnvironmentId, PlannedUnit, Role, Scored, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN,
+    Candidate, Environment, EnvironmentId, PlannedUnit, Span, Start, SweepError, Unit, UnitResult,
+    UnitStore, WORK_BETWEEN,
     halving::{Halving, Survivors},
     pass::Pass,
 };
@@ -16,10 +16,10 @@ use crate::{
 /// What holds for every unit of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOptions {
-    /// Which steps count.
-    pub scored: Scored,
-    /// Steps of every stream; they measure progress.
-    pub steps: usize,
+    /// The part of a run by which values are dropped, where they are.
+    pub part: Part,
+    /// How long streams are.
+    pub span: Span,
     /// Points of each learning curve.
     pub curve_points: usize,
     /// Root of the agents' seeds.
@@ -155,8 +155,7 @@ impl<'a> Plan<'a> {
         monitor: &dyn Monitor,
     ) -> Result<Completed, SweepError> {
         let (mut found, mut ran) = (stored, 0);
-        // Agents count the states of a stream: one more than its steps.
-        monitor.begin("training", (self.passes(&found) * (self.options.steps + 1)) as u64);
+        monitor.begin("training", (self.passes(&found) * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
@@ -164,7 +163,7 @@ impl<'a> Plan<'a> {
             let before = self.passes(&found);
             read(&jobs, &mut found, store);
             let spared = before - self.passes(&found);
-            monitor.advance((spared * (self.options.steps + 1)) as u64);
+            monitor.advance((spared * self.options.span.steps) as u64);
             let trained = self.train(&jobs, &found, store, monitor)?;
             ran += trained.len();
             found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
@@ -229,9 +228,20 @@ impl<'a> Plan<'a> {
             .collect();
         let mut decided = false;
         for (sensor, _) in &self.sensors {
-            decided |= survivors.decide(halving, sensor, &members, found);
+            decided |= survivors.decide(
+                halving,
+                sensor,
+                &members,
+                (self.options.part, self.default()),
+                found,
+            );
         }
         decided
+    }
+
+    /// Position of the default.
+    fn default(&self) -> Option<usize> {
+        self.candidates.iter().position(|candidate| candidate.is_default)
     }
 
     /// Rungs that have been passed before `run` of a member.
@@ -249,8 +259,8 @@ impl<'a> Plan<'a> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
-                let inputs = environment.inputs();
                 for run in 0..environment.runs() {
+                    let inputs = environment.inputs(run);
                     let rungs = self.rungs_before(environment.id(), run);
                     if rungs > survivors.decided(sensor) {
                         continue;
@@ -258,10 +268,6 @@ impl<'a> Plan<'a> {
                     let agents: Vec<&Candidate> = self
                         .candidates
                         .iter()
-                        .filter(|candidate| {
-                            candidate.role == Role::Grid
-                                || environment.id() == EnvironmentId::Online
-                        })
                         .filter(|candidate| survivors.contains(sensor, rungs, candidate.index))
                         .collect();
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
@@ -292,8 +298,7 @@ impl<'a> Plan<'a> {
             unit: &'k Unit,
             column: usize,
             agents: Vec<(usize, &'k AgentConfig)>,
-            scored: Scored,
-            steps: usize,
+            span: Span,
             curve_points: usize,
             seed: Seed,
             inputs: &'k Fingerprint,
@@ -301,12 +306,11 @@ impl<'a> Plan<'a> {
             start: Option<&'k Fingerprint>,
         }
         let key = Key {
-            format: 3,
+            format: 4,
             unit,
             column,
             agents: agents.iter().map(|agent| (agent.index, &agent.agent)).collect(),
-            scored: self.options.scored,
-            steps: self.options.steps,
+            span: self.options.span,
             curve_points: self.options.curve_points,
             seed,
             inputs,

@@ -2,12 +2,13 @@
 
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
-    ErrorSource, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Report, Reproduction,
-    RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory,
-    Verdict,
+    ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Reason, Report,
+    Reproduction, RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Setting, Table, TopK,
+    Trajectory, Verdict, Way,
 };
 use calib_stats::{
-    Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
+    Direction, Estimate, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise,
+    top_k_hit,
 };
 
 const MEMBERS: usize = 5;
@@ -125,8 +126,12 @@ impl Sensor {
         let argmin =
             |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
         let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
-        let alternative =
-            |index: usize| Some(Alternative { value: RATES[index].into(), regret: cost(index) });
+        let estimate = |index: usize| Some(Estimate { value: cost(index)?, interval: None });
+        let alternative = |way, index: usize| Alternative {
+            way,
+            value: Some(RATES[index].into()),
+            regret: estimate(index),
+        };
         self.models()
             .into_iter()
             .map(|(model, selection)| {
@@ -138,15 +143,27 @@ impl Sensor {
                     field: "learning_rate".to_owned(),
                     model: model.to_owned(),
                     chosen: RATES[chosen].into(),
+                    grade: Grade::Fair,
+                    reason: Reason::WorstRank,
                     tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
                     worst_rank: selection.worst_ranks[chosen],
                     values: RATES.len(),
                     members: MEMBERS,
+                    stability: vec![(RATES[chosen].into(), 0.9), (RATES[best].into(), 0.1)],
                     online: Some(Agreement {
+                        part: "whole runs".to_owned(),
+                        windows: 1,
+                        runs: 5,
                         chosen_error: online[chosen],
+                        chosen_skill: Some(1.0 - online[chosen]),
                         best: RATES[best].into(),
                         best_error: online[best],
-                        regret: cost(chosen),
+                        best_skill: Some(1.0 - online[best]),
+                        regret: estimate(chosen),
+                        against_default: Some(Estimate {
+                            value: online[chosen] / online[DEFAULT],
+                            interval: None,
+                        }),
                         spearman: spearman(&ranks, &online).expect("equally long"),
                         kendall: kendall_tau_b(&ranks, &online).expect("equally long"),
                         top_k: Some(TopK {
@@ -155,8 +172,11 @@ impl Sensor {
                                 .expect("chosen is in the grid"),
                         }),
                     }),
-                    default: alternative(DEFAULT),
-                    log_replay: alternative(replayed),
+                    alternatives: vec![
+                        alternative(Way::Default, DEFAULT),
+                        alternative(Way::LogReplay, replayed),
+                        alternative(Way::Hindsight, best),
+                    ],
                     notes: vec![],
                 }
             })
@@ -298,7 +318,8 @@ pub(crate) fn report() -> Report {
 pub(crate) fn without_online(report: &mut Report) {
     for verdict in &mut report.verdicts {
         verdict.online = None;
-        for alternative in [&mut verdict.default, &mut verdict.log_replay].into_iter().flatten() {
+        verdict.grade = Grade::Unchecked;
+        for alternative in &mut verdict.alternatives {
             alternative.regret = None;
         }
     }

@@ -10,7 +10,7 @@ mod verdict;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
+pub use verdict::{Agreement, Alternative, Grade, Reason, TopK, Verdict, Way};
 
 use crate::{LearningCurves, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity, page};
 
