@@ -6,6 +6,8 @@
 //!
 //! - [`Direction`]: whether a lower or a higher score is better.
 //! - [`summarise`]: mean, sample standard deviation and 95 % t-interval over runs.
+//! - [`summarise_clusters`]: the same where runs come in clusters, such as members that start from the same state;
+//!   [`paired_difference`], [`unpaired_difference`], [`error_ratio`]: which of two is smaller.
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`]: the worst-rank rule, with its tie set.
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
@@ -36,10 +38,13 @@
 
 mod agreement;
 mod bootstrap;
+mod clustered;
 mod correlation;
+mod difference;
 mod direction;
 mod diverged;
 mod error;
+mod error_ratio;
 mod one_step;
 mod pooled;
 mod prediction;
@@ -51,9 +56,12 @@ mod trajectory;
 
 pub use agreement::{regret, top_k_hit};
 pub use bootstrap::cluster_interval;
+pub use clustered::{ClusterSummary, cluster_means, summarise_clusters};
 pub use correlation::{kendall_tau_b, spearman};
+pub use difference::{Difference, paired_difference, unpaired_difference};
 pub use direction::Direction;
 pub use error::StatsError;
+pub use error_ratio::{ErrorRatio, error_ratio};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};

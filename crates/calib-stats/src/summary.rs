@@ -98,10 +98,16 @@ pub fn sample_std(values: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(Some((squares / (values.len() - 1) as f64).sqrt()))
 }
 
-fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
-    let t = StudentsT::new(0.0, 1.0, (n - 1) as f64).ok()?.inverse_cdf(0.975);
-    let half_width = t * std / (n as f64).sqrt();
-    Some(Interval { low: mean - half_width, high: mean + half_width })
+/// The t-interval of the mean of `n` values.
+pub(crate) fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
+    around(mean, std / (n as f64).sqrt(), (n - 1) as f64)
+}
+
+/// `centre` ± t₀.₉₇₅(`freedom`) · `standard_error`.
+pub(crate) fn around(centre: f64, standard_error: f64, freedom: f64) -> Option<Interval> {
+    let t = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(0.975);
+    let half_width = t * standard_error;
+    Some(Interval { low: centre - half_width, high: centre + half_width })
 }
 
 #[cfg(test)]
