@@ -29,7 +29,7 @@ pub struct ClusterSummary {
 
 /// Summarises `runs` `[runs]`, of which each belongs to the cluster in the same place of `clusters` `[runs]`.
 ///
-/// With the means m₁ … m_G of the clusters: mean = Σm / G, std = √(Σ(m − mean)² / (G − 1)),
+/// With the means m of the G clusters: mean = Σm / G, std = √(Σ(m − mean)² / (G − 1)),
 /// interval = mean ± t₀.₉₇₅(G − 1) · std / √G. Clusters count alike, however many runs they have. Where all have equally many,
 /// the mean is that of all runs and the interval the cluster-robust one (Liang & Zeger 1986) with the
 /// finite-sample factor G / (G − 1) and quantiles of t(G − 1), as Cameron & Miller (2015, section VI) recommend for few clusters;

@@ -68,7 +68,7 @@ pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use selection::{Selection, select};
-pub use summary::{Interval, Summary, mean, pooled, sample_std, summarise};
+pub use summary::{Interval, Summary, mean, sample_std, summarise};
 pub use trajectory::{
     SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, collapse_step, increments,
     spectral_distance, spectrum, usual_lags, usual_segment, wasserstein,
