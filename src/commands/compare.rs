@@ -169,7 +169,7 @@ pub(super) fn run(
         printer.json(&summaries)?;
     } else {
         printer.result(&table)?;
-        comparison::show_pairs(&summaries.comparisons.of_rollouts(), printer)?;
+        comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
         deployed::show(&summaries.what_to_deploy, printer)?;
         printer.result(&format!("report: {}", paths.report().display()))?;
     }

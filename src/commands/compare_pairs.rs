@@ -20,9 +20,11 @@ pub(super) struct Comparisons {
 }
 
 impl Comparisons {
-    /// Those of rollouts, each with where it is where there are several places.
-    pub(super) fn of_rollouts(&self) -> Vec<(String, &PairedModels)> {
-        self.rollouts.iter().map(|of| (of.deployments.join(", "), &of.of)).collect()
+    /// Those of rollouts, of all deployments together where there are several.
+    pub(super) fn of_all_rollouts(&self) -> Vec<&PairedModels> {
+        let most = self.rollouts.iter().map(|of| of.deployments.len()).max();
+        let widest = self.rollouts.iter().filter(|of| Some(of.deployments.len()) == most);
+        widest.map(|of| &of.of).collect()
     }
 }
 

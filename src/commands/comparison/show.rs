@@ -105,30 +105,28 @@ fn mean_and_half(summary: Option<&ClusterSummary>) -> String {
 
 /// Every two models by their warping distance with the first step pattern, sensor by sensor; nothing where there are no two.
 pub(in crate::commands) fn show_pairs(
-    pairs: &[(String, &PairedModels)],
+    pairs: &[&PairedModels],
     printer: &Printer,
 ) -> anyhow::Result<()> {
     let mut rows = Vec::new();
-    for (place, PairedModels { models: [one, other], sensors }) in pairs {
-        for sensor in sensors.iter().take(LISTED) {
+    for place in 0..LISTED {
+        for PairedModels { models: [one, other], sensors } in pairs {
+            let Some(sensor) = sensors.get(place) else { continue };
             let pattern = sensor.dtw.first();
             let known = pattern.and_then(|of| of.normalized_distance.or(of.distance));
             let Some(difference) = known else { continue };
             let half = difference.interval.map(|of| format!(" {}", plus_minus(of)));
             let mean = format!("{}{}", significant(difference.mean), half.unwrap_or_default());
             let nearer = difference.smaller.map(|[one, other]| format!("{one} : {other}"));
-            let place = if place.is_empty() { String::new() } else { format!(" ({place})") };
-            rows.push(vec![
-                format!("{}{place}", sensor.sensor),
-                format!("{one} − {other}"),
-                mean,
-                nearer.unwrap_or_else(|| "–".to_owned()),
-            ]);
+            let nearer = nearer.unwrap_or_else(|| "–".to_owned());
+            rows.push(vec![sensor.sensor.clone(), format!("{one} − {other}"), mean, nearer]);
         }
     }
     if rows.is_empty() {
         return Ok(());
     }
-    printer.result("models two by two: warping distance of the first minus that of the second, from the same start states")?;
-    printer.result(&table(&["sensor", "models", "mean ± 95 %", "start states nearer"], &rows))
+    printer.result(
+        "models two by two: warping distance of the first minus that of the second, by start state",
+    )?;
+    printer.result(&table(&["sensor", "models", "mean ± 95 %", "starts nearer"], &rows))
 }
