@@ -87,6 +87,22 @@ pub enum StatsError {
         /// Length of the input.
         len: usize,
     },
+    /// A number of streams that are worth an independent one, below one.
+    #[error("{got} streams for an independent one make no sense; expected a number from 1")]
+    EffectiveNumber {
+        /// The number.
+        got: f64,
+    },
+    /// A race that no sequential test is for.
+    #[error("{what} of a sequential test is {got}; expected {expected}")]
+    Race {
+        /// Which setting.
+        what: &'static str,
+        /// What it is.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
     /// A probability outside [0, 1].
     #[error("probability {got} is out of range; expected 0 to 1")]
     Probability {

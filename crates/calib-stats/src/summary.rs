@@ -10,8 +10,10 @@ use crate::error::check;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
+    #[serde(with = "crate::diverged")]
     pub low: f64,
-    /// Upper end.
+    /// Upper end; infinite where divergence is among what is likely (`null` in files for +∞).
+    #[serde(with = "crate::diverged")]
     pub high: f64,
 }
 

@@ -1,0 +1,31 @@
+//! Random numbers for simulations.
+
+use rand_pcg::{
+    Pcg64,
+    rand_core::{Rng as _, SeedableRng as _},
+};
+
+pub(crate) struct Random(Pcg64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Pcg64::seed_from_u64(seed))
+    }
+
+    /// Uniform in (0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    /// Below `n`, evenly enough for small n.
+    #[allow(dead_code, reason = "not every suite draws numbers")]
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        (self.unit() * n as f64) as usize
+    }
+
+    /// Standard normal (Box & Muller, one of the pair).
+    pub(crate) fn normal(&mut self) -> f64 {
+        let (radius, angle) = ((-2.0 * self.unit().ln()).sqrt(), self.unit());
+        radius * (std::f64::consts::TAU * angle).cos()
+    }
+}
