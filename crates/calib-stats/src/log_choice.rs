@@ -144,7 +144,7 @@ where
     Row: AsRef<[f64]>,
 {
     const WHAT: &str = "errors of a stream";
-    let streams = sources.iter().flat_map(|source| source.as_ref()).map(AsRef::as_ref);
+    let streams = sources.iter().flat_map(AsRef::as_ref).map(AsRef::as_ref);
     let mut logs: Vec<Vec<f64>> = Vec::new();
     for (row, errors) in streams.enumerate() {
         check(WHAT, errors)?;

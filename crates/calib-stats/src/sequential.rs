@@ -11,8 +11,8 @@ use null::Null;
 /// The fewest observations that are looked at: with two, Student's t has one degree of freedom and nothing can be told.
 const FEWEST: usize = 3;
 
-/// The most observations that boundaries are computed for.
-const MOST: usize = 1000;
+/// The most observations that boundaries are computed for, which then takes a second.
+const MOST: usize = 200;
 
 /// Is a candidate worse than the leader of a race? A one-sided t-test of paired differences after each of 3 … N
 /// observations, exact at all looks together.
@@ -68,10 +68,10 @@ impl SequentialTest {
     ///
     /// # Errors
     ///
-    /// `most` is not 3 to 1,000, or `error_rate` not above 0 and at most 0.5.
+    /// `most` is not 3 to 200, or `error_rate` not above 0 and at most 0.5.
     pub fn new(most: usize, error_rate: f64) -> Result<Self, StatsError> {
         if !(FEWEST..=MOST).contains(&most) {
-            let (what, expected) = ("the largest number of observations", "3 to 1,000");
+            let (what, expected) = ("the largest number of observations", "3 to 200");
             return Err(StatsError::Race { what, got: most as f64, expected });
         }
         if !(error_rate > 0.0 && error_rate <= 0.5) {

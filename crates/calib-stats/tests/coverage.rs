@@ -91,7 +91,7 @@ fn two_levels_hold_the_mean_nearly_as_often_with_eight_windows() {
         let told = hierarchical(
             &[&windows],
             300,
-            |n| random.below(n),
+            |n| (random.unit() * n as f64) as usize,
             |drawn| {
                 let means = drawn[0].means();
                 let mean = means.iter().map(|of| of[0]).sum::<f64>() / means.len() as f64;

@@ -23,7 +23,7 @@ fn boundaries_agree_with_another_integration() {
         let test = SequentialTest::new(most, error_rate).unwrap();
         for (n, expected) in (3..=most).zip(boundaries) {
             let got = test.boundary(n).expect("a look");
-            assert!((got / expected - 1.0).abs() < 1e-3, "{most} {n}: {got}, not {expected}");
+            assert!((got / expected - 1.0).abs() < 2e-4, "{most} {n}: {got}, not {expected}");
         }
         assert_eq!((test.boundary(2), test.boundary(most + 1)), (None, None));
     }
@@ -41,7 +41,7 @@ fn raced(
         let mut differences = Vec::with_capacity(most);
         while differences.len() < most {
             differences.push(draw());
-            if test.look(&differences).unwrap() == Look::Worse {
+            if test.look(&differences) == Ok(Look::Worse) {
                 ended += 1;
                 break;
             }
@@ -120,7 +120,7 @@ fn divergence_and_equal_differences_are_decided() {
 
 #[test]
 fn races_that_cannot_be_are_refused() {
-    for most in [0, 2, 1001] {
+    for most in [0, 2, 201] {
         assert!(matches!(SequentialTest::new(most, 0.05), Err(StatsError::Race { .. })), "{most}");
     }
     for error_rate in [0.0, 0.6, -1.0, f64::NAN] {

@@ -17,12 +17,6 @@ impl Random {
         ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
 
-    /// Below `n`, evenly enough for small n.
-    #[allow(dead_code, reason = "not every suite draws numbers")]
-    pub(crate) fn below(&mut self, n: usize) -> usize {
-        (self.unit() * n as f64) as usize
-    }
-
     /// Standard normal (Box & Muller, one of the pair).
     pub(crate) fn normal(&mut self) -> f64 {
         let (radius, angle) = ((-2.0 * self.unit().ln()).sqrt(), self.unit());
