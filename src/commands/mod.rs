@@ -8,6 +8,7 @@ mod build_plan;
 mod chain;
 mod collapse;
 mod compare;
+mod compare_pairs;
 mod compare_tables;
 mod comparison;
 mod deployed;

@@ -15,12 +15,13 @@ use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, T
 
 use super::{
     artefact::{self, Below, Claim},
-    collapse, comparison,
+    collapse,
+    comparison::{self, ComparedModel},
     evaluate::{Judged, Summary},
     figures::{self, Starts},
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
-    one_step,
+    one_step::{self, Predicting},
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -107,24 +108,33 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, rollouts.as_ref()),
+        tables: tables(study, paths, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
 }
 
 /// What the rollouts were like, and the representations that could be used.
-fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>) -> Vec<Table> {
+fn tables(
+    study: &Study,
+    paths: &StudyPaths,
+    rollouts: Option<&RolloutManifest>,
+) -> anyhow::Result<Vec<Table>> {
     let name = study.model_name();
-    let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
-    let starts = rollouts.and_then(|of| starts_table(name, of));
-    let compared = rollouts.and_then(|of| of.comparison.as_ref());
-    let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
-    let representations = representation_table(study, paths);
-    let one_step = rollouts.and_then(|of| one_step::read(study, paths, &of.model));
-    let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
-    let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
-    collapse.into_iter().chain(rolled_out).chain(representations).collect()
+    let mut tables = Vec::new();
+    if let Some(rollouts) = rollouts {
+        tables.extend(collapse::report_table(name, &rollouts.collapse));
+        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
+        let members = rollouts.members.len();
+        // Beside no other model the means are all there is to show.
+        let compared = rollouts.comparison.as_ref();
+        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        tables.extend(comparison::report_tables(compared.as_slice())?);
+        tables.extend(starts_table(name, rollouts));
+    }
+    tables.extend(representation_table(study, paths));
+    Ok(tables)
 }
 
 /// How many start states each member lacks, and how far what stands for them is; none where all are there.

@@ -88,6 +88,8 @@ fn deleted_results_are_made_again() {
     let files = [
         ("build-model", "model/rows.parquet"),
         ("rollout", "rollout/trajectories.parquet"),
+        ("rollout", "rollout/dtw.parquet"),
+        ("rollout", "rollout/one_step.parquet"),
         ("sweep", "sweep/runs.parquet"),
     ];
     for (command, file) in files {

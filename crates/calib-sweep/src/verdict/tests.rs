@@ -3,7 +3,7 @@ use calib_core::Seed;
 use proptest::prelude::*;
 
 use super::*;
-use crate::{RunRow, Unit};
+use crate::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
 
 const INF: f64 = f64::INFINITY;
 
