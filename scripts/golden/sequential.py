@@ -83,10 +83,11 @@ def check(limits, error_rate, most):
     assert np.abs(z).max() < 4.5
 
 
-cases = []
-for most, error_rate in CASES:
-    limits = boundaries(most, error_rate)
-    check(limits, error_rate, most)
-    cases.append({"most": most, "error_rate": error_rate, "boundaries": limits})
-json.dump(cases, sys.stdout, indent=1)
-print()
+if __name__ == "__main__":
+    cases = []
+    for most, error_rate in CASES:
+        limits = boundaries(most, error_rate)
+        check(limits, error_rate, most)
+        cases.append({"most": most, "error_rate": error_rate, "boundaries": limits})
+    json.dump(cases, sys.stdout, indent=1)
+    print()

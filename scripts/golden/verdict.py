@@ -1,10 +1,11 @@
 """Golden numbers of scores and verdicts: crates/calib-sweep/tests/golden/verdict.json.
 
-    python3 scripts/golden/verdict.py        # wants NumPy
+    python3 scripts/golden/verdict.py        # wants NumPy and SciPy
 
 Written from docs/metrics.md alone, not from calib's code:
 
 - a linear TD(0) agent without replay on a noisy wave in two pieces, and its errors over the parts of the run;
+- a race over runs of members and windows of the log: which values are left after each round;
 - runs over members, windows of the log and held-out windows: choices of all rules, regrets, floors, shares of choices and intervals
   of the hierarchical bootstrap, from many more resamples than calib draws.
 """
@@ -14,6 +15,8 @@ import math
 from pathlib import Path
 
 import numpy as np
+
+from sequential import boundaries
 
 OUT = Path(__file__).resolve().parents[2] / "crates/calib-sweep/tests/golden/verdict.json"
 RESAMPLES = 40_000
@@ -141,6 +144,38 @@ def verdict():
     }
 
 
+def race():
+    """Rounds of one run of each of four members and one window of the log; an observation is the mean over three streams."""
+    rng = np.random.default_rng(23)
+    level, rounds, members = np.array([0.5, 0.3, 0.36, 0.28, 0.9]), 6, 4
+    streams = [
+        [(level * np.exp(0.15 * rng.standard_normal(5))).round(4).tolist() for _ in range(members + 1)]
+        for _ in range(rounds)
+    ]
+    # One value diverges in one stream of the third round.
+    streams[2][1][4] = None
+    limits = boundaries(rounds * (members + 1) // 3, 0.05 / 4)
+    logs, left, after = [], list(range(5)), []
+    for of_round in streams:
+        if len(left) < 2:
+            break
+        for errors in of_round:
+            logs.append([math.inf if e is None else math.log(e) for e in errors])
+        table = np.array(logs)
+        leader = min(left, key=lambda v: (table[:, v].mean(), v))
+        for value in [v for v in left if v != leader]:
+            difference = table[:, value] - table[:, leader]
+            if np.isinf(difference).any():
+                left.remove(value)
+                continue
+            count = len(difference) // 3
+            x = difference[: 3 * count].reshape(count, 3).mean(1)
+            if count >= 3 and x.mean() * math.sqrt(count) >= limits[count - 3] * x.std(ddof=1) and x.mean() > 0:
+                left.remove(value)
+        after.append(list(left))
+    return {"streams": streams, "after": after}
+
+
 OUT.parent.mkdir(parents=True, exist_ok=True)
-OUT.write_text(json.dumps({"scores": scores(), "verdict": verdict()}) + "\n")
+OUT.write_text(json.dumps({"scores": scores(), "verdict": verdict(), "race": race()}) + "\n")
 print(f"wrote {OUT}")

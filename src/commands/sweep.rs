@@ -99,10 +99,6 @@ pub(super) fn run(
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    let halving = match &study.sweep.halving {
-        Some(halving) => Some((halving.keep, halving.rungs(study.sweep.member_runs)?)),
-        None => None,
-    };
     let model = model_files::open(&paths, &study)?;
     printer.say(&format!(
         "sweep: reading {}",
@@ -136,18 +132,16 @@ pub(super) fn run(
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
     let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
-    let plan = match halving {
-        Some((keep, rungs)) => plan.halving(keep, rungs),
-        None => plan,
-    };
+    let sweep = &study.sweep;
+    let plan = if sweep.race { plan.race(sweep.race_error_rate)? } else { plan };
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let Found { own, stored } =
-        if args.force { Found::default() } else { Found::of(&plan, &store, &paths) };
-    let missing = plan.count() - stored.len();
+        if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
+    let missing = plan.left(&stored)?;
     let agents: Vec<AgentConfig> =
         candidates.iter().map(|candidate| candidate.agent.clone()).collect();
-    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)]);
+    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
     let preview = SweepPlan {
         candidates: &candidates,
         units: plan.count(),
@@ -276,10 +270,10 @@ struct Found {
 }
 
 impl Found {
-    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> Self {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> anyhow::Result<Self> {
         let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
-        let stored = plan.stored(&store.clone().beside(others));
-        Self { own: plan.stored(store), stored }
+        let stored = plan.stored(&store.clone().beside(others))?;
+        Ok(Self { own: plan.stored(store)?, stored })
     }
 }
 

@@ -9,7 +9,7 @@ use calib_agent::{
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 use calib_sweep::{
     Baseline, Candidate, EnvironmentId, Judging, Rule, RunRow, SensorVerdict, Unit, UnitResult,
-    verdict,
+    raced, verdict,
 };
 use serde::Deserialize;
 
@@ -17,6 +17,16 @@ use serde::Deserialize;
 struct Golden {
     scores: GoldenScores,
     verdict: GoldenVerdict,
+    race: GoldenRace,
+}
+
+/// Rounds of one run a member and one window of the log.
+#[derive(Deserialize)]
+struct GoldenRace {
+    /// `[round][stream][value]`; null where a value diverged.
+    streams: Vec<Vec<Vec<Option<f64>>>>,
+    /// What is left after each round, until one value is.
+    after: Vec<Vec<usize>>,
 }
 
 #[derive(Deserialize)]
@@ -106,7 +116,7 @@ fn result(environment: EnvironmentId, run: usize, start_row: usize, errors: &[f6
             steps: 9,
             updates: 1,
             scores: Scores { whole_run: Some(score), ..Scores::default() },
-            diverged_at: None,
+            diverged_at: rmse.is_infinite().then_some(3),
             curve: vec![],
         }
     };
@@ -194,4 +204,35 @@ fn each_rule_is_what_it_says_it_is() {
     for rule in Rule::ALL {
         assert_eq!(judged(&golden, rule).chosen, golden.chosen[rule.name()], "{rule:?}");
     }
+}
+
+#[test]
+fn a_race_drops_what_numpy_drops() {
+    let GoldenRace { streams, after } = golden().race;
+    let mut results = Vec::new();
+    for (round, of_round) in streams.iter().enumerate() {
+        for (stream, errors) in of_round.iter().enumerate() {
+            let errors: Vec<f64> = errors.iter().map(|of| of.unwrap_or(f64::INFINITY)).collect();
+            let environment = match stream {
+                4 => EnvironmentId::LogReplay,
+                member => EnvironmentId::Member(member),
+            };
+            results.push(result(environment, round, 0, &errors));
+        }
+    }
+    let values = streams[0][0].len();
+    let made = raced(&results, values, Part::WholeRun, 0.05).expect("finite");
+    for (round, left) in after.iter().enumerate() {
+        let next: Vec<&UnitResult> =
+            made.iter().filter(|result| result.unit.run == round + 1).collect();
+        if left.len() < 2 {
+            assert!(next.is_empty(), "nothing is run after round {round}");
+        } else {
+            for result in next {
+                let rows: Vec<usize> = result.rows.iter().map(|row| row.candidate).collect();
+                assert_eq!(&rows, left, "after round {round}");
+            }
+        }
+    }
+    assert!(after.len() > 2 && after.last().is_some_and(|left| left.len() < values), "{after:?}");
 }

@@ -20,6 +20,7 @@ pub use errors::EnvironmentScores;
 pub use grade::Grade;
 pub use judge::verdict;
 pub use rule::Rule;
+pub(crate) use rule::STREAMS_PER_INDEPENDENT;
 pub use truth::{Agreement, Baseline, BaselineRegret, Truth, WindowTruth};
 
 use crate::ErrorScale;
