@@ -47,7 +47,7 @@ pub struct DefaultChoice {
 ///
 /// # Errors
 ///
-/// As [`choose_by_mean_log`]; `default` is out of range, or `streams_per_independent` is not at least 1.
+/// As [`choose_by_mean_log`](crate::choose_by_mean_log); `default` is out of range, or `streams_per_independent` is not at least 1.
 pub fn choose_around_default<Source, Row>(
     sources: &[Source],
     default: usize,
