@@ -12,7 +12,7 @@ import json
 import sys
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import stats
 
 CELLS = 6000
 RACES = 20_000_000
@@ -37,6 +37,14 @@ def below(n, c, y):
     return 1 - above
 
 
+def root(falling, low, high):
+    """Where a function falls through 0, by bisection."""
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if falling(middle) > 0 else (low, middle)
+    return high
+
+
 def boundaries(most, error_rate):
     edges = -np.sqrt(3) * np.cos(np.linspace(0, np.pi, CELLS + 1))
     mass = np.diff(edges) / (2 * np.sqrt(3))
@@ -46,7 +54,7 @@ def boundaries(most, error_rate):
         if n == 3:
             c = np.sqrt(3) * (1 - 2 * rate)
         else:
-            c = optimize.brentq(lambda y: total - rate - mass @ below(n - 1, middle, y), 0, np.sqrt(n))
+            c = root(lambda y: total - rate - mass @ below(n - 1, middle, y), 0, np.sqrt(n))
         found.append(float(c * np.sqrt((n - 1) / (n - c * c))))
         total -= rate
         if n == most:

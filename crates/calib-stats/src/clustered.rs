@@ -29,12 +29,12 @@ pub struct ClusterSummary {
 
 /// Summarises `runs` `[runs]`, of which each belongs to the cluster in the same place of `clusters` `[runs]`.
 ///
-/// With the means m of the G clusters: mean = Σm / G, std = √(Σ(m − mean)² / (G − 1)),
-/// interval = mean ± t₀.₉₇₅(G − 1) · std / √G. Clusters count alike, however many runs they have. Where all have equally many,
-/// the mean is that of all runs and the interval the cluster-robust one (Liang & Zeger 1986) with the
-/// finite-sample factor G / (G − 1) and quantiles of t(G − 1), as Cameron & Miller (2015, section VI) recommend for few clusters;
-/// where they have not, or differ in spread, the interval of the clusters' own means keeps its level (Ibragimov & Müller
-/// 2010), which the robust one does not. Which of these is used is our choice.
+/// With the means m of the G clusters: mean = Σm / G, std = √(Σ(m − mean)² / (G − 1)), interval = mean ± t₀.₉₇₅(G − 1)
+/// · std / √G. Clusters count alike, however many runs they have. Where all have equally many, the mean is that of all
+/// runs and the interval the cluster-robust one (Liang & Zeger 1986) with the finite-sample factor G / (G − 1) and
+/// quantiles of t(G − 1), as Cameron & Miller (2015, section VI) recommend for few clusters; where they have not, or
+/// differ in spread, the interval of the clusters' own means keeps its level (Ibragimov & Müller 2010), which the
+/// robust one does not. Which of these is used is our choice.
 ///
 /// # Errors
 ///

@@ -28,11 +28,12 @@ impl Difference {
     }
 }
 
-/// The mean difference of `x` and `y` `[pairs]`, which are in pairs of the cluster in the same place of `clusters` `[pairs]`.
+/// The mean difference of `x` and `y` `[pairs]`, which are in pairs of the cluster in the same place of `clusters`
+/// `[pairs]`.
 ///
-/// With d the mean in each of the G clusters of the differences of its pairs: mean = Σd / G, interval
-/// mean ± t₀.₉₇₅(G − 1) · s(d) / √G. What the clusters are like (a start state from which every model strays far) is
-/// in both and cancels. A cluster counts for x or for y by the sign of its d. Source: the paired t-test, over means of clusters as
+/// With d the mean in each of the G clusters of the differences of its pairs: mean = Σd / G, interval mean ± t₀.₉₇₅(G
+/// − 1) · s(d) / √G. What the clusters are like (a start state from which every model strays far) is in both and
+/// cancels. A cluster counts for x or for y by the sign of its d. Source: the paired t-test, over means of clusters as
 /// in [`summarise_clusters`](crate::summarise_clusters).
 ///
 /// # Errors
@@ -59,9 +60,9 @@ pub fn paired_difference<K: Ord>(
 
 /// The difference of the means of two samples that share no clusters, each as (clusters, runs).
 ///
-/// With the means of clusters, their variances s² and numbers G of both: x̄ − ȳ ± t₀.₉₇₅(ν) · √(s²ₓ / Gₓ + s²ᵧ / Gᵧ), where ν is that
-/// of Welch (1947) and Satterthwaite: (a + b)² / (a² / (Gₓ − 1) + b² / (Gᵧ − 1)) for a = s²ₓ / Gₓ, b = s²ᵧ / Gᵧ. What clusters are like does not
-/// cancel here, so the interval is wider than one of pairs.
+/// With the means of clusters, their variances s² and numbers G of both: x̄ − ȳ ± t₀.₉₇₅(ν) · √(s²ₓ / Gₓ + s²ᵧ / Gᵧ),
+/// where ν is that of Welch (1947) and Satterthwaite: (a + b)² / (a² / (Gₓ − 1) + b² / (Gᵧ − 1)) for a = s²ₓ / Gₓ, b =
+/// s²ᵧ / Gᵧ. What clusters are like does not cancel here, so the interval is wider than one of pairs.
 ///
 /// # Errors
 ///

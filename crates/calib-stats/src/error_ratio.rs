@@ -32,13 +32,15 @@ impl ErrorRatio {
     }
 }
 
-/// The quotient of the root mean squares of two forecasts, from their squared errors `x` and `y` `[steps]` in order of time.
+/// The quotient of the root mean squares of two forecasts, from their squared errors `x` and `y` `[steps]` in order of
+/// time.
 ///
-/// √(Σx / Σy). Errors of neighbouring steps depend on each other, so the steps are cut into B = 16 stretches as equally long as they can be
-/// (fewer where there are fewer than 32 steps: at least two steps each), with sums Xᵦ and Yᵦ. To first order ½ ln (Σx / Σy) is off by the mean of
-/// zᵦ = ½ B (Xᵦ / Σx − Yᵦ / Σy), so the interval is √(Σx / Σy) · exp(± t₀.₉₇₅(B − 1) · s(z) / √B). What is hard to
-/// predict is so for both and cancels. Source: linearised ratios (Cochran 1977, section 6); t-intervals over 16 stretches of a
-/// series as Ibragimov & Müller (2010); pairing as Diebold & Mariano (1995).
+/// √(Σx / Σy). Errors of neighbouring steps depend on each other, so the steps are cut into B = 16 stretches as
+/// equally long as they can be (fewer where there are fewer than 32 steps: at least two steps each), with sums Xᵦ and
+/// Yᵦ. To first order ½ ln (Σx / Σy) is off by the mean of zᵦ = ½ B (Xᵦ / Σx − Yᵦ / Σy), so the interval is √(Σx / Σy)
+/// · exp(± t₀.₉₇₅(B − 1) · s(z) / √B). What is hard to predict is so for both and cancels. Source: linearised ratios
+/// (Cochran 1977, section 6); t-intervals over 16 stretches of a series as Ibragimov & Müller (2010); pairing as
+/// Diebold & Mariano (1995).
 ///
 /// `None` where the quotient is not defined: both sums are 0, or both infinite.
 ///

@@ -19,10 +19,11 @@ pub struct GeometricRegret {
 
 /// Regret of choosing candidate `choice(w)` in each window w of `errors` `[window][candidate]`.
 ///
-/// exp(mean over windows of (ln error of the choice − ln smallest error)) − 1: each window has a best candidate of its own, and a
-/// window counts by its quotient, not by the size of its errors. 0: the choice is best in every window; 0.05: its errors are typically 5 % larger than the best.
-/// The quotient of two errors of 0 is 1; that of a positive error and 0 is infinite. `None` where every window is left out.
-/// Source: the geometric mean is that of quotients (Fleming & Wallace 1986); its use for regret over windows is our choice.
+/// exp(mean over windows of (ln error of the choice − ln smallest error)) − 1: each window has a best candidate of its
+/// own, and a window counts by its quotient, not by the size of its errors. 0: the choice is best in every window;
+/// 0.05: its errors are typically 5 % larger than the best. The quotient of two errors of 0 is 1; that of a positive
+/// error and 0 is infinite. `None` where every window is left out. Source: the geometric mean is that of quotients
+/// (Fleming & Wallace 1986); its use for regret over windows is our choice.
 ///
 /// # Errors
 ///

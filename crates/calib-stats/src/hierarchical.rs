@@ -2,130 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::check;
-use crate::{Interval, StatsError, percentile_interval};
-
-/// Scores of the candidates in the runs of units: `[unit][run][candidate]`. Units may have different numbers of runs.
-///
-/// A unit is what others would be drawn like: a held-out window, a member of the ensemble. A run of it is one stream, on which all
-/// candidates are trained, so its scores stay together.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Nested {
-    units: Vec<Vec<Vec<f64>>>,
-    candidates: usize,
-}
-
-impl Nested {
-    /// Scores `[unit][run][candidate]`; infinite where a run diverged.
-    ///
-    /// # Errors
-    ///
-    /// There are no units, a unit has no runs or a run no candidates, runs differ in their number of candidates, or a score is NaN.
-    pub fn new(units: Vec<Vec<Vec<f64>>>) -> Result<Self, StatsError> {
-        const RUNS: &str = "runs of a unit";
-        let first = units.first().ok_or(StatsError::Empty { what: "the units" })?;
-        let candidates = first.first().ok_or(StatsError::Empty { what: RUNS })?.len();
-        for runs in &units {
-            if runs.is_empty() {
-                return Err(StatsError::Empty { what: RUNS });
-            }
-            for (row, run) in runs.iter().enumerate() {
-                check("scores of a run", run)?;
-                if run.len() != candidates {
-                    let (expected, got) = (candidates, run.len());
-                    return Err(StatsError::Ragged { what: RUNS, row, expected, got });
-                }
-            }
-        }
-        Ok(Self { units, candidates })
-    }
-
-    /// Number of candidates.
-    pub const fn candidates(&self) -> usize {
-        self.candidates
-    }
-
-    /// All units and runs, once each: what a statistic is of the data themselves.
-    pub fn whole(&self) -> Drawn<'_> {
-        let units = self.units.iter().enumerate();
-        Drawn {
-            of: self,
-            units: units.map(|(unit, runs)| (unit, (0..runs.len()).collect())).collect(),
-        }
-    }
-
-    /// What a resample varies.
-    fn varies(&self) -> Varies {
-        let several_runs = self.units.iter().any(|runs| runs.len() > 1);
-        match (self.units.len() > 1, several_runs) {
-            (true, true) => Varies::UnitsAndRuns,
-            (true, false) => Varies::Units,
-            (false, true) => Varies::Runs,
-            (false, false) => Varies::Nothing,
-        }
-    }
-
-    /// As many units as there are, and in each as many runs as it has, with replacement.
-    fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
-        let one = |_| {
-            let unit = if self.units.len() > 1 { draw(self.units.len()) } else { 0 };
-            let runs = self.units[unit].len();
-            let of_unit = (0..runs).map(|_| if runs > 1 { draw(runs) } else { 0 });
-            (unit, of_unit.collect())
-        };
-        Drawn { of: self, units: (0..self.units.len()).map(one).collect() }
-    }
-}
-
-/// Units and runs of a [`Nested`], some of them several times.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Drawn<'a> {
-    of: &'a Nested,
-    units: Vec<(usize, Vec<usize>)>,
-}
-
-impl<'a> Drawn<'a> {
-    /// The drawn units by their numbers, each with the scores of its drawn runs, `[run][candidate]`.
-    pub fn units(&self) -> impl Iterator<Item = (usize, impl Iterator<Item = &'a [f64]>)> {
-        self.units.iter().map(|(unit, runs)| {
-            let scores = &self.of.units[*unit];
-            (*unit, runs.iter().map(|&run| scores[run].as_slice()))
-        })
-    }
-
-    /// The scores of all drawn runs, whatever their unit: `[run][candidate]`.
-    pub fn runs(&self) -> Vec<&'a [f64]> {
-        self.units().flat_map(|(_, runs)| runs).collect()
-    }
-
-    /// Arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
-    pub fn means(&self) -> Vec<Vec<f64>> {
-        let mean = |(unit, runs): &(usize, Vec<usize>)| {
-            let mut sums = vec![0.0; self.of.candidates];
-            for &run in runs {
-                for (sum, score) in sums.iter_mut().zip(&self.of.units[*unit][run]) {
-                    *sum += score;
-                }
-            }
-            sums.into_iter().map(|sum| sum / runs.len() as f64).collect()
-        };
-        self.units.iter().map(mean).collect()
-    }
-}
-
-/// What resamples of a [`Nested`] differ in. What they do not vary, an interval knows nothing of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Varies {
-    /// Both.
-    UnitsAndRuns,
-    /// No unit has two runs.
-    Units,
-    /// There is one unit: nothing is said about others.
-    Runs,
-    /// There is one run.
-    Nothing,
-}
+use crate::{Drawn, Interval, Nested, StatsError, Varies, percentile_interval};
 
 /// What is computed of a resample.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -169,13 +46,15 @@ pub struct ChoiceOfResamples {
 }
 
 /// Statistics of `inputs` under resampling on two levels: of each input, as many units as there are are drawn with
-/// replacement, and in each of them as many runs as it has. All inputs are drawn anew in each of `resamples`, so a choice made on one
-/// (members) and its regret on another (windows) vary together, and everything that `statistic` returns comes from the same draws.
+/// replacement, and in each of them as many runs as it has. All inputs are drawn anew in each of `resamples`, so a
+/// choice made on one (members) and its regret on another (windows) vary together, and everything that `statistic`
+/// returns comes from the same draws.
 ///
-/// The interval is that of percentiles. Source: Davison & Hinkley (1997, section 3.8), who show that resampling both levels with
-/// replacement gives the variance of means between units, and a little more (by the part of the variance within units); a
-/// percentile interval over G units is too narrow by about √((G − 1) / G), so read one over two or three windows as a lower bound of
-/// what is not known. Runs are taken as drawn within their unit: what runs of different units share is not resampled.
+/// The interval is that of percentiles. Source: Davison & Hinkley (1997, section 3.8), who show that resampling both
+/// levels with replacement gives the variance of means between units, and a little more (by the part of the variance
+/// within units); a percentile interval over G units is too narrow by about √((G − 1) / G), so read one over two or
+/// three windows as a lower bound of what is not known. Runs are taken as drawn within their unit: what runs of
+/// different units share is not resampled.
 ///
 /// `draw(n)` returns a number below `n`, evenly; it is called in the order of the inputs, and within one unit by unit: the unit (where there are
 /// several), then its runs (where there are several). `statistic` returns equally many numbers and choices each time.
@@ -189,7 +68,7 @@ pub fn hierarchical(
     mut draw: impl FnMut(usize) -> usize,
     mut statistic: impl FnMut(&[Drawn<'_>]) -> Result<Statistics, StatsError>,
 ) -> Result<Hierarchical, StatsError> {
-    let candidates = inputs.first().map_or(0, |of| of.candidates);
+    let candidates = inputs.first().map_or(0, |of| of.candidates());
     let mut all = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         let drawn: Vec<Drawn<'_>> = inputs.iter().map(|of| of.draw(&mut draw)).collect();
@@ -228,9 +107,8 @@ pub fn hierarchical(
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
+    use crate::nested::tests::draws;
     use crate::{choose_by_mean_log, geometric_regret};
 
     const INF: f64 = f64::INFINITY;
@@ -238,17 +116,6 @@ mod tests {
     fn nested(units: &[&[&[f64]]]) -> Nested {
         let runs = |runs: &&[&[f64]]| runs.iter().map(|run| run.to_vec()).collect();
         Nested::new(units.iter().map(runs).collect()).unwrap()
-    }
-
-    /// Numbers that any generator could have drawn, the same each time.
-    fn draws(seed: u64) -> impl FnMut(usize) -> usize {
-        let mut state = seed;
-        move |n| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            ((u128::from(state) * n as u128) >> 64) as usize
-        }
     }
 
     fn number(value: f64) -> Statistics {
@@ -341,42 +208,11 @@ mod tests {
     }
 
     #[test]
-    fn bad_tables_are_errors() {
-        assert!(matches!(Nested::new(Vec::new()), Err(StatsError::Empty { .. })));
-        assert!(matches!(Nested::new(vec![Vec::new()]), Err(StatsError::Empty { .. })));
-        assert!(matches!(Nested::new(vec![vec![Vec::new()]]), Err(StatsError::Empty { .. })));
-        let ragged = Nested::new(vec![vec![vec![1.0]], vec![vec![1.0], vec![1.0, 2.0]]]);
-        assert!(matches!(ragged, Err(StatsError::Ragged { row: 1, expected: 1, got: 2, .. })));
-        assert!(Nested::new(vec![vec![vec![f64::NAN]]]).is_err());
+    fn a_choice_of_no_candidate_is_an_error() {
         let one = nested(&[&[&[1.0, 2.0]]]);
         let choice =
             |_: &[Drawn<'_>]| Ok(Statistics { numbers: Vec::new(), choices: vec![Some(2)] });
         let refused = hierarchical(&[&one], 3, draws(5), choice);
         assert!(matches!(refused, Err(StatsError::OutOfRange { index: 2, len: 2, .. })));
-    }
-
-    proptest! {
-        /// Whatever is drawn is there, as many units and runs as there are.
-        #[test]
-        fn draws_are_of_the_data(
-            table in prop::collection::vec(prop::collection::vec(prop::collection::vec(-9.0f64..9.0, 2), 1..4), 1..5),
-            seed in 0u64..1000
-        ) {
-            let nested = Nested::new(table.clone()).unwrap();
-            let drawn = nested.draw(&mut draws(seed));
-            prop_assert_eq!(drawn.units().count(), table.len());
-            for ((unit, runs), mean) in drawn.units().zip(drawn.means()) {
-                let runs: Vec<&[f64]> = runs.collect();
-                prop_assert_eq!(runs.len(), table[unit].len());
-                for run in &runs {
-                    prop_assert!(table[unit].iter().any(|of| of == run));
-                }
-                let sum: f64 = runs.iter().map(|run| run[1]).sum();
-                prop_assert!((mean[1] - sum / runs.len() as f64).abs() < 1e-12);
-            }
-            let whole = nested.whole();
-            prop_assert_eq!(whole.runs().len(), table.iter().map(Vec::len).sum::<usize>());
-            prop_assert_eq!(nested.candidates(), 2);
-        }
     }
 }

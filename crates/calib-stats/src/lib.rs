@@ -44,6 +44,7 @@ mod agreement;
 mod bootstrap;
 mod clustered;
 mod correlation;
+mod default_choice;
 mod difference;
 mod direction;
 mod diverged;
@@ -53,6 +54,7 @@ mod estimate;
 mod geometric_regret;
 mod hierarchical;
 mod log_choice;
+mod nested;
 mod one_step;
 mod pooled;
 mod prediction;
@@ -67,6 +69,7 @@ pub use agreement::{regret, top_k_hit};
 pub use bootstrap::{cluster_interval, percentile_interval};
 pub use clustered::{ClusterSummary, cluster_means, summarise_clusters};
 pub use correlation::{kendall_tau_b, spearman};
+pub use default_choice::{Advantage, DefaultChoice, choose_around_default};
 pub use difference::{Difference, paired_difference, unpaired_difference};
 pub use direction::Direction;
 pub use error::StatsError;
@@ -74,12 +77,10 @@ pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
 pub use geometric_regret::{GeometricRegret, geometric_regret};
 pub use hierarchical::{
-    ChoiceOfResamples, Drawn, Hierarchical, Nested, NumberOfResamples, Statistics, Varies,
-    hierarchical,
+    ChoiceOfResamples, Hierarchical, NumberOfResamples, Statistics, hierarchical,
 };
-pub use log_choice::{
-    Advantage, DefaultChoice, LogChoice, choose_around_default, choose_by_mean_log,
-};
+pub use log_choice::{LogChoice, choose_by_mean_log};
+pub use nested::{Drawn, Nested, Varies};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};

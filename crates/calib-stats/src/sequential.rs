@@ -17,18 +17,19 @@ const MOST: usize = 200;
 /// Is a candidate worse than the leader of a race? A one-sided t-test of paired differences after each of 3 … N
 /// observations, exact at all looks together.
 ///
-/// With differences x₁ … xₙ = ln error of the candidate − ln error of the leader on the same stream, tₙ = x̄ √n / s, the
-/// candidate is worse as soon as tₙ ≥ bₙ. Boundaries spend the error rate α evenly, a share n / N of it by look n (the
-/// spending function α t of Kim & `DeMets` 1987, after Lan & `DeMets` 1983): P(tₖ ≥ bₖ for some k ≤ n) = α n / N if differences
-/// are independent and normal with mean 0 and any variance. It is less if their mean is below 0, if fewer looks are taken, or if
-/// the race stops for another reason, so it may be looked at, and left, at any time.
+/// With differences x₁ … xₙ = ln error of the candidate − ln error of the leader on the same stream, tₙ = x̄ √n / s,
+/// the candidate is worse as soon as tₙ ≥ bₙ. Boundaries spend the error rate α evenly, a share n / N of it by look n
+/// (the spending function α t of Kim & `DeMets` 1987, after Lan & `DeMets` 1983): P(tₖ ≥ bₖ for some k ≤ n) = α n / N
+/// if differences are independent and normal with mean 0 and any variance. It is less if their mean is below 0, if
+/// fewer looks are taken, or if the race stops for another reason, so it may be looked at, and left, at any time.
 ///
 /// **Exact**: with c = Σx / √Σx², t is a function of c, and the process c₁, c₂ … is Markov and does not depend on the
-/// variance, so probabilities of crossing are integrals in one dimension: the recursion of Armitage, `McPherson` & Rowe (1969),
-/// for sequential t-tests as Jennison & Turnbull (1991) have it. It is derived in the private module `null`.
+/// variance, so probabilities of crossing are integrals in one dimension: the recursion of Armitage, `McPherson` &
+/// Rowe (1969), for sequential t-tests as Jennison & Turnbull (1991) have it. It is derived in the private module
+/// `null`.
 ///
-/// **Why this one**: races of 10 observations at α = 0.05 / 8, as for the best of nine values; share decided and mean length
-/// when the mean is one, two, four standard deviations, from 100,000 simulations.
+/// **Why this one**: races of 10 observations at α = 0.05 / 8, as for the best of nine values; share decided and mean
+/// length when the mean is one, two, four standard deviations, from 100,000 simulations.
 ///
 /// | test | 0 | 1 | 2 | 4 |
 /// |---|---|---|---|---|
@@ -37,16 +38,17 @@ const MOST: usize = 200;
 /// | t-test with a Gaussian mixture (Lai 1976; Wang & Ramdas 2024), best of three priors | 0.2 % | 18 %, 9.6 | 86 %, 7.7 | all, 5.5 |
 /// | asymptotic confidence sequence (Waudby-Smith et al. 2024) | **3 to 5 %** | 51 %, 7.8 | 99 %, 4.7 | all, 3.2 |
 ///
-/// Mixtures pay for looks after the N-th, which a race of N runs never takes; asymptotic sequences estimate a variance from three
-/// numbers. Bounds without a distribution (betting, empirical Bernstein, sign flips) need more than 7 observations for any decision at
-/// this rate, since 2⁻⁷ > 0.05 / 8.
+/// Mixtures pay for looks after the N-th, which a race of N runs never takes; asymptotic sequences estimate a variance
+/// from three numbers. Bounds without a distribution (betting, empirical Bernstein, sign flips) need more than 7
+/// observations for any decision at this rate, since 2⁻⁷ > 0.05 / 8.
 ///
-/// **Differences that are not normal** (N = 15, α = 0.05, a million simulations): Student's t with 5 degrees of freedom 4.3 %;
-/// log-normal with skewness 0.8 to the right 2.5 %, to the left 9 %; with 1.75, 1.2 and 15 %. So a candidate that is mostly a little worse
-/// and now and then far better is dropped in haste.
+/// **Differences that are not normal** (N = 15, α = 0.05, a million simulations): Student's t with 5 degrees of
+/// freedom 4.3 %; log-normal with skewness 0.8 to the right 2.5 %, to the left 9 %; with 1.75, 1.2 and 15 %. So a
+/// candidate that is mostly a little worse and now and then far better is dropped in haste.
 ///
-/// Streams that share start states or members are not independent: give one observation for each round, its mean over members, say.
-/// For K candidates give α / (K − 1): then the best is dropped by any of them with a probability of at most α, whichever leads.
+/// Streams that share start states or members are not independent: give one observation for each round, its mean over
+/// members, say. For K candidates give α / (K − 1): then the best is dropped by any of them with a probability of at
+/// most α, whichever leads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SequentialTest {
     /// Boundaries of t after 3 … N observations.
@@ -99,8 +101,9 @@ impl SequentialTest {
 
     /// What all `differences` so far say, each ln error of the candidate − ln error of the leader.
     ///
-    /// +∞, where the candidate diverged and the leader did not, decides at once: its mean is infinite whatever follows, so it cannot be chosen by it. −∞ never does: it is
-    /// the leader that cannot. Where both diverged the difference is none; give 0.
+    /// +∞, where the candidate diverged and the leader did not, decides at once: its mean is infinite whatever
+    /// follows, so it cannot be chosen by it. −∞ never does: it is the leader that cannot. Where both diverged the
+    /// difference is none; give 0.
     ///
     /// # Errors
     ///

@@ -136,19 +136,14 @@ fn cells(summary: Option<&ClusterSummary>) -> [Cell; 2] {
 
 fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
     let several = models.len() > 1;
-    let known = models.iter().filter(|of| !of.comparison.sensors.is_empty());
-    let whose = |of: &ComparedModel<'_>| {
-        if several { format!("{}: ", of.name) } else { String::new() }
-    };
-    let basis = known.map(|of| format!("{}{}", whose(of), basis(of.comparison)));
-    let basis = basis.collect::<Vec<_>>().join("; ");
+    let basis = bases(models);
     let is_equal = |of: &Comparison| of.fewest_steps == of.most_steps;
     let equal = models.iter().all(|of| is_equal(of.comparison));
     let sentences = [
         (
             several && are_alike(models),
             " Bold: the smallest mean of a row, and every other that cannot be told apart from it, because the 95 % interval \
-             of their difference contains 0.",
+             of their difference contains 0 or there is none.",
         ),
         (!are_alike(models), " Models are held to different records: none is best."),
         (!equal, " Raw distances grow with the number of steps."),
@@ -165,6 +160,23 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
          the normalised sensor: {basis}. Members that start from the same state are one observation: a mean over start \
          states of the means over members. {how}{more}"
     )
+}
+
+/// What the means of each model are over; models of which it is the same are named together.
+fn bases(models: &[ComparedModel<'_>]) -> String {
+    let mut bases: Vec<(String, Vec<&str>)> = Vec::new();
+    for of in models.iter().filter(|of| !of.comparison.sensors.is_empty()) {
+        let own = basis(of.comparison);
+        match bases.iter_mut().find(|(basis, _)| *basis == own) {
+            Some((_, names)) => names.push(of.name),
+            None => bases.push((own, vec![of.name])),
+        }
+    }
+    if let [(only, _)] = bases.as_slice() {
+        return only.clone();
+    }
+    let named = bases.iter().map(|(basis, names)| format!("{}: {basis}", names.join(", ")));
+    named.collect::<Vec<_>>().join("; ")
 }
 
 /// Every two models, if there are several: differences of distances, and how often one is nearer.

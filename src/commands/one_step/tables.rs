@@ -112,7 +112,7 @@ pub(in crate::commands) fn report_tables(models: &[&Predicting]) -> anyhow::Resu
     columns.push("no change".to_owned());
     let marked = if several {
         " Bold: the smallest error of a row, and every other that cannot be told apart from it, because the 95 % interval of \
-         their quotient contains 1."
+         their quotient contains 1 or there is none."
     } else {
         ""
     };
