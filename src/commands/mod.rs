@@ -6,6 +6,7 @@ mod build_model;
 mod build_network;
 mod build_plan;
 mod chain;
+mod changes;
 mod collapse;
 mod compare;
 mod compare_tables;
