@@ -196,16 +196,22 @@ impl<T: Copy + PartialEq> Exchanged<T> {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::Period;
+    use calib_core::{Period, Seed};
 
     use super::*;
+    use crate::ChangeOptions;
+
+    fn at(period_secs: f64) -> PlantOptions {
+        let period = Period::from_secs(period_secs).expect("positive");
+        PlantOptions { period, ..PlantOptions::default() }
+    }
 
     fn rows(period_secs: f64, count: usize) -> impl Iterator<Item = Frame> {
-        let options = PlantOptions {
-            period: Period::from_secs(period_secs).unwrap(),
-            ..PlantOptions::default()
-        };
-        let mut process = Process::new(&options, &Changes::of(&options));
+        rows_of(&at(period_secs), count)
+    }
+
+    fn rows_of(options: &PlantOptions, count: usize) -> impl Iterator<Item = Frame> + use<> {
+        let mut process = Process::new(options, &Changes::of(options));
         let mut frame = Frame::zero();
         (0..count).map(move |_| {
             process.next_row(&mut frame);
@@ -221,6 +227,31 @@ mod tests {
                 let (low, high) = info.range;
                 let value = frame[info.signal];
                 assert!(value >= low && value <= high, "{} is {value}", info.tag);
+            }
+        }
+    }
+
+    #[test]
+    fn a_plant_that_changes_stays_a_plant() {
+        let often = ChangeOptions {
+            strength: 2.0,
+            membranes_per_year: 12.0,
+            feeds_per_year: 12.0,
+            settings_per_year: 12.0,
+            pumps_per_year: 12.0,
+            ..ChangeOptions::default()
+        };
+        for seed in 0..3 {
+            let (seed, days) = (Seed::new(seed), 365.0);
+            let options = PlantOptions { seed, days, change: often, ..at(1200.0) };
+            for frame in rows_of(&options, 72 * 365) {
+                for info in crate::signal::SIGNALS {
+                    // Where membranes are bad and the water cold, an instrument may be at its end.
+                    let beyond = 0.5 * (info.range.1 - info.range.0);
+                    let (low, high) = (info.range.0 - beyond, info.range.1 + beyond);
+                    let value = frame[info.signal];
+                    assert!(value >= low && value <= high, "{} is {value}", info.tag);
+                }
             }
         }
     }

@@ -143,20 +143,20 @@ impl Draw {
     }
 
     fn membranes(&mut self, strength: f64) -> Membranes {
-        Membranes { resistance: self.factor(0.12 * strength), fouling: self.factor(0.3 * strength) }
+        Membranes { resistance: self.factor(0.2 * strength), fouling: self.factor(0.4 * strength) }
     }
 
     fn feed(&mut self, strength: f64) -> Feed {
         Feed {
             blending_days: self.0.uniform(1.0, 14.0),
             temperature_offset: 1.2 * strength * self.z(),
-            season: self.factor(0.12 * strength),
-            season_delay_days: 8.0 * strength * self.z(),
-            turbidity: self.factor(0.4 * strength),
-            storms: self.factor(0.4 * strength),
+            season: self.factor(0.15 * strength),
+            season_delay_days: 10.0 * strength * self.z(),
+            turbidity: self.factor(0.5 * strength),
+            storms: self.factor(0.5 * strength),
             conductivity_offset: 30.0 * strength * self.z(),
             acidity_offset: 0.1 * strength * self.z(),
-            organics: self.factor(0.2 * strength),
+            organics: self.factor(0.25 * strength),
         }
     }
 
@@ -174,7 +174,7 @@ impl Draw {
 
     fn settings(&mut self, strength: f64) -> Settings {
         Settings {
-            production: self.factor(0.06 * strength),
+            production: self.factor(0.08 * strength),
             back_pulse_interval: self.factor(0.2 * strength),
         }
     }

@@ -4,7 +4,8 @@
 //! whatever was learnt from a year holds in the next one. Real plants are rebuilt while they run. [`ChangeOptions`]
 //! say how much and how often, [`Change`]s what happened and when.
 //!
-//! - **New membranes** have another resistance, foul at another rate, and are clean. They are fitted when the plant
+//! - **New membranes** have another resistance, foul at another rate, and are clean. Where they are bad and the water cold,
+//!   the pressure can leave the range of its transmitter, which shows the end of it then. They are fitted when the plant
 //!   next stands still, within hours.
 //! - **Another feed** is blended in over days: its mean temperature and the size and delay of its season, its
 //!   turbidity in calm and in storms, its salt and pH, and the organic matter in it, which no channel measures: it
