@@ -2,6 +2,7 @@
 
 mod build;
 mod chain;
+mod change;
 mod deployments;
 mod dtw;
 mod errors;

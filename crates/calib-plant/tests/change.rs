@@ -57,6 +57,18 @@ fn row_of(change: &Change, options: &PlantOptions) -> usize {
         + usize::from(micros % options.period.as_micros() != 0)
 }
 
+/// Means of the three roles over two days, as they were before there were changes.
+#[test]
+fn the_plant_without_change_is_what_it_always_was() {
+    let log = log(&options(2.0, 60.0, ChangeOptions::default()));
+    for (channel, expected) in [(0, 18.628_682_978), (1, 5.912_447_592), (2, 0.094_951_750)] {
+        let mut values = column(&log, channel);
+        values.retain(|value| !value.is_nan());
+        let mean = values.iter().copied().map(f64::from).sum::<f64>() / values.len() as f64;
+        assert!((mean / expected - 1.0).abs() < 1e-6, "channel {channel}: {mean}");
+    }
+}
+
 #[test]
 fn a_plant_whose_rates_are_zero_is_the_plant_without_change() {
     let still = options(2.0, 10.0, STILL);
@@ -262,6 +274,60 @@ fn a_changing_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
             assert_eq!(differing(&whole[skipped..], &rest, channel), [] as [usize; 0]);
         }
     }
+}
+
+/// Mean squared error, in variances of what was learnt from, of a model of the first `known` rows in the rows after
+/// them: a channel's mean in each mode.
+fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64 {
+    let (values, modes) = (column(log, channel), column(log, mode));
+    let rows = |range: std::ops::Range<usize>| {
+        let of = |row: usize| (modes[row].to_bits(), f64::from(values[row]));
+        range.map(of).filter(|(_, value)| !value.is_nan()).collect::<Vec<_>>()
+    };
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (learnt, after) = (rows(0..known), rows(known..values.len()));
+    let all: Vec<f64> = learnt.iter().map(|(_, value)| *value).collect();
+    let whole = mean(&all);
+    let variance = mean(&all.iter().map(|value| (value - whole).powi(2)).collect::<Vec<_>>());
+    let in_mode = |mode: u32| {
+        let own: Vec<f64> = learnt.iter().filter(|of| of.0 == mode).map(|of| of.1).collect();
+        if own.is_empty() { whole } else { mean(&own) }
+    };
+    let means: std::collections::BTreeMap<u32, f64> = Mode::ALL
+        .iter()
+        .map(|of| f32::from(of.number()).to_bits())
+        .map(|of| (of, in_mode(of)))
+        .collect();
+    let error = |(mode, value): &(u32, f64)| (value - means.get(mode).unwrap_or(&whole)).powi(2);
+    mean(&after.iter().map(error).collect::<Vec<_>>()) / variance
+}
+
+#[test]
+fn what_was_learnt_before_is_wrong_after() {
+    let often = ChangeOptions {
+        strength: 1.0,
+        membranes_per_year: 12.0,
+        feeds_per_year: 12.0,
+        sensors_per_year: 6.0,
+        settings_per_year: 12.0,
+        pumps_per_year: 12.0,
+    };
+    // The same weather with and without change, and two quarters of a year that winter divides: what differs is change.
+    let quarter = 90;
+    let mut errors = [0.0; 2];
+    for seed in 0..3 {
+        for (total, change) in errors.iter_mut().zip([ChangeOptions::default(), often]) {
+            let options = PlantOptions { seed: Seed::new(seed), ..options(180.0, 900.0, change) };
+            let mode = position(&options, MODE_CHANNEL);
+            let log = log(&options);
+            for channel in
+                (0..3).chain([position(&options, "CIT101"), position(&options, "LIT602")])
+            {
+                *total += error_after(&log, quarter * 96, channel, mode);
+            }
+        }
+    }
+    assert!(errors[1] > 1.25 * errors[0], "without change {}, with it {}", errors[0], errors[1]);
 }
 
 proptest! {
