@@ -155,6 +155,7 @@ impl Storms {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::Dated;
 
     fn hourly(options: &PlantOptions, days: usize) -> Vec<Conditions> {
         let mut weather = Weather::new(options, &Timeline::default(), 3600.0);
@@ -177,6 +178,24 @@ mod tests {
         let swing = at(16.0) - at(4.0);
         assert!((1.2..2.0).contains(&swing), "{swing}");
         assert!(conditions.iter().all(|c| c.river > 0.0));
+    }
+
+    #[test]
+    fn another_feed_comes_in_without_a_jump() {
+        let warm = Feed { blending_days: 2.0, temperature_offset: 3.0, season: 0.5, ..Feed::FIRST };
+        let late = Feed { blending_days: 1.0, season_delay_days: 40.0, ..Feed::FIRST };
+        let feeds = [(10.0, warm), (11.0, late)]
+            .map(|(day, value)| Dated { at: day * SECONDS_PER_DAY, value });
+        let river = |feeds: &Timeline<Feed>| -> Vec<f64> {
+            let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
+            (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()
+        };
+        let (with, without) = (river(&Timeline::new(feeds.to_vec())), river(&Timeline::default()));
+        let shift: Vec<f64> =
+            with.iter().zip(&without).map(|(with, without)| with - without).collect();
+        assert!(shift[..10 * 1440].iter().all(|&shift| shift == 0.0));
+        assert!(shift.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.01));
+        assert!(shift[11 * 1440] > 1.0 && shift[19 * 1440] > 0.5, "{}", shift[19 * 1440]);
     }
 
     #[test]

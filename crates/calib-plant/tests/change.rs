@@ -173,25 +173,25 @@ fn a_feed_comes_without_a_jump() {
         drift: 0.0,
         stuck_per_day: 0.0,
         missing_fraction: 0.0,
+        storms_per_day: 0.0,
         channels: 24,
-        ..options(120.0, 300.0, change)
+        ..options(60.0, 300.0, change)
     };
     let (changing, same) = (quiet(often), quiet(ChangeOptions::default()));
     assert!(plant(&changing).changes().len() > 2);
     let (with, without) = (log(&changing), log(&same));
-    for (name, largest_step, least_change) in [("TIT101", 0.15, 0.5), ("CIT101", 2.0, 10.0)] {
-        let at = position(&changing, name);
-        let shift: Vec<f64> = column(&with, at)
-            .iter()
-            .zip(&column(&without, at))
-            .map(|(with, without)| f64::from(with - without))
-            .collect();
-        let steps = shift.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        let step = steps.fold(0.0, f64::max);
-        assert!(step < largest_step, "{name} jumps by {step} in five minutes");
-        let change = shift.iter().copied().map(f64::abs).fold(0.0, f64::max);
-        assert!(change > least_change, "{name} changes by {change}");
-    }
+    // Of what flows through the pipe the salt alone keeps its value while the feed is off, for hours at most.
+    let at = position(&changing, "CIT101");
+    let shift: Vec<f64> = column(&with, at)
+        .iter()
+        .zip(&column(&without, at))
+        .map(|(with, without)| f64::from(with - without))
+        .collect();
+    let steps = shift.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let step = steps.fold(0.0, f64::max);
+    assert!(step < 10.0, "it jumps by {step} µS/cm in five minutes");
+    let change = shift.iter().copied().map(f64::abs).fold(0.0, f64::max);
+    assert!(change > 40.0, "it changes by {change} µS/cm");
 }
 
 #[test]
@@ -312,18 +312,18 @@ fn what_was_learnt_before_is_wrong_after() {
         settings_per_year: 12.0,
         pumps_per_year: 12.0,
     };
-    // The same weather with and without change, and two quarters of a year that winter divides: what differs is change.
-    let quarter = 90;
+    // The same weather with and without change: what differs is change.
+    let half = 45;
     let mut errors = [0.0; 2];
     for seed in 0..3 {
         for (total, change) in errors.iter_mut().zip([ChangeOptions::default(), often]) {
-            let options = PlantOptions { seed: Seed::new(seed), ..options(180.0, 900.0, change) };
+            let options = PlantOptions { seed: Seed::new(seed), ..options(90.0, 900.0, change) };
             let mode = position(&options, MODE_CHANNEL);
             let log = log(&options);
             for channel in
                 (0..3).chain([position(&options, "CIT101"), position(&options, "LIT602")])
             {
-                *total += error_after(&log, quarter * 96, channel, mode);
+                *total += error_after(&log, half * 96, channel, mode);
             }
         }
     }
@@ -331,7 +331,7 @@ fn what_was_learnt_before_is_wrong_after() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
 
     /// However much and however often a plant changes, it stays a plant: preprocessing finds in each channel what the
     /// schema says, and no value is infinite or not a number without being an outage.
@@ -348,7 +348,7 @@ proptest! {
             pumps_per_year: per_year,
         };
         let options =
-            PlantOptions { channels, seed: Seed::new(seed), ..options(60.0, 600.0, change) };
+            PlantOptions { channels, seed: Seed::new(seed), ..options(40.0, 600.0, change) };
         let plant = plant(&options);
         let (schema, changes) = (plant.schema().to_vec(), plant.changes());
         prop_assert!(changes.is_sorted_by(|a, b| a.at <= b.at));
