@@ -15,12 +15,12 @@ pub(super) const CHANGES: &str = "changes.json";
 #[derive(Serialize)]
 struct ChangesFile<'a> {
     format: u32,
-    changes: &'a [Told],
+    changes: &'a [DatedChange],
 }
 
 /// One change.
 #[derive(Debug, Serialize)]
-pub(super) struct Told {
+pub(super) struct DatedChange {
     /// When.
     at: String,
     /// What, in words.
@@ -30,7 +30,7 @@ pub(super) struct Told {
     kind: ChangeKind,
 }
 
-impl Told {
+impl DatedChange {
     fn of(change: Change) -> Self {
         Self { at: format_time(change.at), told: change.kind.to_string(), kind: change.kind }
     }
@@ -45,7 +45,7 @@ impl Told {
 }
 
 /// Leave the changes of `plant` beside its log; nothing, also of an earlier plant, where it does not change.
-pub(super) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<Told>> {
+pub(super) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<DatedChange>> {
     let path = directory.join(CHANGES);
     if plant.options().change.strength == 0.0 {
         return match std::fs::remove_file(&path) {
@@ -55,7 +55,7 @@ pub(super) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<Told>
             _ => Ok(Vec::new()),
         };
     }
-    let changes: Vec<Told> = plant.changes().into_iter().map(Told::of).collect();
+    let changes: Vec<DatedChange> = plant.changes().into_iter().map(DatedChange::of).collect();
     write_json(&path, &ChangesFile { format: 1, changes: &changes })?;
     Ok(changes)
 }

@@ -13,7 +13,7 @@ use super::{
     deployed::{self, Deployed},
     evaluate::{Judged, Summary, judge, print, told},
     figures::{self, Starts},
-    learning, load_study, name, report, report_data,
+    learning, load_study, name, recorded, report, report_data,
     rollout::{self, RolloutManifest},
     starts::follow_from_deployment,
 };
@@ -232,6 +232,7 @@ fn whole(
         sensitivities: sensitivities.collect(),
         learning: learning_curves(study, parts, &deployments),
         decision: deployed::report_table(what_to_deploy),
+        recorded: recorded::of_parts(&study.sweep.sensors, &deployments),
         rollouts: Vec::new(),
         rollout_grids: rollout_grids(study, &deployments),
         jumps: Vec::new(),

@@ -28,6 +28,7 @@ mod plant_of_study;
 mod pretrain;
 mod pretrain_files;
 mod quickstart;
+mod recorded;
 mod report;
 mod report_data;
 mod represent;

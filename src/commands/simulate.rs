@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{Below, Claim, TOOL},
-    changes::{self, CHANGES, Told},
+    changes::{self, CHANGES, DatedChange},
     plant_of_study,
 };
 use crate::{
@@ -40,7 +40,7 @@ pub(super) struct Simulated {
     written: usize,
     /// What changes in the plant; of one that does not, nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    changes: Vec<Told>,
+    changes: Vec<DatedChange>,
 }
 
 impl Simulated {

@@ -16,7 +16,7 @@ use super::{
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
-    plant_of_study, pretrain_files,
+    plant_of_study, pretrain_files, recorded,
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
@@ -117,7 +117,7 @@ pub(super) fn run(
         seed: Seed::new(study.seed).child("agent"),
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
+    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
     let plan = match halving {
         Some((keep, rungs)) => plan.halving(keep, rungs),
         None => plan,
@@ -175,11 +175,9 @@ pub(super) fn run(
         notes: [notes, lengths.notes, told_starts, failed].concat(),
     };
     sweep_tables::write(&directory, &manifest.candidates, &results)?;
+    recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
     if ran > 0 {
-        write_json(
-            &directory.join("timings.json"),
-            &Timings { units: ran, wall_secs: clock.elapsed().as_secs_f64() },
-        )?;
+        write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
@@ -236,6 +234,11 @@ fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<Strin
 struct Timings {
     units: usize,
     wall_secs: f64,
+}
+
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
 
 /// Steps of every stream, and why they are not what the study says.
