@@ -13,6 +13,7 @@ mod networks;
 mod paper;
 mod pretrain;
 mod real_data;
+mod recorded;
 mod represent;
 mod studies;
 mod sweeps;

@@ -2,7 +2,7 @@
 
 use super::rollout::axis_label;
 use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Scale, Series, Side, extent};
-use crate::number::{duration, number};
+use crate::number::number;
 use crate::{Figure, ReportError};
 
 const HEIGHT: f64 = 110.0;
@@ -65,7 +65,7 @@ impl RecordedFigure {
             vec![cell]
         };
         let rows = shown.iter().map(cell).collect();
-        let ranges: Vec<String> = shown.iter().map(|(period, of)| period.range(of)).collect();
+        let ranges: Vec<String> = shown.iter().map(|(period, of)| period.heading(of)).collect();
         let head = Chart {
             title,
             description: format!("{label}. {}.", ranges.join("; ")),
@@ -94,18 +94,22 @@ impl RecordedPeriod {
         Some(Extent { secs: of(|point| point.0)?, values: of(|point| point.1)? })
     }
 
-    /// "april: 2023-04-07 00:00:00 to 2023-04-13 23:50:00, 7 d"
+    /// "april: 2023-04-07 00:00 to 2023-04-13 23:50, between 3.1 and 7.8"
     fn heading(&self, extent: &Extent) -> String {
-        let [first, last] = &self.times;
-        let length = duration((extent.secs.1 - extent.secs.0).max(0.0));
-        format!("{}: {first} to {last}, {length}", self.name)
+        let (low, high) = extent.values;
+        format!("{}: {}, between {} and {}", self.name, self.span(), number(low), number(high))
     }
 
-    /// "april between 3.1 and 7.8", for those who cannot see it.
-    fn range(&self, extent: &Extent) -> String {
-        let (low, high) = extent.values;
-        let [first, last] = &self.times;
-        format!("{}, {first} to {last}: between {} and {}", self.name, number(low), number(high))
+    /// From the first value to the last one; seconds are left out where neither has any.
+    fn span(&self) -> String {
+        let minutes = self
+            .times
+            .each_ref()
+            .map(|time| time.strip_suffix(":00").filter(|of| of.contains(':')));
+        match (minutes, &self.times) {
+            ([Some(first), Some(last)], _) => format!("{first} to {last}"),
+            (_, [first, last]) => format!("{first} to {last}"),
+        }
     }
 
     fn plot(&self, extent: &Extent, scale: &Scale) -> Chart {
