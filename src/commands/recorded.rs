@@ -131,6 +131,10 @@ impl Rows<'_> {
         let (first, last) = (*own.first()?, *own.last()?);
         let (name, used_for) = match period {
             HELD_OUT => (deployment.unwrap_or("held out"), PeriodUse::Deployment),
+            // Beside pre-training, what the model is built from is only a part of the training range.
+            TRAINING if self.periods.iter().any(|of| of == PRETRAINING) => {
+                ("model", PeriodUse::Learning)
+            }
             learned => (learned, PeriodUse::Learning),
         };
         let point = |&row: &usize| (seconds(self.times[row]), self.values[row].unwrap_or(f64::NAN));
