@@ -17,7 +17,7 @@ use super::{
     figures::{self, Starts},
     learning, load_study, name,
     one_step::Predicting,
-    report, report_data,
+    recorded, report, report_data,
     rollout::{self, RolloutManifest},
     starts::follow_from_deployment,
 };
@@ -269,6 +269,7 @@ fn whole(
         sensitivities: sensitivities.collect(),
         learning: learning::of_several(study, parts, &deployments),
         decision: deployed::report_table(what_to_deploy),
+        recorded: recorded::of_parts(&study.sweep.sensors, &deployments),
         rollouts: Vec::new(),
         rollout_grids: rollout_grids(study, &deployments),
         jumps: Vec::new(),

@@ -22,6 +22,7 @@ use super::{
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
     one_step::{self, Predicting},
+    recorded,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -65,6 +66,9 @@ pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Re
     if !report.sensitivities.is_empty() {
         figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
     }
+    for recorded in &report.recorded {
+        figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
+    }
     for grid in &report.rollout_grids {
         figures::write(directory, &format!("rollouts-{}", placed(&grid.sensor)), &grid.figure()?)?;
     }
@@ -87,6 +91,8 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
+    let not_kept = kept.is_none().then(|| recorded::missing(paths));
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -98,13 +104,14 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.clone(),
+        warnings: summary.notes.iter().cloned().chain(not_kept).collect(),
         sensitivities: summary
             .verdicts
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
+        recorded: kept.unwrap_or_default(),
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),

@@ -16,7 +16,7 @@ use super::{
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
-    plant_of_study, pretrain_files,
+    plant_of_study, pretrain_files, recorded,
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
@@ -131,7 +131,7 @@ pub(super) fn run(
         seed: Seed::new(study.seed).child("agent"),
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
+    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
     let sweep = &study.sweep;
     let plan = if sweep.race { plan.race(sweep.race_error_rate)? } else { plan };
     let directory = paths.sweep();
@@ -193,11 +193,9 @@ pub(super) fn run(
         notes: [notes, streams.notes, told_starts, failed].concat(),
     };
     sweep_tables::write(&directory, &manifest, &results)?;
+    recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
     if ran > 0 {
-        write_json(
-            &directory.join("timings.json"),
-            &Timings { units: ran, wall_secs: clock.elapsed().as_secs_f64() },
-        )?;
+        write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
@@ -302,6 +300,11 @@ fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<Strin
 struct Timings {
     units: usize,
     wall_secs: f64,
+}
+
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

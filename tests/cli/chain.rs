@@ -25,7 +25,10 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
         "sweep/runs.parquet",
         "sweep/curves.parquet",
         "evaluate/summary.json",
+        "sweep/recorded.parquet",
         "evaluate/figures/sensitivity-PIT300.png",
+        "evaluate/figures/recorded-PIT300.svg",
+        "evaluate/figures/recorded-PIT300.png",
         "report.html",
     ] {
         assert!(place.path().join("study-results").join(file).is_file(), "{file} is missing");

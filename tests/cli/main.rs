@@ -2,6 +2,7 @@
 
 mod build;
 mod chain;
+mod change;
 mod comparisons;
 mod deployments;
 mod dtw;
@@ -13,6 +14,7 @@ mod networks;
 mod paper;
 mod pretrain;
 mod real_data;
+mod recorded;
 mod represent;
 mod studies;
 mod sweeps;
