@@ -41,7 +41,7 @@ impl<'a> Environments<'a> {
         let rollout_seed = seed.child("rollout");
         let starts = Starts::new(&study.rollout, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
-            &model.manifest.key,
+            model.manifest.content()?,
             (study.model.weights, study.model.temperature),
             study.rollout.starts(),
             // Not the deployment itself: where start states are the same for several, so are the streams.

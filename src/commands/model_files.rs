@@ -18,7 +18,7 @@ use calib_rollout::JumpStatistics;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest},
+    artefact::{self, Files, Manifest},
     model::Model,
     represent::{self, Representation},
     train_model::{self, TrainingSummary},
@@ -61,7 +61,7 @@ pub(super) struct ModelManifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) training: Option<TrainingSummary>,
     /// Fingerprint of every other file.
-    pub(super) files: BTreeMap<String, Fingerprint>,
+    pub(super) files: Files,
 }
 
 /// Times of the first and the last row, as people read them.
@@ -79,8 +79,33 @@ pub(super) struct MemberSummary {
     pub(super) jumps: Option<JumpStatistics>,
 }
 
+impl ModelManifest {
+    /// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables
+    /// to the last bit.
+    pub(super) fn content(&self) -> anyhow::Result<String> {
+        // The profile tells of the held-out range too, which nothing that follows from the model does.
+        let files: BTreeMap<_, _> =
+            self.files.iter().filter(|(name, _)| *name != PROFILE).collect();
+        artefact::key(&(&self.key, files))
+    }
+
+    /// The files that do not change as long as the model is the same.
+    pub(super) fn lasting_files(&self) -> Files {
+        let lasting = self.files.iter().filter(|(name, _)| *name != PROFILE);
+        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+    }
+
+    /// Whether the profile is what was written.
+    pub(super) fn has_profile(&self, directory: &Path) -> bool {
+        let written = self.files.get(PROFILE);
+        written.is_some_and(|written| {
+            fingerprint_file(&directory.join(PROFILE)).is_ok_and(|found| found == *written)
+        })
+    }
+}
+
 impl Manifest for ModelManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -170,7 +195,7 @@ pub(super) fn write(
     knn: Option<&KnnModel>,
 ) -> anyhow::Result<()> {
     let frames = &dataset.train;
-    rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
+    artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
     write_json(&directory.join(PROFILE), &dataset.profile)?;
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
@@ -180,7 +205,7 @@ pub(super) fn write(
 pub(super) fn rewrite_profile(
     directory: &Path,
     dataset: &Dataset,
-    files: &mut BTreeMap<String, Fingerprint>,
+    files: &mut Files,
 ) -> anyhow::Result<()> {
     let path = directory.join(PROFILE);
     write_json(&path, &dataset.profile)?;
@@ -243,6 +268,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
             directory.display()
         );
     }
+    artefact::check_files(directory, &manifest.files, &build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
     let mapped = map_npy::<f32>(&directory.join(STATES)).with_context(again)?;

@@ -87,7 +87,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         agents,
         diverged,
     };
-    pretrain_files::curves(&manifest.agents).write_parquet(&directory.join("curves.parquet"))?;
+    let curves = pretrain_files::curves(&manifest.agents);
+    artefact::write_table(curves, &directory.join("curves.parquet"))?;
     if trained > 0 {
         let wall_secs = clock.elapsed().as_secs_f64();
         write_json(&directory.join("timings.json"), &Timings { agents: trained, wall_secs })?;
@@ -144,8 +145,8 @@ fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, 
         return BTreeMap::new();
     };
     let is_wanted = |agent: &PretrainedAgent| {
-        let files = agent.files.keys().map(String::as_str);
-        wanted.iter().any(|wanted| wanted.key == agent.key) && artefact::has_files(directory, files)
+        wanted.iter().any(|wanted| wanted.key == agent.key)
+            && artefact::are_whole(directory, &agent.files)
     };
     let agents = manifest.agents.into_iter().filter(is_wanted);
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
@@ -250,7 +251,7 @@ fn finish(
             "of epoch 1",
         ];
         let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
-        printer.result(&table(&header, &rows))?;
+        printer.lines(&table(&header, &rows))?;
     }
     printer.next(&format!("{} or {}", paths.command("build-model"), paths.command("sweep")));
     Ok(())

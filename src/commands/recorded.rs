@@ -8,7 +8,7 @@ use calib_core::{Frames, Normalised, Timestamp};
 use calib_data::{Dataset, format_time, table::Table, table::read_parquet};
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod, min_max_in_time};
 
-use super::{compare::Part, partition::PretrainPart};
+use super::{artefact::write_table, compare::Part, partition::PretrainPart};
 use crate::study::StudyPaths;
 
 /// The file in the directory of a sweep.
@@ -44,7 +44,7 @@ pub(super) fn write(
         .with("sensor", rows.iter().map(|(_, sensor, _)| (*sensor).clone()).collect())
         .with("timestamp", rows.iter().map(|(.., (time, _))| *time).collect())
         .with_optional("value", rows.iter().map(|(.., (_, value))| *value).collect());
-    Ok(table.write_parquet(&directory.join(RECORDED))?)
+    write_table(table, &directory.join(RECORDED))
 }
 
 /// Values of a column in physical units, and nothing where the line breaks, at the time of the value before.

@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use calib_agent::AgentConfig;
 use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
@@ -12,7 +12,7 @@ use calib_sweep::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Below, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
@@ -57,6 +57,8 @@ pub(super) struct SweepManifest {
     pub(super) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
     pub(super) notes: Vec<String>,
+    /// Fingerprint of every table.
+    pub(super) files: Files,
 }
 
 /// The states of a deployment.
@@ -75,7 +77,7 @@ impl HeldOut {
 }
 
 impl Manifest for SweepManifest {
-    const FORMAT: u32 = 2;
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -106,10 +108,11 @@ pub(super) fn run(
     ));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
+    let content = model.manifest.content()?;
     let streams = match Streams::of(&study, &dataset, &candidates, printer) {
         Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
             let reason = reason.to_string();
-            let made = LeftOut { study, dataset: &dataset, model: &model.manifest.key, candidates };
+            let made = LeftOut { study, dataset: &dataset, model: &content, candidates };
             return made.leave_out(reason, args, &paths, printer);
         }
         streams => streams?,
@@ -157,10 +160,15 @@ pub(super) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let claim = Claim::new(&directory, Below::Ours)?;
-    claim.begin()?;
-    if args.force {
-        remove_units(&store)?;
+    // Nothing is given up, nor need the disk be writable, before there is something to write.
+    let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
+    let kept = if is_done { finished(&directory, args) } else { None };
+    let mut claim = None;
+    if kept.is_none() {
+        claim = Some(begin(&directory)?);
+        if args.force {
+            store.clear()?;
+        }
     }
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.into_iter().try_for_each(|(_, result)| store.put(result))?;
@@ -172,13 +180,13 @@ pub(super) fn run(
     for note in &failed {
         printer.warn(note);
     }
-    let manifest = SweepManifest {
+    let mut manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
         key: artefact::key(&units)?,
         study: study.clone(),
         data: dataset.fingerprint.clone(),
-        model: model.manifest.key.clone(),
+        model: content,
         period: dataset.period,
         held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
         span,
@@ -191,15 +199,40 @@ pub(super) fn run(
         candidates,
         units,
         notes: [notes, streams.notes, told_starts, failed].concat(),
+        files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
+    if let Some(kept) = kept
+        && serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?
+    {
+        finish(args, &paths, &manifest, ran, clock, printer)?;
+        return Ok(ExitStatus::Done);
+    }
+    let claim = claim.map_or_else(|| begin(&directory), Ok)?;
     sweep_tables::write(&directory, &manifest, &results)?;
     recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
+    manifest.files = artefact::fingerprints(
+        &directory,
+        sweep_tables::FILES.into_iter().chain([recorded::RECORDED]),
+    )?;
     if ran > 0 {
         write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// The manifest of a sweep whose tables are what was written.
+fn finished(directory: &Path, args: &StudyArgs) -> Option<SweepManifest> {
+    let kept = artefact::read::<SweepManifest>(directory)?;
+    (!args.force && artefact::are_whole(directory, &kept.files)).then_some(kept)
+}
+
+/// Claim the directory of a sweep that has something to write.
+fn begin(directory: &Path) -> anyhow::Result<Claim> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    Ok(claim)
 }
 
 /// A deployment in which nothing can be scored.
@@ -242,9 +275,9 @@ impl LeftOut<'_> {
             candidates,
             units: Vec::new(),
             notes: Vec::new(),
+            files: Files::new(),
         };
-        let claim = Claim::new(&paths.sweep(), Below::Ours)?;
-        claim.begin()?;
+        let claim = begin(&paths.sweep())?;
         claim.complete(&manifest)?;
         Ok(ExitStatus::Negative)
     }
@@ -305,15 +338,6 @@ struct Timings {
 fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
     let wall_secs = clock.elapsed().as_secs_f64();
     Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
-}
-
-fn remove_units(store: &UnitStore) -> anyhow::Result<()> {
-    match std::fs::remove_dir_all(store.directory()) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", store.directory().display()))
-        }
-        _ => Ok(()),
-    }
 }
 
 fn finish(

@@ -18,4 +18,6 @@ mod recorded;
 mod represent;
 mod studies;
 mod sweeps;
+mod torture;
+mod trust;
 mod validity;

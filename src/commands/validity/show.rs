@@ -18,7 +18,7 @@ pub(super) fn show(judgement: &Judgement, printer: &Printer) -> anyhow::Result<(
         let header: Vec<&str> = of.columns.iter().map(String::as_str).collect();
         let rows: Vec<Vec<String>> =
             of.rows.iter().map(|row| row.iter().map(text).collect()).collect();
-        printer.result(&table(&header, &rows))?;
+        printer.lines(&table(&header, &rows))?;
     }
     printer.result("")?;
     for finding in findings(judgement) {

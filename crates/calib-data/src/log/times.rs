@@ -1,5 +1,7 @@
 //! The timestamps of one file.
 
+use std::ops::Range;
+
 use calib_core::Timestamp;
 use polars::prelude as pl;
 
@@ -100,13 +102,16 @@ pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i
     } else if !floats.is_empty() {
         times = from_floats(&floats, data.timestamp_unit);
     }
+    for time in times.iter_mut().filter(|time| !CALENDAR.contains(time)) {
+        *time = NO_TIME;
+    }
     Ok(times)
 }
 
 fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
     let present = times.iter().filter(|&&time| time != NO_TIME);
-    let largest = present.map(|time| time.unsigned_abs()).max();
-    let unit = unit.unwrap_or_else(|| guess_unit(largest.unwrap_or_default() as f64));
+    let sizes = present.map(|time| time.unsigned_abs() as f64).collect();
+    let unit = unit.unwrap_or_else(|| guess_unit(typical(sizes)));
     for time in times.iter_mut().filter(|time| **time != NO_TIME) {
         *time = match unit {
             TimestampUnit::Seconds => time.saturating_mul(1_000_000),
@@ -120,8 +125,8 @@ fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
 
 fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
     let finite = times.iter().filter(|time| time.is_finite());
-    let largest = finite.fold(0.0_f64, |largest, time| largest.max(time.abs()));
-    let micros = match unit.unwrap_or_else(|| guess_unit(largest)) {
+    let sizes = finite.map(|time| time.abs()).collect();
+    let micros = match unit.unwrap_or_else(|| guess_unit(typical(sizes))) {
         TimestampUnit::Seconds => 1e6,
         TimestampUnit::Milliseconds => 1e3,
         TimestampUnit::Microseconds => 1.0,
@@ -131,6 +136,16 @@ fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
         .iter()
         .map(|&time| if time.is_finite() { (time * micros).round() as i64 } else { NO_TIME })
         .collect()
+}
+
+/// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,
+/// and what is no instant is no row of a log.
+const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
+
+/// The (upper) median: a single number that stands for something else must not tell the unit of all others.
+fn typical(mut sizes: Vec<f64>) -> f64 {
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps.
@@ -157,6 +172,8 @@ mod tests {
             let floats = from_floats(&[f64::NAN, number as f64], None);
             assert_eq!(floats, [NO_TIME, micros]);
         }
+        let sentinel = from_integers(vec![second, second + 1, i64::MAX], None);
+        assert_eq!(sentinel[..2], [micros, micros + 1_000_000]);
         let odd = from_integers(vec![micros * 1_000 + 1_999], None);
         assert_eq!(odd, [micros + 1], "whole microseconds, no rounding through floats");
         let milliseconds = from_integers(vec![1_500], Some(TimestampUnit::Milliseconds));
