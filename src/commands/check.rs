@@ -141,16 +141,19 @@ impl Check<'_> {
     fn file(&mut self, folder: &Path, path: &Path) {
         let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
         let is_unit = name.starts_with("run-") && name.ends_with(".json");
-        let read =
-            if is_unit || ["one_step.json", "training.json"].contains(&&*name) && sealed(path) {
-                read_sealed_json::<Value>(path).map(drop).map_err(anyhow::Error::from)
-            } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
-                read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
-            } else if name.ends_with(".parquet") {
-                read_parquet(path).map(drop).map_err(anyhow::Error::from)
-            } else {
-                return;
-            };
+        let read = if name == "one_step.json" {
+            beside(path, "steps", "one_step.parquet")
+        } else if name == "training.json" && sealed(path) {
+            beside(path, "encoder", "encoder.safetensors")
+        } else if is_unit {
+            read_sealed_json::<Value>(path).map(drop).map_err(anyhow::Error::from)
+        } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
+            read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
+        } else if name.ends_with(".parquet") {
+            read_parquet(path).map(drop).map_err(anyhow::Error::from)
+        } else {
+            return;
+        };
         self.note(folder, path, read.err().map(|error| told(&error)));
     }
 
@@ -201,6 +204,14 @@ impl Check<'_> {
         }
         Ok(())
     }
+}
+
+/// A record that tells of a file beside it.
+fn beside(path: &Path, key: &str, name: &str) -> anyhow::Result<()> {
+    let record: Value = read_sealed_json(path)?;
+    let found = fingerprint_file(&path.with_file_name(name))?;
+    ensure!(record[key] == found.as_str(), "{name} beside it is not what was written");
+    Ok(())
 }
 
 /// Files of networks are called as those of representations, and are no sealed ones.

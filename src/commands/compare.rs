@@ -86,7 +86,7 @@ impl Part {
                 curves.environment = format!("{} of {name}", curves.environment);
             }
         }
-        let rollouts = rollout::finished(study, paths, &manifest.model);
+        let rollouts = rollout::finished(study, paths, &manifest.model)?;
         let (model, deployment) = (args.model.clone(), args.deployment.clone());
         let starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,

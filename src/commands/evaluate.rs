@@ -111,7 +111,7 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         advice,
         candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
         verdicts,
-        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)].concat(),
+        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)?].concat(),
     };
     let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
     let (written, _) = load_study(&whole)?;
@@ -119,16 +119,16 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
-fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> Vec<String> {
+fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> anyhow::Result<Vec<String>> {
     let there = paths.rollout().join(MANIFEST).exists();
-    if there && rollout::finished(study, paths, model).is_none() {
-        vec![format!(
+    if there && rollout::finished(study, paths, model)?.is_none() {
+        Ok(vec![format!(
             "the rollouts in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
             paths.rollout().display(),
             paths.command("rollout")
-        )]
+        )])
     } else {
-        Vec::new()
+        Ok(Vec::new())
     }
 }
 

@@ -15,7 +15,7 @@ use calib_sweep::{Candidate, Start};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest},
+    artefact::{self, Files, Manifest},
     partition::{PretrainPart, span},
 };
 use crate::study::{MomentsRule, Study, StudyPaths};
@@ -38,6 +38,8 @@ pub(super) struct PretrainManifest {
     /// Sensors whose agents diverged, and the epoch in which they did: they have no agent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) diverged: BTreeMap<String, usize>,
+    /// Fingerprint of the learning curves.
+    pub(super) files: Files,
 }
 
 impl Manifest for PretrainManifest {

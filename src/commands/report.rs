@@ -96,13 +96,12 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
     let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = rollout::finished(study, paths, &model.content()?);
+    let rollouts = rollout::finished(study, paths, &model.content()?)?;
     let (shown, starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
-    let not_kept = kept.is_none().then(|| recorded::missing(paths));
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -114,14 +113,14 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.iter().cloned().chain(not_kept).collect(),
+        warnings: summary.notes.clone(),
         sensitivities: summary
             .verdicts
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
-        recorded: kept.unwrap_or_default(),
+        recorded: kept,
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),

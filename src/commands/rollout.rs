@@ -67,19 +67,28 @@ impl Manifest for RolloutManifest {
     }
 }
 
-/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment, or
-/// where they are not what was written any more.
-pub(super) fn finished(study: &Study, paths: &StudyPaths, model: &str) -> Option<RolloutManifest> {
-    artefact::read::<RolloutManifest>(&paths.rollout()).filter(
-        |RolloutManifest { model: of, study: made, files, .. }| {
+/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment.
+///
+/// # Errors
+/// If a table is not what was written.
+pub(super) fn finished(
+    study: &Study,
+    paths: &StudyPaths,
+    model: &str,
+) -> anyhow::Result<Option<RolloutManifest>> {
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(
+        |RolloutManifest { model: of, study: made, .. }| {
             *of == *model
                 && made.rollout == study.rollout
                 && made.model == study.model
                 && made.seed == study.seed
                 && (!follow_from_deployment(study) || made.data.held_out == study.data.held_out)
-                && artefact::are_whole(&paths.rollout(), files)
         },
-    )
+    );
+    if let Some(found) = &found {
+        artefact::check_files(&paths.rollout(), &found.files, &paths.command("rollout"))?;
+    }
+    Ok(found)
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.

@@ -8,7 +8,7 @@ use serde::Deserialize as _;
 use toml::{Table, Value};
 
 use calib_data::DataConfig;
-use calib_files::require_regular;
+use calib_files::{FileError, require_regular};
 
 use super::{
     Study, StudyPaths,
@@ -160,8 +160,11 @@ fn read(
     overrides: &[String],
     profile: Option<&str>,
 ) -> anyhow::Result<(Table, Results)> {
-    let text = require_regular(path).map_err(anyhow::Error::from);
-    let text = text.and_then(|()| Ok(fs::read_to_string(path)?)).with_context(|| {
+    let text = match require_regular(path) {
+        Err(FileError::Io { source, .. }) => Err(source),
+        _ => fs::read_to_string(path),
+    };
+    let text = text.with_context(|| {
         format!(
             "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
             path.display()

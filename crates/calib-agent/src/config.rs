@@ -119,7 +119,7 @@ impl AgentConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         let mlp = self.value_function == ValueFunction::Mlp;
         let uniform = self.replay == ReplayKind::Uniform;
-        let single = |value: f64| (1e-37..=1e37).contains(&value);
+        let single = |value: f64| (1e-37..=1e38).contains(&value);
         let fraction = |value: f64| (0.0..1.0).contains(&value);
         self.check_traces()?;
         require(
@@ -138,21 +138,21 @@ impl AgentConfig {
             self.learning_rate == 0.0 || single(self.learning_rate),
             "learning_rate",
             &self.learning_rate,
-            "0 or a number from 1e-37 to 1e37 (parameters are in single precision)",
+            "0 or a number from 1e-37 to 1e38 (parameters are in single precision)",
         )?;
         require(fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
         require(fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
         require(
-            (1e-30..=1e37).contains(&self.epsilon),
+            (1e-30..=1e38).contains(&self.epsilon),
             "epsilon",
             &self.epsilon,
-            "a number from 1e-30 to 1e37 (parameters are in single precision)",
+            "a number from 1e-30 to 1e38 (parameters are in single precision)",
         )?;
         require(
             self.weight_decay == 0.0 || single(self.weight_decay),
             "weight_decay",
             &self.weight_decay,
-            "0 or a number from 1e-37 to 1e37 (parameters are in single precision)",
+            "0 or a number from 1e-37 to 1e38 (parameters are in single precision)",
         )?;
         require(
             fraction(self.gamma),
