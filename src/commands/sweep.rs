@@ -100,7 +100,7 @@ pub(super) fn run(
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     let halving = match &study.sweep.halving {
-        Some(halving) => Some((halving.keep, halving.rungs(study.sweep.member_runs)?)),
+        Some(halving) => Some((halving.keep, halving.rungs(study.member_runs())?)),
         None => None,
     };
     let model = model_files::open(&paths, &study)?;

@@ -102,6 +102,7 @@ impl Study {
         let counts = [
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
             ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
+            ("sweep.network_runs", self.sweep.runs_of_network(), 1, MANY_RUNS),
             ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
             ("sweep.online_windows", self.sweep.online_windows, 1, MANY_RUNS),
             ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),

@@ -83,6 +83,11 @@ impl Study {
         self.model.kind != ModelKind::Knn
     }
 
+    /// Runs of every value in each member of the model.
+    pub(crate) fn member_runs(&self) -> usize {
+        if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
+    }
+
     /// Which part of a run is scored.
     pub(crate) fn part(&self) -> Part {
         let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();

@@ -10,6 +10,7 @@
 //! - [`select`]: the worst-rank rule, with its tie set.
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
+//! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
 //! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
 //! - [`quantile`], [`median`]: order statistics.
@@ -43,6 +44,7 @@ mod error;
 mod estimate;
 mod one_step;
 mod pooled;
+mod power;
 mod prediction;
 mod quantile;
 mod ranks;
@@ -58,6 +60,7 @@ pub use error::StatsError;
 pub use estimate::Estimate;
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
+pub use power::{observations_needed, smallest_difference};
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
