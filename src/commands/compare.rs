@@ -239,7 +239,7 @@ fn whole(
         .iter()
         .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
     let mut whole = Report {
-        title: super::evaluate::title(study, args),
+        title: evaluate::title(study, args),
         verdicts,
         sensitivities: sensitivities.collect(),
         learning: learning_curves(study, parts, &deployments),
