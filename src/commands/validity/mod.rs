@@ -220,7 +220,7 @@ fn take(
     }
     let mut models = Vec::with_capacity(study.models.len());
     for model in &study.models {
-        if study.lacks(model.as_deref())? {
+        if study.lacks(model.as_deref()) {
             let name = model.as_deref().unwrap_or("the model").to_owned();
             *lacking.entry(name).or_default() += 1;
         } else {

@@ -133,12 +133,10 @@ impl Listed {
 
     /// How many of its models, in how many deployments each, are still to be swept by this calib.
     pub(super) fn left(&self) -> anyhow::Result<usize> {
-        if !self.is_written()? {
-            return Ok(self.parts().count());
-        }
+        let is_written = self.is_written()?;
         let mut left = 0;
-        for part in self.parts() {
-            left += usize::from(!self.lacks(part.model.as_deref())? && !evaluate::is_swept(&part)?);
+        for part in self.parts().filter(|part| !self.lacks(part.model.as_deref())) {
+            left += usize::from(!is_written || !evaluate::is_swept(&part)?);
         }
         Ok(left)
     }
@@ -199,10 +197,16 @@ impl Listed {
     }
 
     /// Whether a model is one that this calib cannot train, and that no other one has trained.
-    pub(super) fn lacks(&self, model: Option<&str>) -> anyhow::Result<bool> {
-        let (settings, paths) = load_study(&self.args((model, None)))?;
-        let wants_libtorch = matches!(settings.model.kind, ModelKind::Gru | ModelKind::Torchscript);
-        Ok(wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists())
+    pub(super) fn lacks(&self, model: Option<&str>) -> bool {
+        let own = model.and_then(|name| self.study.models.get(name)?.get("model")?.get("kind"));
+        let own = own.and_then(|kind| kind.clone().try_into::<ModelKind>().ok());
+        let kind = own.unwrap_or(self.study.model.kind);
+        let paths = match model {
+            Some(name) => self.paths.clone().of_model(name),
+            None => self.paths.clone(),
+        };
+        let wants_libtorch = matches!(kind, ModelKind::Gru | ModelKind::Torchscript);
+        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
     }
 }
 
