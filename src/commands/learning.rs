@@ -6,7 +6,11 @@ use calib_report::{LearningCurve, LearningCurves};
 use calib_stats::{Summary, summarise};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
-use super::report::{field, setting};
+use super::{
+    compare::Part,
+    report::{field, setting},
+};
+use crate::study::Study;
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.
 pub(super) fn curves(
@@ -72,6 +76,32 @@ pub(super) fn is_online(curves: &LearningCurves) -> bool {
 /// Whether the curves are the same for all models of a study.
 pub(super) fn is_shared(curves: &LearningCurves) -> bool {
     [ONLINE, LOG_REPLAY].contains(&curves.environment.as_str())
+}
+
+/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
+/// the report shows Online only: members' curves are in the report of each.
+pub(super) fn of_several(
+    study: &Study,
+    parts: &[Part],
+    deployments: &[Vec<&Part>],
+) -> Vec<LearningCurves> {
+    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
+        if deployments.len() == 1 {
+            let all = parts.iter().enumerate().flat_map(|(number, part)| {
+                let own = part.report.learning.iter();
+                own.filter(move |of| number == 0 || !is_shared(of))
+            });
+            return all.filter(|of| of.sensor == *sensor).cloned().collect();
+        }
+        let online = deployments.iter().flat_map(|group| {
+            let own = group[0].report.learning.iter();
+            let own = own.filter(|of| of.sensor == *sensor && is_online(of));
+            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
+                .collect::<Vec<_>>()
+        });
+        online.collect()
+    };
+    study.sweep.sensors.iter().flat_map(of_sensor).collect()
 }
 
 /// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve

@@ -15,12 +15,14 @@ use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, T
 
 use super::{
     artefact::{self, Below, Claim},
-    collapse, comparison,
+    collapse,
+    comparison::{self, ComparedModel},
     evaluate::{Judged, Summary},
     figures::{self, Starts},
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
-    one_step,
+    one_step::{self, Predicting},
+    recorded,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -64,6 +66,9 @@ pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Re
     if !report.sensitivities.is_empty() {
         figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
     }
+    for recorded in &report.recorded {
+        figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
+    }
     for grid in &report.rollout_grids {
         figures::write(directory, &format!("rollouts-{}", placed(&grid.sensor)), &grid.figure()?)?;
     }
@@ -86,6 +91,8 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
+    let not_kept = kept.is_none().then(|| recorded::missing(paths));
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -97,34 +104,44 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.clone(),
+        warnings: summary.notes.iter().cloned().chain(not_kept).collect(),
         sensitivities: summary
             .verdicts
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
+        recorded: kept.unwrap_or_default(),
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, rollouts.as_ref()),
+        tables: tables(study, paths, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
 }
 
 /// What the rollouts were like, and the representations that could be used.
-fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>) -> Vec<Table> {
+fn tables(
+    study: &Study,
+    paths: &StudyPaths,
+    rollouts: Option<&RolloutManifest>,
+) -> anyhow::Result<Vec<Table>> {
     let name = study.model_name();
-    let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
-    let starts = rollouts.and_then(|of| starts_table(name, of));
-    let compared = rollouts.and_then(|of| of.comparison.as_ref());
-    let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
-    let representations = representation_table(study, paths);
-    let one_step = rollouts.and_then(|of| one_step::read(study, paths, &of.model));
-    let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
-    let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
-    collapse.into_iter().chain(rolled_out).chain(representations).collect()
+    let mut tables = Vec::new();
+    if let Some(rollouts) = rollouts {
+        tables.extend(collapse::report_table(name, &rollouts.collapse));
+        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
+        let members = rollouts.members.len();
+        // Beside no other model the means are all there is to show.
+        let compared = rollouts.comparison.as_ref();
+        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        tables.extend(comparison::report_tables(compared.as_slice())?);
+        tables.extend(starts_table(name, rollouts));
+    }
+    tables.extend(representation_table(study, paths));
+    Ok(tables)
 }
 
 /// How many start states each member lacks, and how far what stands for them is; none where all are there.

@@ -16,7 +16,7 @@ use super::{
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
-    plant_of_study, pretrain_files,
+    plant_of_study, pretrain_files, recorded,
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
@@ -99,10 +99,6 @@ pub(super) fn run(
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    let halving = match &study.sweep.halving {
-        Some(halving) => Some((halving.keep, halving.rungs(study.member_runs())?)),
-        None => None,
-    };
     let model = model_files::open(&paths, &study)?;
     printer.say(&format!(
         "sweep: reading {}",
@@ -135,19 +131,17 @@ pub(super) fn run(
         seed: Seed::new(study.seed).child("agent"),
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
-    let plan = match halving {
-        Some((keep, rungs)) => plan.halving(keep, rungs),
-        None => plan,
-    };
+    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
+    let sweep = &study.sweep;
+    let plan = if sweep.race { plan.race(sweep.race_error_rate)? } else { plan };
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let Found { own, stored } =
-        if args.force { Found::default() } else { Found::of(&plan, &store, &paths) };
-    let missing = plan.count() - stored.len();
+        if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
+    let missing = plan.left(&stored)?;
     let agents: Vec<AgentConfig> =
         candidates.iter().map(|candidate| candidate.agent.clone()).collect();
-    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)]);
+    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
     let preview = SweepPlan {
         candidates: &candidates,
         units: plan.count(),
@@ -199,11 +193,9 @@ pub(super) fn run(
         notes: [notes, streams.notes, told_starts, failed].concat(),
     };
     sweep_tables::write(&directory, &manifest, &results)?;
+    recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
     if ran > 0 {
-        write_json(
-            &directory.join("timings.json"),
-            &Timings { units: ran, wall_secs: clock.elapsed().as_secs_f64() },
-        )?;
+        write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
@@ -276,10 +268,10 @@ struct Found {
 }
 
 impl Found {
-    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> Self {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> anyhow::Result<Self> {
         let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
-        let stored = plan.stored(&store.clone().beside(others));
-        Self { own: plan.stored(store), stored }
+        let stored = plan.stored(&store.clone().beside(others))?;
+        Ok(Self { own: plan.stored(store)?, stored })
     }
 }
 
@@ -308,6 +300,11 @@ fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<Strin
 struct Timings {
     units: usize,
     wall_secs: f64,
+}
+
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
 
 /// How long the sweep took when it last ran anything.

@@ -25,7 +25,10 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
         "sweep/runs.parquet",
         "sweep/curves.parquet",
         "evaluate/summary.json",
+        "sweep/recorded.parquet",
         "evaluate/figures/sensitivity-PIT300.png",
+        "evaluate/figures/recorded-PIT300.svg",
+        "evaluate/figures/recorded-PIT300.png",
         "report.html",
     ] {
         assert!(place.path().join("study-results").join(file).is_file(), "{file} is missing");
@@ -88,6 +91,8 @@ fn deleted_results_are_made_again() {
     let files = [
         ("build-model", "model/rows.parquet"),
         ("rollout", "rollout/trajectories.parquet"),
+        ("rollout", "rollout/dtw.parquet"),
+        ("rollout", "rollout/one_step.parquet"),
         ("sweep", "sweep/runs.parquet"),
     ];
     for (command, file) in files {

@@ -79,6 +79,9 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
         "Dynamic time warping (all deployments)",
         "far: held-out range",
         "Start states",
+        "PIT300: recorded in each period",
+        "near: 2022-11-03 00:00 to ",
+        "far: 2022-11-03 12:00 to ",
     ] {
         assert!(report.contains(text), "{text} is missing");
     }

@@ -52,6 +52,9 @@ fn every_element_is_closed() {
     for figure in report().learning {
         assert_balanced(&figure.figure().unwrap().svg());
     }
+    for figure in report().recorded {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
     for figure in report().rollouts {
         assert_balanced(&figure.figure().unwrap().svg());
     }
@@ -180,6 +183,7 @@ fn an_empty_report_is_still_a_page() {
     report.learning.clear();
     report.rollouts.clear();
     report.rollout_grids.clear();
+    report.recorded.clear();
     report.jumps.clear();
     report.tables.clear();
     report.data = None;
@@ -205,6 +209,7 @@ fn a_report_of_a_papers_size_holds_every_step_and_stays_small() {
     let mut long = fixture::long_rollout();
     long.rollouts = vec![long.rollouts[0].clone(); 5];
     report.rollouts = vec![long; 3];
+    report.recorded = vec![fixture::recorded("PIT300", 1200); 3];
     let html = report.html().unwrap();
     assert_eq!(html.matches("\"packed\":").count(), 18);
     assert!(html.len() < 2_500_000, "{} bytes", html.len());

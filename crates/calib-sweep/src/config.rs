@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use calib_agent::Part;
 use serde::{Deserialize, Serialize};
 
-use crate::{Axis, HalvingConfig, Sampling};
+use crate::{Axis, Sampling};
 
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,9 +34,10 @@ pub struct SweepConfig {
     pub sampling: Sampling,
     /// Combinations that `random` and `sobol` draw (default 20).
     pub samples: usize,
-    /// Drop hopeless values after a few runs of every member (default: none is dropped).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub halving: Option<HalvingConfig>,
+    /// Whether values that are surely worse than the leader make no more runs (default false): see [`Plan::race`](crate::Plan::race).
+    pub race: bool,
+    /// The probability with which the best value may be dropped, at most (default 0.05).
+    pub race_error_rate: f64,
     /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
@@ -81,7 +82,8 @@ impl Default for SweepConfig {
             curve_points: 50,
             sampling: Sampling::Grid,
             samples: 20,
-            halving: None,
+            race: false,
+            race_error_rate: 0.05,
             grid: BTreeMap::from([(
                 "learning_rate".to_owned(),
                 Axis::List(rates.map(Into::into).to_vec()),

@@ -83,11 +83,11 @@ pub enum SweepError {
         /// Different ones found.
         there: usize,
     },
-    /// Values cannot be dropped like this.
-    #[error("sweep.halving: {reason}")]
-    Halving {
-        /// What is wrong.
-        reason: String,
+    /// A race cannot be wrong this often.
+    #[error("sweep.race_error_rate must be above 0 and at most 0.5, got {got}")]
+    RaceErrorRate {
+        /// The rate asked for.
+        got: f64,
     },
     /// A candidate is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]

@@ -8,7 +8,7 @@
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
-//! - [`HalvingConfig`]: hopeless values are dropped after a few runs of every member.
+//! - [`Plan::race`]: values that are surely worse than the leader make no more runs.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
 
@@ -18,11 +18,11 @@ mod config;
 mod environment;
 mod error;
 mod error_scale;
-mod halving;
 mod kept;
 mod pass;
 mod plan;
 mod predicted;
+mod race;
 mod range;
 mod replay;
 mod sampling;
@@ -41,11 +41,11 @@ pub use environment::{
 };
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
-pub use halving::HalvingConfig;
 pub use kept::WORK_BETWEEN;
 pub use pass::Start;
 pub use plan::{Completed, Plan, PlanOptions};
 pub use predicted::PredictedEnvironment;
+pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;

@@ -18,7 +18,7 @@ use calib_sweep::{
     Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
     MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, PredictedEnvironment,
     ReplayEnvironment, RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError,
-    UnitResult, UnitStore, Windows, candidates, verdict,
+    UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -83,21 +83,18 @@ impl Study {
     }
 
     fn with_plan<T>(&self, seed: u64, then: impl FnOnce(Plan<'_>) -> T) -> T {
-        self.with_halving(seed, None, then)
+        self.with_runs(seed, 2, then)
     }
 
-    fn with_halving<T>(
-        &self,
-        seed: u64,
-        halving: Option<(f64, Vec<usize>)>,
-        then: impl FnOnce(Plan<'_>) -> T,
-    ) -> T {
+    /// As many runs of each member, and as many windows of the log.
+    fn with_runs<T>(&self, seed: u64, runs: usize, then: impl FnOnce(Plan<'_>) -> T) -> T {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
             .map(|member| {
                 let member = self.model.member(member);
-                let starts = start_states(&member, StartSource::Random, 2, seed).expect("starts");
+                let starts =
+                    start_states(&member, StartSource::Random, runs, seed).expect("starts");
                 let options = RolloutOptions {
                     span: span(),
                     weights: Weights::Linear,
@@ -109,18 +106,14 @@ impl Study {
             .collect();
         let windows = Windows::held_out(self.held_out.segments(), demand(span()), 2);
         let online = ReplayEnvironment::online(&self.held_out, windows, 4, inputs.clone());
-        let windows = Windows::log(self.train.segments(), demand(span()), 2);
+        let windows = Windows::log(self.train.segments(), demand(span()), runs);
         let replay = ReplayEnvironment::log_replay(&self.train, windows, inputs.clone());
         let mut environments: Vec<&dyn Environment> =
             members.iter().map(|member| member as &dyn Environment).collect();
         environments.extend([&online as &dyn Environment, &replay]);
         let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed };
         let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-        let plan = Plan::new(&self.candidates, environments, sensors, options);
-        match halving {
-            Some((keep, rungs)) => then(plan.halving(keep, rungs)),
-            None => then(plan),
-        }
+        then(Plan::new(&self.candidates, environments, sensors, options))
     }
 }
 
@@ -311,48 +304,61 @@ fn agents_start_from_checkpoints() {
 }
 
 #[test]
-fn halving_is_the_whole_sweep_with_runs_left_out() {
+fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let whole = study.with_plan(1, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
-    let run_halved = |store: &UnitStore| {
-        let halving = Some((0.5, vec![1]));
-        study.with_halving(1, halving, |plan| plan.run(store, &Silent).expect("runs"))
+    let runs = 4;
+    let whole = study.with_runs(1, runs, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
+    let race = |store: &UnitStore| {
+        study.with_runs(1, runs, |plan| {
+            let plan = plan.race(0.05).expect("a rate");
+            let completed =
+                plan.complete(plan.stored(store).expect("read"), store, &Silent).expect("runs");
+            let stored = plan.stored(store).expect("read");
+            assert_eq!((plan.left(&stored), plan.passes(&stored)).0.expect("counted"), 0);
+            completed.results
+        })
     };
     let (one, four) = (store("one"), store("four"));
-    let alone = in_pool(1, || run_halved(&one));
-    assert_eq!(alone, in_pool(4, || run_halved(&four)));
-    assert_eq!(alone.len(), whole.len());
+    let alone = in_pool(1, || race(&one));
+    assert_eq!(alone, in_pool(4, || race(&four)));
 
-    // Of four values two go on, and the default with them: the one that diverges is dropped after the first run of each member.
-    let survivors = [1, 2];
-    for (part, all) in alone.iter().zip(&whole) {
-        assert_eq!(part.unit, all.unit);
-        let member = matches!(part.unit.environment, EnvironmentId::Member(_));
-        let left = if member && part.unit.run >= 1 { &survivors[..] } else { &[0, 1, 2, 3] };
-        let expected: Vec<_> = left.iter().map(|&row| all.rows[row].clone()).collect();
-        assert_eq!(part.rows, expected, "{}", part.unit);
+    // The value that diverges is dropped after the first round, the slow ones when that is sure; runs that are made are the same.
+    let expected = raced(&whole, 4, Part::WholeRun, 0.05).expect("finite");
+    assert_eq!(alone.len(), expected.len());
+    for (made, expected) in alone.iter().zip(&expected) {
+        assert_eq!((&made.unit, &made.rows), (&expected.unit, &expected.rows), "{}", made.unit);
     }
-    let halved = judged(&study, &alone);
-    let dropped: Vec<_> =
-        halved.dropped.iter().map(|of| (of.candidate, of.runs, of.of_runs)).collect();
-    assert_eq!(dropped, [(0, 1, 2), (3, 1, 2)]);
-    assert_eq!([0, 3].map(|dropped| halved.selection.worst_ranks[dropped]), [3, 4]);
-    assert_eq!(halved.selection.chosen, 2);
-    assert!(halved.warnings.iter().any(|text| text.contains("halving dropped 2 of 4 values")));
+    let rows = |results: &[UnitResult]| results.iter().map(|of| of.rows.len()).sum::<usize>();
+    assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
+    let left = |run: usize| {
+        let unit = |result: &&UnitResult| {
+            result.unit.sensor == "A"
+                && result.unit.environment == EnvironmentId::Member(1)
+                && result.unit.run == run
+        };
+        alone.iter().find(unit).map(|result| result.rows.len())
+    };
+    assert_eq!(left(0), Some(4));
+    assert!(left(1) < Some(4), "1e38 has diverged");
+
+    let judged_race = judged(&study, &alone);
     let of_whole = judged(&study, &whole);
+    assert_eq!(judged_race.chosen, of_whole.chosen);
+    assert!(judged_race.dropped.iter().any(|of| (of.candidate, of.runs) == (3, 1)));
+    assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
     assert!(of_whole.dropped.is_empty());
     let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
-    assert_eq!(scores(&halved), scores(&of_whole), "held-out data has judged all values");
+    assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all values");
 
-    // A unit of the first rung lost: it is run again, and nothing else.
+    // A unit of the first round lost: it is run again, and nothing else.
     let lost = one.directory().join("A/member-1/run-0000.json");
-    let later = one.directory().join("A/member-1/run-0001.json");
+    let later = one.directory().join("A/member-2/run-0000.json");
     fs::remove_file(lost).expect("was there");
     let written = || fs::metadata(&later).and_then(|of| of.modified()).expect("there");
     let before = written();
-    assert_eq!(run_halved(&one), alone);
+    assert_eq!(race(&one), alone);
     assert_eq!(written(), before);
 }
 

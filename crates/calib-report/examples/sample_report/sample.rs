@@ -2,9 +2,9 @@
 
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
-    ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Reason, Report,
-    Reproduction, RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Setting, Table, TopK,
-    Trajectory, Verdict, Way,
+    ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse, RankCurve,
+    Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure, RolloutGrid,
+    RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory, Verdict, Way,
 };
 use calib_stats::{
     Direction, Estimate, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise,
@@ -233,6 +233,28 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
     rollouts().into_iter().filter_map(grid).collect()
 }
 
+/// The sensors in training, and a week later.
+pub(crate) fn recorded() -> Vec<RecordedFigure> {
+    let period = |name: &str, used_for, first: f64, values: Vec<f64>| RecordedPeriod {
+        name: name.to_owned(),
+        used_for,
+        times: ["first value", "last value"].map(str::to_owned),
+        points: values.iter().enumerate().map(|(at, &y)| (first + 300.0 * at as f64, y)).collect(),
+    };
+    let figure = |(sensor, unit, level, size): (&str, &str, f64, f64)| {
+        let of = |steps, level, shape| trajectory("", steps, level, size, shape).values;
+        RecordedFigure {
+            sensor: sensor.to_owned(),
+            unit: Some(unit.to_owned()),
+            periods: vec![
+                period("training", PeriodUse::Learning, 1.667_26e9, of(1_200, level, 0)),
+                period("held out", PeriodUse::Deployment, 1.668_2e9, of(600, level + size, 1)),
+            ],
+        }
+    };
+    [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)].into_iter().map(figure).collect()
+}
+
 pub(crate) fn rollouts() -> Vec<RolloutFigure> {
     [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
         .into_iter()
@@ -297,6 +319,7 @@ pub(crate) fn report() -> Report {
         sensitivities: sensitivities(),
         learning: learning(),
         decision: None,
+        recorded: recorded(),
         rollouts: rollouts(),
         rollout_grids: grids(),
         jumps: jumps(),

@@ -1,4 +1,4 @@
-//! Values that halving dropped, in the verdict.
+//! Values that a race dropped, in the verdict.
 
 use calib_stats::{Selection, StatsError, select};
 use serde::{Deserialize, Serialize};

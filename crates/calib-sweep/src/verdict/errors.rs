@@ -32,9 +32,14 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Mean error of a candidate over the runs `of` this stream that it made: +∞ if one diverged, or if it made none.
-    pub(super) fn mean(&self, candidate: usize, of: impl IntoIterator<Item = usize>) -> f64 {
-        let made = of.into_iter().filter_map(|run| self.runs[run][candidate]);
+    /// Mean error of each candidate over the runs that it made: +∞ if one diverged, or if it made none.
+    pub(super) fn means(&self) -> Vec<f64> {
+        let candidates = self.runs.first().map_or(0, Vec::len);
+        (0..candidates).map(|candidate| self.mean(candidate)).collect()
+    }
+
+    fn mean(&self, candidate: usize) -> f64 {
+        let made = self.runs.iter().filter_map(|run| run[candidate]);
         let (sum, count) = made.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
         if count == 0 { f64::INFINITY } else { sum / count as f64 }
     }
@@ -93,11 +98,26 @@ impl Errors {
         Ok(Self { environment, streams, totals })
     }
 
+    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online, and one unit with all rollouts for a member. What a
+    /// dropped value did not make is +∞: it cannot be chosen.
+    pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
+        let run = |run: &Vec<Option<f64>>| -> Vec<f64> {
+            run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
+        };
+        let runs = |stream: &Stream| stream.runs.iter().map(run).collect::<Vec<_>>();
+        match self.environment {
+            EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
+            EnvironmentId::Online | EnvironmentId::LogReplay => {
+                self.streams.iter().map(runs).collect()
+            }
+        }
+    }
+
     /// Mean error of each candidate over the runs that it made, stream by stream.
     pub(super) fn of_streams(&self, candidate: usize) -> Vec<f64> {
         let of = |stream: &Stream| {
             let made = stream.runs.iter().any(|run| run[candidate].is_some());
-            made.then(|| stream.mean(candidate, 0..stream.runs.len()))
+            made.then(|| stream.mean(candidate))
         };
         self.streams.iter().filter_map(of).collect()
     }

@@ -1,8 +1,7 @@
-use calib_stats::{Selection, StatsError};
+use calib_stats::{Drawn, Selection, StatsError, choose_around_default, choose_by_mean_log};
 use serde::{Deserialize, Serialize};
 
-use super::{draw::Drawn, dropped::select_among, errors::Errors};
-use crate::Dropped;
+use super::{Dropped, dropped::select_among, truth::least};
 
 /// How a value is chosen from the evidence: the members' runs, and those on the replayed log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -18,9 +17,8 @@ pub enum Rule {
     MeanLogError,
     /// The same over the runs on the replayed log as well: every stream of the log counts the same.
     Pooled,
-    /// The default, unless the pooled choice is better by more than one standard error of the paired difference of logarithms. The
-    /// standard error is sd / √(n / 3) over the n streams: streams of one log are not independent, and a third of them was
-    /// measured to be as many as count.
+    /// The default, unless another is better over the same streams by at least one standard error of the mean paired difference of
+    /// logarithms: then the best of these by mean logarithm. See [`choose_around_default`].
     OneStandardError,
 }
 
@@ -48,132 +46,89 @@ impl Rule {
     }
 }
 
-/// Streams in how many of which one is independent of the others, as far as standard errors go.
-const STREAMS_PER_INDEPENDENT: f64 = 3.0;
+/// Streams in how many of which one is independent of the others, as far as standard errors go: what was measured of members with
+/// three runs each.
+pub(crate) const STREAMS_PER_INDEPENDENT: f64 = 3.0;
 
-/// What a choice is made from.
-pub(super) struct Evidence<'a> {
-    pub(super) members: &'a [Errors],
-    pub(super) log: Option<&'a Errors>,
+/// What a choice is made from: all runs, or a resample of them.
+#[derive(Clone, Copy)]
+pub(super) struct Evidence<'d, 'a> {
+    /// Members, and rollouts in each.
+    pub(super) members: &'d Drawn<'a>,
+    /// Windows of the replayed log.
+    pub(super) log: Option<&'d Drawn<'a>>,
+}
+
+/// What does not change from resample to resample.
+pub(super) struct Chooser<'a> {
     pub(super) dropped: &'a [Dropped],
     pub(super) default: Option<usize>,
     pub(super) values: usize,
 }
 
-impl Evidence<'_> {
-    /// The worst-rank selection over drawn members and runs.
-    pub(super) fn selection(&self, drawn: &Drawn) -> Result<Selection, StatsError> {
-        let errors = |(member, runs): &(usize, Vec<usize>)| -> Vec<f64> {
-            let streams = &self.members[*member].streams;
-            let mean = |value: usize| {
-                let made = runs.iter().filter_map(|&run| streams[run].runs[0][value]);
-                let (sum, count) = made.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
-                if count == 0 { f64::INFINITY } else { sum / count as f64 }
-            };
-            (0..self.values).map(mean).collect()
-        };
-        let errors: Vec<Vec<f64>> = drawn.members.iter().map(errors).collect();
-        select_among(&errors, self.dropped)
+impl Chooser<'_> {
+    /// The worst-rank selection.
+    pub(super) fn selection(&self, evidence: Evidence<'_, '_>) -> Result<Selection, StatsError> {
+        select_among(&evidence.members.means(), self.dropped)
     }
 
-    /// The choice of a rule from drawn members, runs and windows of the log.
-    pub(super) fn choose(&self, rule: Rule, drawn: &Drawn) -> Result<usize, StatsError> {
-        let by_ranks = |key: fn(&Selection, usize) -> [f64; 3]| -> Result<usize, StatsError> {
-            let selection = self.selection(drawn)?;
-            Ok(least(self.values, |value| key(&selection, value)))
+    /// The choice of a rule.
+    pub(super) fn choose(
+        &self,
+        rule: Rule,
+        evidence: Evidence<'_, '_>,
+    ) -> Result<usize, StatsError> {
+        let by_ranks = |key: fn(&Selection, usize) -> [f64; 2]| -> Result<usize, StatsError> {
+            let selection = self.selection(evidence)?;
+            let keys: Vec<[f64; 2]> = (0..self.values).map(|of| key(&selection, of)).collect();
+            Ok(first_smallest(&keys))
         };
         match rule {
-            Rule::WorstRank => Ok(self.selection(drawn)?.chosen),
-            Rule::MeanRank => {
-                by_ranks(|of, value| [of.mean_ranks[value], of.mean_errors[value], 0.0])
-            }
-            Rule::MeanError => {
-                by_ranks(|of, value| [of.mean_errors[value], of.mean_ranks[value], 0.0])
-            }
-            Rule::MeanLogError => Ok(self.least_logarithm(&self.streams(drawn, Sources::Members))),
-            Rule::Pooled => Ok(self.least_logarithm(&self.streams(drawn, Sources::All))),
-            Rule::OneStandardError => Ok(self.around_default(&self.streams(drawn, Sources::All))),
+            Rule::WorstRank => Ok(self.selection(evidence)?.chosen),
+            Rule::MeanRank => by_ranks(|of, value| [of.mean_ranks[value], of.mean_errors[value]]),
+            Rule::MeanError => by_ranks(|of, value| [of.mean_errors[value], of.mean_ranks[value]]),
+            Rule::MeanLogError | Rule::Pooled => Ok(least(&self.scores(rule, evidence)?)),
+            Rule::OneStandardError => match self.default {
+                Some(default) => {
+                    let sources = evidence.sources(rule);
+                    Ok(choose_around_default(&sources, default, STREAMS_PER_INDEPENDENT)?.chosen)
+                }
+                None => self.choose(Rule::Pooled, evidence),
+            },
         }
     }
 
     /// How values stand by a rule, small is good: for correlations with the truth.
-    pub(super) fn scores(&self, rule: Rule, drawn: &Drawn) -> Result<Vec<f64>, StatsError> {
+    pub(super) fn scores(
+        &self,
+        rule: Rule,
+        evidence: Evidence<'_, '_>,
+    ) -> Result<Vec<f64>, StatsError> {
         Ok(match rule {
-            Rule::WorstRank => selection_order(&self.selection(drawn)?),
-            Rule::MeanRank => self.selection(drawn)?.mean_ranks,
-            Rule::MeanError => self.selection(drawn)?.mean_errors,
-            Rule::MeanLogError => self.logarithms(&self.streams(drawn, Sources::Members)),
-            Rule::Pooled | Rule::OneStandardError => {
-                self.logarithms(&self.streams(drawn, Sources::All))
+            Rule::WorstRank => selection_order(&self.selection(evidence)?),
+            Rule::MeanRank => self.selection(evidence)?.mean_ranks,
+            Rule::MeanError => self.selection(evidence)?.mean_errors,
+            Rule::MeanLogError | Rule::Pooled | Rule::OneStandardError => {
+                choose_by_mean_log(&evidence.sources(rule))?.mean_logs
             }
         })
     }
+}
 
-    /// Errors of all values on each drawn stream.
-    fn streams(&self, drawn: &Drawn, sources: Sources) -> Vec<&[Option<f64>]> {
-        let of_members = drawn.members.iter().flat_map(|(member, runs)| {
-            runs.iter().map(|&run| &self.members[*member].streams[run].runs[0][..])
-        });
-        let log = self.log.filter(|_| matches!(sources, Sources::All));
-        let of_log = log
-            .into_iter()
-            .flat_map(|log| drawn.log.iter().map(|&window| &log.streams[window].runs[0][..]));
-        of_members.chain(of_log).collect()
-    }
-
-    /// Mean logarithm of the error of each value: +∞ where it diverged or was dropped.
-    fn logarithms(&self, streams: &[&[Option<f64>]]) -> Vec<f64> {
-        let mean = |value: usize| {
-            let each = streams.iter().map(|of| of[value].map_or(f64::INFINITY, f64::ln));
-            each.sum::<f64>() / streams.len() as f64
-        };
-        (0..self.values).map(mean).collect()
-    }
-
-    fn least_logarithm(&self, streams: &[&[Option<f64>]]) -> usize {
-        let logarithms = self.logarithms(streams);
-        least(self.values, |value| [logarithms[value], 0.0, 0.0])
-    }
-
-    fn around_default(&self, streams: &[&[Option<f64>]]) -> usize {
-        let best = self.least_logarithm(streams);
-        let Some(default) = self.default else { return best };
-        let difference = |of: &&[Option<f64>]| {
-            let [own, other] =
-                [best, default].map(|value| of[value].map_or(f64::INFINITY, f64::ln));
-            own - other
-        };
-        let differences: Vec<f64> = streams.iter().map(difference).collect();
-        if differences.iter().any(|difference| !difference.is_finite()) {
-            // The default diverged somewhere, and the best did not: or all did.
-            return if differences.contains(&f64::NEG_INFINITY) { best } else { default };
-        }
-        let count = differences.len() as f64;
-        let mean = differences.iter().sum::<f64>() / count;
-        let squares = differences.iter().map(|of| (of - mean).powi(2)).sum::<f64>();
-        if differences.len() < 2 {
-            return default;
-        }
-        let error = (squares / (count - 1.0)).sqrt() / (count / STREAMS_PER_INDEPENDENT).sqrt();
-        if mean < -error { best } else { default }
+impl<'a> Evidence<'_, 'a> {
+    /// Errors on all streams that count for a rule by logarithms: `[source][stream][value]`.
+    fn sources(&self, rule: Rule) -> Vec<Vec<&'a [f64]>> {
+        let log = self.log.filter(|_| rule != Rule::MeanLogError);
+        [Some(self.members), log].into_iter().flatten().map(Drawn::runs).collect()
     }
 }
 
-/// Which streams count.
-#[derive(Clone, Copy)]
-enum Sources {
-    Members,
-    All,
-}
-
-/// The first value with the smallest key.
-fn least(values: usize, key: impl Fn(usize) -> [f64; 3]) -> usize {
+fn first_smallest(keys: &[[f64; 2]]) -> usize {
     let before = |&a: &usize, &b: &usize| {
-        let pairs = key(a).into_iter().zip(key(b));
-        let order = pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
-        order.unwrap_or_else(|| a.cmp(&b))
+        let [a, b] = [keys[a], keys[b]];
+        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
     };
-    (0..values).min_by(before).unwrap_or(0)
+    (0..keys.len()).min_by(before).unwrap_or(0)
 }
 
 /// Position of each value when the worst rank decides, then mean rank, then mean error.

@@ -1,10 +1,7 @@
-use calib_stats::{Estimate, Interval, competition_ranks, kendall_tau_b, quantile, spearman};
+use calib_stats::{Estimate, competition_ranks, kendall_tau_b, spearman};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    draw::{Clusters, Drawn},
-    errors::{EnvironmentScores, Errors},
-};
+use super::errors::EnvironmentScores;
 use crate::{LOWER, SweepError};
 
 /// What held-out data says of one window.
@@ -89,64 +86,34 @@ pub struct Truth {
     pub baselines: Vec<BaselineRegret>,
 }
 
-/// Errors on held-out windows, of which some count.
-pub(super) struct Windows<'a> {
-    pub(super) errors: &'a Errors,
-    pub(super) values: usize,
+/// Logarithms of the errors by the smallest of their window, `[window][value]`, of the windows in which some value did not diverge.
+pub(super) fn losses(windows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let of = |errors: &Vec<f64>| {
+        let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
+        // Errors of 0 are those of a sensor that does not move: all that are 0 are best.
+        let loss = |&error: &f64| if error == least { 0.0 } else { (error / least).ln() };
+        least.is_finite().then(|| errors.iter().map(loss).collect())
+    };
+    windows.iter().filter_map(of).collect()
 }
 
-impl Windows<'_> {
-    /// Logarithms of the errors by the smallest of the window, `[window][value]`, of the drawn ones in which some value did not
-    /// diverge.
-    fn losses(&self, drawn: &Clusters) -> Vec<Vec<f64>> {
-        let of = |(window, runs): &(usize, Vec<usize>)| {
-            let stream = &self.errors.streams[*window];
-            let mean = |value: usize| stream.mean(value, runs.iter().copied());
-            let errors: Vec<f64> = (0..self.values).map(mean).collect();
-            let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
-            // Errors of 0 are those of a sensor that does not move: all that are 0 are best.
-            let loss = |error: f64| if error == least { 0.0 } else { (error / least).ln() };
-            least.is_finite().then(|| errors.into_iter().map(loss).collect())
-        };
-        drawn.iter().filter_map(of).collect()
-    }
+/// Mean loss of each value over windows; none if there is none.
+pub(super) fn mean_losses(losses: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let values = losses.first()?.len();
+    let mean = |value: usize| losses.iter().map(|of| of[value]).sum::<f64>() / losses.len() as f64;
+    Some((0..values).map(mean).collect())
+}
 
-    /// Mean loss of each value over windows; none if there is none.
-    pub(super) fn mean_losses(&self, drawn: &Clusters) -> Option<Vec<f64>> {
-        let losses = self.losses(drawn);
-        let mean =
-            |value: usize| losses.iter().map(|of| of[value]).sum::<f64>() / losses.len() as f64;
-        (!losses.is_empty()).then(|| (0..self.values).map(mean).collect())
+/// Mean loss of the best value of one window on the others.
+pub(super) fn another_window(losses: &[Vec<f64>]) -> Option<f64> {
+    let mut others = Vec::new();
+    for (window, own) in losses.iter().enumerate() {
+        let chosen = least(own);
+        let rest = losses.iter().enumerate().filter(|&(other, _)| other != window);
+        others.extend(rest.map(|(_, of)| of[chosen]));
     }
-
-    /// The first of the best values.
-    pub(super) fn best(&self, drawn: &Clusters) -> Option<usize> {
-        Some(least(&self.mean_losses(drawn)?))
-    }
-
-    /// Mean loss of the best value of one window on the others.
-    pub(super) fn another_window(&self, drawn: &Clusters) -> Option<f64> {
-        let losses = self.losses(drawn);
-        let mut others = Vec::new();
-        for (window, own) in losses.iter().enumerate() {
-            let chosen = least(own);
-            let rest = losses.iter().enumerate().filter(|&(other, _)| other != window);
-            others.extend(rest.map(|(_, of)| of[chosen]));
-        }
-        let count = others.len() as f64;
-        (!others.is_empty()).then(|| others.iter().sum::<f64>() / count)
-    }
-
-    /// Each window, and what is best in it.
-    pub(super) fn each(&self, all: &Drawn) -> Vec<WindowTruth> {
-        let of = |(cluster, stream): (&(usize, Vec<usize>), &super::errors::Stream)| WindowTruth {
-            start_row: stream.start_row,
-            runs: stream.runs.len(),
-            scored_steps: stream.scored_steps,
-            best: self.best(&vec![cluster.clone()]),
-        };
-        all.windows.iter().zip(&self.errors.streams).map(of).collect()
-    }
+    let count = others.len() as f64;
+    (!others.is_empty()).then(|| others.iter().sum::<f64>() / count)
 }
 
 /// The first of the smallest.
@@ -154,29 +121,7 @@ pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
 }
 
-/// A loss as a regret: exp(loss) − 1.
-pub(super) fn regret(loss: f64) -> f64 {
-    loss.exp_m1()
-}
-
-/// The estimate of a statistic: what it is of all, and its interval over resamples.
-pub(super) fn estimate(
-    all: &Drawn,
-    resamples: &[Drawn],
-    statistic: impl Fn(&Drawn) -> Option<f64>,
-) -> Result<Option<Estimate>, SweepError> {
-    let Some(value) = statistic(all) else { return Ok(None) };
-    let values: Vec<f64> = resamples.iter().filter_map(&statistic).collect();
-    let enough = 2 * values.len() > resamples.len() && values.iter().all(|of| of.is_finite());
-    let interval = if enough && value.is_finite() {
-        Some(Interval { low: quantile(&values, 0.025)?, high: quantile(&values, 0.975)? })
-    } else {
-        None
-    };
-    Ok(Some(Estimate { value, interval }))
-}
-
-/// Correlations of a ranking with the truth, and whether the choice is among the best.
+/// Correlations of a ranking with the truth.
 pub(super) fn correlations(
     scores: &[f64],
     losses: &[f64],
