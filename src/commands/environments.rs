@@ -54,7 +54,7 @@ impl<'a> Environments<'a> {
                 // Beside the states that are searched: what the sweep writes need not be there yet.
                 let place = search_place(&model.model, &paths.model());
                 let progress = printer.progress();
-                let all = starts.of_members(knn, sweep.member_runs, &place, &progress)?;
+                let all = starts.of_members(knn, study.member_runs(), &place, &progress)?;
                 drop(progress);
                 for (number, own) in all.into_iter().enumerate() {
                     let member = knn.member(number);
@@ -67,7 +67,7 @@ impl<'a> Environments<'a> {
                 }
             }
             Model::Parametric(network) => {
-                let own = starts.of_network(sweep.member_runs)?;
+                let own = starts.of_network(study.member_runs())?;
                 given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
                 let rows = own.iter().map(|start| start.row).collect();
                 let frames = &model.frames;
