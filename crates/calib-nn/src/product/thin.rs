@@ -2,7 +2,7 @@
 //!
 //! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::Matrix;
 
@@ -31,7 +31,7 @@ struct Dots<'a> {
     strides: [usize; 2],
 }
 
-impl NullaryFnOnce for Dots<'_> {
+impl WithSimd for Dots<'_> {
     type Output = ();
 
     #[expect(
@@ -39,59 +39,70 @@ impl NullaryFnOnce for Dots<'_> {
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    fn call(self) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { out, many, few, strides } = self;
         let whole = many.rows - many.rows % BLOCK;
         for j in 0..few.rows {
             let vector = few.row(j);
             for i in (0..whole).step_by(BLOCK) {
                 let rows = [many.row(i), many.row(i + 1), many.row(i + 2), many.row(i + 3)];
-                for (place, value) in dot_products(rows, vector).into_iter().enumerate() {
+                for (place, value) in dot_products(simd, rows, vector).into_iter().enumerate() {
                     out[(i + place) * strides[0] + j * strides[1]] = value;
                 }
             }
             for i in whole..many.rows {
-                let [value] = dot_products([many.row(i)], vector);
+                let [value] = dot_products(simd, [many.row(i)], vector);
                 out[i * strides[0] + j * strides[1]] = value;
             }
         }
     }
 }
 
-/// Product l is added to sum l mod 16 by a fused multiply-add, and the sums are added by halves.
-///
-/// Every index is known when this is compiled, so that the sums are vectors.
+/// Product l is added to sum l mod 16 by a fused multiply-add, and the sums are added by halves. What is left over of
+/// the vectors is filled up with zeros.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
 )]
 #[inline(always)]
-fn dot_products<const ROWS: usize>(rows: [&[f32]; ROWS], vector: &[f32]) -> [f32; ROWS] {
-    let mut sums = [[0.0_f32; SUMS]; ROWS];
+fn dot_products<S: Simd, const ROWS: usize>(
+    simd: S,
+    rows: [&[f32]; ROWS],
+    vector: &[f32],
+) -> [f32; ROWS] {
+    let vectors = const { SUMS / S::F32_LANES };
+    let mut sums = [[simd.splat_f32s(0.0); SUMS]; ROWS];
     let (chunks, rest) = vector.as_chunks::<SUMS>();
     for (index, chunk) in chunks.iter().enumerate() {
-        for place in 0..ROWS {
-            let row = &rows[place][index * SUMS..][..SUMS];
-            for lane in 0..SUMS {
-                sums[place][lane] = row[lane].mul_add(chunk[lane], sums[place][lane]);
+        let chunk = S::as_simd_f32s(chunk).0;
+        for (sums, row) in sums.iter_mut().zip(rows) {
+            let row = S::as_simd_f32s(&row[index * SUMS..][..SUMS]).0;
+            for vector in 0..vectors {
+                sums[vector] = simd.mul_add_f32s(row[vector], chunk[vector], sums[vector]);
             }
         }
     }
     if !rest.is_empty() {
-        let vector = padded(rest);
-        for place in 0..ROWS {
-            let row = padded(&rows[place][chunks.len() * SUMS..]);
-            for lane in 0..SUMS {
-                sums[place][lane] = row[lane].mul_add(vector[lane], sums[place][lane]);
+        let chunk = padded(rest);
+        let chunk = S::as_simd_f32s(&chunk).0;
+        for (sums, row) in sums.iter_mut().zip(rows) {
+            let row = padded(&row[chunks.len() * SUMS..]);
+            let row = S::as_simd_f32s(&row).0;
+            for vector in 0..vectors {
+                sums[vector] = simd.mul_add_f32s(row[vector], chunk[vector], sums[vector]);
             }
         }
     }
     let mut values = [0.0; ROWS];
-    for place in 0..ROWS {
-        let eight: [f32; 8] = halves(&sums[place]);
-        let four: [f32; 4] = halves(&eight);
-        let two: [f32; 2] = halves(&four);
-        values[place] = two[0] + two[1];
+    for (value, sums) in values.iter_mut().zip(&mut sums) {
+        let mut half = vectors / 2;
+        while half > 0 {
+            for vector in 0..half {
+                sums[vector] = simd.add_f32s(sums[vector], sums[vector + half]);
+            }
+            half /= 2;
+        }
+        *value = simd.reduce_sum_f32s(sums[0]);
     }
     values
 }
@@ -103,17 +114,6 @@ fn padded(values: &[f32]) -> [f32; SUMS] {
     let mut padded = [0.0; SUMS];
     padded[..values.len()].copy_from_slice(values);
     padded
-}
-
-/// The sums of the first and the second half.
-#[expect(clippy::inline_always, reason = "as the loops around it")]
-#[inline(always)]
-fn halves<const HALF: usize>(values: &[f32]) -> [f32; HALF] {
-    let mut sums = [0.0; HALF];
-    for lane in 0..HALF {
-        sums[lane] = values[lane] + values[lane + HALF];
-    }
-    sums
 }
 
 /// Each row of the result as a sum of the rows of `right`, which lie in order, one after another.
@@ -137,32 +137,48 @@ impl NullaryFnOnce for Combine<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { out, left, right } = self;
-        out.fill(0.0);
         let (k, n) = (left.columns, right.columns);
+        if k == 0 {
+            return out.fill(0.0);
+        }
         let whole = k - k % BLOCK;
-        for (i, out) in out.chunks_exact_mut(n.max(1)).enumerate() {
+        for (i, out) in out.chunks_exact_mut(n).enumerate() {
             for l in (0..whole).step_by(BLOCK) {
                 let rows = [right.row(l), right.row(l + 1), right.row(l + 2), right.row(l + 3)];
-                let weights = [left.at(i, l), left.at(i, l + 1), left.at(i, l + 2), left.at(i, l + 3)];
-                add_scaled(out, weights, rows);
+                let weights =
+                    [left.at(i, l), left.at(i, l + 1), left.at(i, l + 2), left.at(i, l + 3)];
+                if l == 0 {
+                    add_scaled::<_, true>(out, weights, rows);
+                } else {
+                    add_scaled::<_, false>(out, weights, rows);
+                }
             }
             for l in whole..k {
-                add_scaled(out, [left.at(i, l)], [right.row(l)]);
+                let (weights, rows) = ([left.at(i, l)], [right.row(l)]);
+                if l == 0 {
+                    add_scaled::<_, true>(out, weights, rows);
+                } else {
+                    add_scaled::<_, false>(out, weights, rows);
+                }
             }
         }
     }
 }
 
-/// `out` += Σ `weights`ₗ · `rows`ₗ, one row after the other, by fused multiply-adds.
+/// `out` += Σ `weights`ₗ · `rows`ₗ, one row after the other, by fused multiply-adds; what was there does not count if `FRESH`.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
 )]
 #[inline(always)]
-fn add_scaled<const ROWS: usize>(out: &mut [f32], weights: [f32; ROWS], rows: [&[f32]; ROWS]) {
+fn add_scaled<const ROWS: usize, const FRESH: bool>(
+    out: &mut [f32],
+    weights: [f32; ROWS],
+    rows: [&[f32]; ROWS],
+) {
     let rows = rows.map(|row| &row[..out.len()]);
     for (index, out) in out.iter_mut().enumerate() {
-        let mut sum = *out;
+        let mut sum = if FRESH { 0.0 } else { *out };
         for place in 0..ROWS {
             sum = weights[place].mul_add(rows[place][index], sum);
         }
