@@ -39,11 +39,12 @@ impl<'a> Environments<'a> {
         let (sweep, span) = (&study.sweep, streams.demand.span);
         let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
         let rollout_seed = seed.child("rollout");
-        let starts = Starts::new(&study.rollout, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let configured = study.sweep_starts();
+        let starts = Starts::new(&configured, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
             &model.manifest.key,
             (study.model.weights, study.model.temperature),
-            study.rollout.starts(),
+            &configured,
             // Not the deployment itself: where start states are the same for several, so are the streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
         ))?);

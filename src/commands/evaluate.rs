@@ -1,6 +1,7 @@
 use anyhow::{Context as _, bail};
 use calib_agent::Part;
 use calib_core::Seed;
+use calib_rollout::StartKind;
 use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
@@ -123,8 +124,17 @@ pub(super) fn verdict_of(
         resamples: study.evaluate.resamples,
         seed: Seed::new(study.seed).child("verdict"),
     };
-    verdict(sensor, &manifest.candidates, results, &judging)
+    let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
+    if study.sweep_starts().start == StartKind::Nearest {
+        verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
+    }
+    Ok(verdict)
 }
+
+/// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.
+const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states that are nearest to those of the deployment: this \
+     choice has looked into what it is judged on, as no choice can that is made before; sweep.start = \"recent\" is what is \
+     known beforehand";
 
 /// Whether a sweep was finished with the study as it is now.
 pub(super) fn is_swept(args: &StudyArgs) -> anyhow::Result<bool> {
@@ -154,7 +164,7 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
         ("[sweep]", made.sweep == study.sweep),
         ("[agent]", made.agent == study.agent),
         ("[pretrain]", made.pretrain == study.pretrain),
-        ("[rollout]", made.rollout.starts() == study.rollout.starts()),
+        ("[rollout]", made.sweep_starts() == study.sweep_starts()),
         ("[representation]", study.is_parametric() || made.representation == study.representation),
         ("[model]", made.model == study.model),
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),

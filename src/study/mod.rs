@@ -91,6 +91,12 @@ impl Study {
         if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
     }
 
+    /// Where the rollouts start that agents are trained in; nothing else of `[rollout]` decides about them.
+    pub(crate) fn sweep_starts(&self) -> RolloutConfig {
+        let own = self.sweep.start.unwrap_or(self.rollout.start);
+        RolloutConfig { start: own, ..self.rollout.starts() }
+    }
+
     /// Which part of a run is scored.
     pub(crate) fn part(&self) -> Part {
         let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use calib_agent::Part;
+use calib_rollout::StartKind;
 use serde::{Deserialize, Serialize};
 
 use crate::{Axis, Sampling};
@@ -25,6 +26,9 @@ pub struct SweepConfig {
     pub network_runs: Option<usize>,
     /// Runs of every value on replayed windows of the training range (default 10; 0 leaves it out).
     pub log_replay_runs: usize,
+    /// Where the rollouts start that agents are trained in (default: as those of `[rollout]`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartKind>,
     /// Which steps count (default: [`SweepConfig::part`]).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scored: Option<Part>,
@@ -78,6 +82,7 @@ impl Default for SweepConfig {
             member_runs: 10,
             network_runs: None,
             log_replay_runs: 10,
+            start: None,
             scored: None,
             curve_points: 50,
             sampling: Sampling::Grid,

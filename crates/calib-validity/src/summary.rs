@@ -52,6 +52,8 @@ pub struct RankAgreement {
     pub smallest: f64,
     /// Mean over pairs of the share of resamples of the evidence from which the same is chosen.
     pub stability: Option<f64>,
+    /// Mean over pairs of the share of updates that a race would have saved.
+    pub saved: Option<f64>,
 }
 
 impl MethodSummary {
@@ -91,6 +93,7 @@ impl RankAgreement {
         let of: Vec<Option<f64>> = own.iter().map(|of| of.and_then(|of| of.spearman)).collect();
         let known: Vec<f64> = of.iter().flatten().copied().collect();
         let stable: Vec<f64> = own.iter().flatten().filter_map(|of| of.stability).collect();
+        let saved: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved).collect();
         if known.is_empty() {
             return Ok(None);
         }
@@ -102,6 +105,7 @@ impl RankAgreement {
             interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value))?,
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
+            saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
         }))
     }
 }

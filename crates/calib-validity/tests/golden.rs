@@ -85,6 +85,7 @@ fn pair(of: GoldenPair) -> Pair {
         model,
         chosen: of.chosen,
         stability: None,
+        saved: None,
         rules: of.rules.into_iter().map(|(rule, chosen)| RuleChoice { rule, chosen }).collect(),
         spearman: None,
         one_step: None,

@@ -11,6 +11,7 @@ use super::{
         one_step::{self, OneStep},
         rollout::{self, RolloutManifest},
     },
+    race,
     studies::Listed,
     task::Task,
 };
@@ -137,7 +138,7 @@ fn add(
                 }
                 continue;
             }
-            pair.models.push(model_pair(model, verdict));
+            pair.models.push(model_pair(model, verdict)?);
         }
         if let Some(deployment) = deployment {
             pair.sensor = format!("{sensor} ({deployment})");
@@ -185,7 +186,7 @@ fn pair(
     }
 }
 
-fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> ModelPair {
+fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> anyhow::Result<ModelPair> {
     let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
     let of_sensor = one_step.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
@@ -196,7 +197,13 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> ModelPair {
         distance.mean
     });
     let share = verdict.stability.iter().find(|of| of.candidate == verdict.chosen);
-    ModelPair {
+    let raced = race::outcome(&model.judged, verdict)?;
+    let rules = verdict
+        .rules
+        .iter()
+        .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
+        .chain([RuleChoice { rule: "raced".to_owned(), chosen: raced.chosen }]);
+    Ok(ModelPair {
         model: model.name.clone(),
         chosen: verdict.chosen,
         stability: match share {
@@ -204,15 +211,12 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> ModelPair {
             None if verdict.stability.is_empty() => None,
             None => Some(0.0),
         },
-        rules: verdict
-            .rules
-            .iter()
-            .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
-            .collect(),
+        rules: rules.collect(),
+        saved: Some(raced.saved),
         spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
         one_step: of_sensor.and_then(|of| of.error.rmse),
         one_step_relative: of_sensor.and_then(|of| of.error.relative),
         one_step_all: one_step.and_then(|of| of.all_columns.rmse),
         dtw,
-    }
+    })
 }

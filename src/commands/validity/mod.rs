@@ -7,6 +7,7 @@ mod gather;
 mod page;
 mod plan;
 mod protocol;
+mod race;
 mod show;
 mod studies;
 mod tables;
