@@ -169,19 +169,20 @@ fn build(path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
             let (clock, processor) = (Instant::now(), processor_secs());
             let config = ModelConfig::default();
             let need = MemoryNeed::predict(rows, columns, &config, rayon::current_num_threads());
-            let (model, choice) =
+            let (model, built) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
             let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);
             let verification = verify(&model, sample, Seed::new(0), &Silent)?;
             println!(
                 "{{\"rows\": {rows}, \"columns\": {columns}, \"wall_secs\": {wall:.2}, \"processor_secs\": {processor:.2}, \
-                 \"peak_kib\": {}, \"peak_anonymous_kib\": {}, \"peak_mapped_kib\": {}, \"verified\": {}, \"different\": {}, \"predicted_kib\": {}, \"index\": \"{choice}\"}}",
+                 \"peak_kib\": {}, \"peak_anonymous_kib\": {}, \"peak_mapped_kib\": {}, \"verified\": {}, \"different\": {}, \"predicted_kib\": {}, \"index\": \"{}\"}}",
                 status_kib("VmHWM"),
                 watch.peak_anonymous_kib.load(Ordering::Relaxed),
                 watch.peak_mapped_kib.load(Ordering::Relaxed),
                 verification.rows,
                 verification.different.len(),
                 need.peak() / 1024,
+                built.choice,
             );
             Ok(())
         })();

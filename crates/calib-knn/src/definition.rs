@@ -59,6 +59,8 @@ pub(crate) fn by_definition(
 /// The search for the list of one cell.
 struct Search {
     member: usize,
+    /// The row of the table.
+    row: u32,
     /// The state whose neighbours are wanted.
     state: Vec<f64>,
     forbidden: std::ops::Range<u32>,
@@ -72,6 +74,7 @@ impl Search {
         let state = model.states().row(query.get());
         Self {
             member,
+            row: transition.0,
             state: state.iter().copied().map(f64::from).collect(),
             forbidden: model.exclusion().forbidden(model.transitions(), query),
             k: model.k(),
@@ -94,6 +97,7 @@ impl Search {
         if place < self.k
             && !self.forbidden.contains(&transition)
             && model.blocks().contains(self.member, TransitionIndex(transition))
+            && !model.left_out(self.member).bars(self.row, transition)
         {
             self.nearest.truncate(self.k - 1);
             self.nearest.insert(place, (squared, transition));
