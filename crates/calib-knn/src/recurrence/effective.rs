@@ -1,3 +1,5 @@
+use calib_core::RowIndex;
+
 use super::{
     Halt,
     again::Again,
@@ -10,6 +12,9 @@ use crate::{
     bits::Bits,
     distance::{squared, stored},
 };
+
+/// Transitions before one whose lists are found with its own.
+const BESIDE: u32 = 15;
 
 /// Which traps are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,11 +72,16 @@ impl<'a> Effective<'a> {
     /// The nearest sources of what `node` leads to that are not left out, with the distances that tables hold.
     fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
         let (again, row, k) = (self.again, self.again.next(node), self.graph.k());
+        let mut apart = Lists::default();
         let nearest = if self.exits.contains_key(&node) {
             let left_out = again.of_member(left_out_of(node, self.gone(), self.exits));
-            Lists::default().first(&again, row, k, again.exclusion, &left_out)?
+            apart.first(&again, &[row], k, &left_out)?.to_vec()
         } else {
-            self.lists.first(&again, row, k, again.exclusion, &self.left_out)?
+            // Traps grow against time: what leads to this row will be asked for next.
+            let before = (node.saturating_sub(BESIDE)..node).rev();
+            let before = before.filter(|&node| self.graph.has(node)).map(|node| again.next(node));
+            let rows: Vec<RowIndex> = std::iter::once(row).chain(before).collect();
+            self.lists.first(&again, &rows, k, &self.left_out)?.to_vec()
         };
         if nearest.len() < k {
             return Err(Halt::Short { candidates: nearest.len() });

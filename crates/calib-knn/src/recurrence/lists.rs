@@ -36,40 +36,69 @@ struct List {
     complete: bool,
 }
 
+impl List {
+    /// Whether the first `k` are known, without what is left out.
+    fn has(&mut self, k: usize, gone: &Bits) -> bool {
+        self.nearest.retain(|&(to, _)| !gone.contains(to));
+        self.nearest.len() >= k || self.complete
+    }
+}
+
 impl Lists {
-    /// The `k` nearest sources of `row` that are not left out; fewer if there are not as many.
+    /// The `k` nearest sources of what `rows` begins with that are not left out; fewer if there are not as many. The other rows are those
+    /// that are likely to be asked for next: searched together they take little longer.
     pub(super) fn first(
         &mut self,
         again: &Again<'_>,
-        row: RowIndex,
+        rows: &[RowIndex],
         k: usize,
-        exclusion: Exclusion,
         left_out: &[Bits],
-    ) -> Result<Vec<(u32, f32)>, Halt> {
+    ) -> Result<&[(u32, f32)], Halt> {
+        let gone = &left_out[again.member];
+        let key = self.key(again, rows[0]);
+        if !self.lists.entry(key).or_default().has(k, gone) {
+            self.search(again, key, &rows[1..], k, left_out)?;
+        }
+        let nearest = &self.lists[&key].nearest;
+        Ok(&nearest[..k.min(nearest.len())])
+    }
+
+    /// Search for a longer list of row `key`, and for the first ones of the rows beside it.
+    fn search(
+        &mut self,
+        again: &Again<'_>,
+        key: u32,
+        beside: &[RowIndex],
+        k: usize,
+        left_out: &[Bits],
+    ) -> Result<(), Halt> {
+        let depth = self.lists.get(&key).map_or(0, |list| list.depth);
+        let depth = (2 * depth).max(4 * k).min(DEEPEST.max(k));
         if self.kept > KEPT {
             *self = Self::default();
         }
-        let key = if exclusion == Exclusion::default() { self.same(again, row) } else { row.0 };
-        let list = self.lists.entry(key).or_default();
-        let gone = &left_out[again.member];
-        let before = list.nearest.len();
-        list.nearest.retain(|&(to, _)| !gone.contains(to));
-        if list.nearest.len() < k && !list.complete {
-            list.depth = (2 * list.depth).max(2 * k).min(DEEPEST.max(k));
-            list.nearest.clear();
-            let (row, nearest) = ([RowIndex(key)], &mut list.nearest);
-            let searched = Distances::Searched;
-            again.nearest(&row, list.depth, exclusion, left_out, searched, |_, to, far| {
-                nearest.extend(to.iter().copied().zip(far.iter().copied()));
-            })?;
-            list.complete = list.nearest.len() < list.depth;
+        let mut keys = vec![RowIndex(key)];
+        for &row in beside {
+            let key = RowIndex(self.key(again, row));
+            if !self.lists.contains_key(&key.0) && !keys.contains(&key) {
+                keys.push(key);
+            }
         }
-        self.kept = self.kept + list.nearest.len() - before;
-        Ok(list.nearest[..k.min(list.nearest.len())].to_vec())
+        let (searched, exclusion) = (Distances::Searched, again.exclusion);
+        again.nearest(&keys, depth, exclusion, left_out, searched, |row, to, distances| {
+            let nearest: Vec<_> = to.iter().copied().zip(distances.iter().copied()).collect();
+            self.kept += nearest.len();
+            let complete = nearest.len() < depth;
+            self.lists.insert(keys[row].0, List { nearest, depth, complete });
+        })?;
+        Ok(())
     }
 
-    /// The first row that was asked for whose state is that of `row`.
-    fn same(&mut self, again: &Again<'_>, row: RowIndex) -> u32 {
+    /// The row whose list `row` has: the first that was asked for with the same state, unless something is forbidden to it alone.
+    fn key(&mut self, again: &Again<'_>, row: RowIndex) -> u32 {
+        if again.exclusion != Exclusion::default() {
+            return row.0;
+        }
         let state = again.state(row);
         let rows = self.rows.entry(hash(state)).or_default();
         let same = rows.iter().copied().find(|&other| again.state(RowIndex(other)) == state);

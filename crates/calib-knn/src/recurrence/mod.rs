@@ -10,7 +10,7 @@
 //! The order does not matter: what is left out changes only rows that hold it, and no row of another closed class does, so that it is still one
 //! afterwards. Hence [`settle`](settle::settle) takes them as it comes by them.
 //!
-//! If more than a tenth of the candidates would be lost so, only traps in a standstill are left out (its first rows are everybody's
+//! If more than a tenth of the candidates would be lost so, or there is hardly a loop to begin with, only traps in a standstill are left out (its first rows are everybody's
 //! neighbours, and lead to each other; the last ones, which lead on, take their place), and all others are given exits instead: one row
 //! of each, a dead end if there is one, is searched again among what lies outside; again and again, until none is a trap. Rows of a
 //! standstill but its last do not count as lost.
@@ -45,6 +45,8 @@ use settle::settle;
 /// A closed class of fewer than one of this many candidates is a trap, and no more of them may be lost (our choice): what a walk
 /// of a member should be able to visit is most of it, and what is a tenth of a log is a regime of the plant rather than a dead end.
 const SHARE: usize = 10;
+/// A member hardly returns to where it was if no loop that is looked at holds one of this many candidates (our choice).
+const LOOP: usize = 100;
 /// Times that traps are given exits, at most and at least: where it takes more, the log never returns to where it was. In between it is
 /// a share of the candidates that a ramp, of which each exit adds `k` to a trap, exceeds before the trap is a tenth of it. (Our choice;
 /// twelve days of tests of a plant, 9,400 transitions that hardly meet, take about 100.)
@@ -261,8 +263,13 @@ impl<'a> Member<'a> {
             if rounds.next().is_none() {
                 return Err(self.never_returns());
             }
-            let bound = Rule::All { bound: self.candidates / SHARE };
-            let all = self.leave_out(table, bound, &left_out, &exits, &anchor);
+            // Where hardly anything returns, one trap opens the next one for ever.
+            let all = if anchor.component * LOOP < self.candidates {
+                Err(Halt::Lost)
+            } else {
+                let bound = Rule::All { bound: self.candidates / SHARE };
+                self.leave_out(table, bound, &left_out, &exits, &anchor)
+            };
             match all {
                 Ok(more) => left_out = more,
                 Err(Halt::Error(error)) => return Err(error),
@@ -368,7 +375,9 @@ impl<'a> Member<'a> {
             rows.filter(|(_, row)| holds(row)).map(|(number, _)| number as u32).collect();
         let (exit, plain): (Vec<u32>, Vec<u32>) =
             rows.into_iter().partition(|node| exits.contains_key(node));
-        self.made.monitor.begin("rows that led into traps", plain.len() as u64);
+        if !plain.is_empty() {
+            self.made.monitor.begin("rows that led into traps", plain.len() as u64);
+        }
         for part in plain.chunks(PART_QUERIES) {
             self.put(table, part, left_out.clone())?;
             self.made.monitor.advance(part.len() as u64);
