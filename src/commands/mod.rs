@@ -27,6 +27,7 @@ mod plant_of_study;
 mod pretrain;
 mod pretrain_files;
 mod quickstart;
+mod recurrence;
 mod report;
 mod report_data;
 mod represent;

@@ -19,7 +19,7 @@ use super::{
     figures::{self, Starts},
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
-    one_step,
+    one_step, recurrence,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -105,14 +105,19 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, rollouts.as_ref()),
+        tables: tables(study, paths, &model, rollouts.as_ref()),
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
 }
 
 /// What the rollouts were like, and the representations that could be used.
-fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>) -> Vec<Table> {
+fn tables(
+    study: &Study,
+    paths: &StudyPaths,
+    model: &ModelManifest,
+    rollouts: Option<&RolloutManifest>,
+) -> Vec<Table> {
     let name = study.model_name();
     let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
     let starts = rollouts.and_then(|of| starts_table(name, of));
@@ -122,7 +127,8 @@ fn tables(study: &Study, paths: &StudyPaths, rollouts: Option<&RolloutManifest>)
     let one_step = rollouts.and_then(|of| one_step::read(study, paths, &of.model));
     let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
     let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
-    collapse.into_iter().chain(rolled_out).chain(representations).collect()
+    let walks = recurrence::report_table(model);
+    collapse.into_iter().chain(rolled_out).chain(walks).chain(representations).collect()
 }
 
 /// How many start states each member lacks, and how far what stands for them is; none where all are there.

@@ -3,7 +3,9 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists, Sources, findable::Findable, index::going_on, lists::Candidate};
+use crate::{
+    KnnError, MemberLists, Sources, findable::Findable, index::going_on, lists::Candidate,
+};
 
 /// Sources between two looks at the monitor.
 const CHUNK: usize = 1 << 14;
@@ -242,12 +244,12 @@ mod tests {
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());
         groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &[]));
-        let of = |lists: &MemberLists, member| {
-            lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>()
-        };
+        let of =
+            |lists: &MemberLists, member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
         assert_eq!(of(&lists, 0), [700, 701]);
         assert_eq!(of(&lists, 3), [0, blocks.dropped(3).end]);
-        let left_out = [Bits::of(999, 690..800), Bits::default(), Bits::default(), Bits::of(999, [0])];
+        let left_out =
+            [Bits::of(999, 690..800), Bits::default(), Bits::default(), Bits::of(999, [0])];
         lists.reset([0, 3].into_iter());
         groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &left_out));
         assert_eq!(of(&lists, 0), [800, 801]);

@@ -79,7 +79,8 @@ impl MemberLists {
         let mut entered = false;
         for &member in &self.wanted {
             let list = &mut self.candidates[member * self.k..][..self.k];
-            if !candidate.before(list[self.k - 1]) || !findable.contains(member, candidate.transition)
+            if !candidate.before(list[self.k - 1])
+                || !findable.contains(member, candidate.transition)
             {
                 continue;
             }

@@ -102,8 +102,7 @@ impl KnnModel {
         let made = Made { planned: planned_by, sources, k, exclusion, weights, place, monitor };
         let members =
             if config.recurrent { made.without_traps(&mut tables) } else { made.as_found(&tables) };
-        let mut built =
-            Built { choice: planned.choice, recurrence: Vec::new(), ends: Vec::new() };
+        let mut built = Built { choice: planned.choice, recurrence: Vec::new(), ends: Vec::new() };
         let mut left_out = Vec::new();
         for member in members? {
             left_out.push(member.left_out);

@@ -84,8 +84,7 @@ impl Member<'_> {
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
         let left_out = self.model().left_out_for_all();
-        let queries =
-            Queries::external(&sources, states, Some(self.number()))?.without(&left_out);
+        let queries = Queries::external(&sources, states, Some(self.number()))?.without(&left_out);
         self.search(&sources, &queries, k, &ScratchPlace::Memory, &Silent)
     }
 

@@ -60,7 +60,8 @@ const EVERY_ROW: u32 = u32::MAX;
 /// # Errors
 /// If the file cannot be written.
 pub(crate) fn write_left_out(directory: &Path, left_out: &LeftOut) -> Result<(), FileError> {
-    let exits = left_out.exits().flat_map(|(row, runs)| runs.iter().map(move |run| (row, run.clone())));
+    let exits =
+        left_out.exits().flat_map(|(row, runs)| runs.iter().map(move |run| (row, run.clone())));
     let all = exits.chain(left_out.runs().map(|run| (EVERY_ROW, run)));
     let cells: Vec<u32> = all.flat_map(|(row, run)| [row, run.start, run.end]).collect();
     write_npy(&directory.join("left_out.npy"), &cells, cells.len() / 3, 3)
@@ -97,7 +98,9 @@ pub(crate) fn open_left_out(
         } else if of_member(row) {
             exits.entry(row).or_default().push(run);
         } else {
-            return Err(damaged(format!("left_out.npy names row {row}, which is not in the member")));
+            return Err(damaged(format!(
+                "left_out.npy names row {row}, which is not in the member"
+            )));
         }
     }
     let left_out = LeftOut::new(for_all, exits);

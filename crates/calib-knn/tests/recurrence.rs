@@ -161,7 +161,8 @@ impl Naive<'_> {
     /// Transitions of the largest component that one of sixteen probes lies in.
     fn loops(&self, table: &BTreeMap<u32, Vec<(f64, u32)>>) -> usize {
         let reached = self.reached(table);
-        let shares = [8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15].map(|n| f64::from(n) / 16.0);
+        let shares =
+            [8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15].map(|n| f64::from(n) / 16.0);
         let shares = shares.into_iter().chain([1.0 / 32.0]);
         let component = |share: f64| {
             let probe = table[&self.inside[(share * self.inside.len() as f64) as usize]][0].1;
@@ -274,8 +275,15 @@ impl Case {
                             .collect();
                         prop_assert_eq!(&exits, &expected.exits);
                         for (&node, row) in &expected.rows {
-                            let (neighbors, _) = model.member(member).neighbors(TransitionIndex(node));
-                            prop_assert_eq!(neighbors, &row[..], "row {} of member {}", node, member);
+                            let (neighbors, _) =
+                                model.member(member).neighbors(TransitionIndex(node));
+                            prop_assert_eq!(
+                                neighbors,
+                                &row[..],
+                                "row {} of member {}",
+                                node,
+                                member
+                            );
                         }
                     }
                     if config.prototypes == 1 {

@@ -155,7 +155,8 @@ mod tests {
         assert_eq!(rows(None, Some(0)).expect("rows"), [6, 6, 6]);
         assert!(matches!(rows(Some(timestamps[1]), None), Err(RolloutError::NothingBefore)));
         let none = Transitions::new(Segments::from_lengths([1]).expect("valid"));
-        let source = StartSource::Recent { timestamps: &timestamps[..1], before: None, window: None };
+        let source =
+            StartSource::Recent { timestamps: &timestamps[..1], before: None, window: None };
         let nothing = recorded_rows(source, &none, 1, 3, Seed::new(0));
         assert!(matches!(nothing, Err(RolloutError::NothingBefore)));
     }

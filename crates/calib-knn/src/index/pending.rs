@@ -81,7 +81,8 @@ impl<'a> Pending<'a> {
         let forbidden = queries.forbidden(query);
         let met = Vec::with_capacity(4 * k);
         let (threshold, most, looked) = (-1.0, MOST_MET, 0);
-        let mut this = Self { state, forbidden, findable, lists, cap, threshold, met, most, looked };
+        let mut this =
+            Self { state, forbidden, findable, lists, cap, threshold, met, most, looked };
         this.narrow(pool.margin);
         this
     }

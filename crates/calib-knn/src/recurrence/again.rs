@@ -83,7 +83,8 @@ impl Again<'_> {
     pub(super) fn lost(&self, nodes: impl Iterator<Item = u32>) -> usize {
         let nothing = Bits::default();
         let is_still = |&node: &u32| {
-            self.goes_on(node, &nothing) && self.state(self.source(node)) == self.state(self.next(node))
+            self.goes_on(node, &nothing)
+                && self.state(self.source(node)) == self.state(self.next(node))
         };
         nodes.filter(|node| !is_still(node)).count()
     }

@@ -96,7 +96,6 @@ impl<'a> Effective<'a> {
         list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         Ok(list.into_iter().map(|(squared, to)| (stored(squared), to)).collect())
     }
-
 }
 
 impl Shrinking for Effective<'_> {

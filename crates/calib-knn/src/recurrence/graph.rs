@@ -124,7 +124,9 @@ impl<'a> Graph<'a> {
                 for bit in 0..WORD {
                     let bit = if sweep % 2 == 0 { WORD - 1 - bit } else { bit };
                     let node = (word * WORD + bit) as u32;
-                    if self.has(node) && !known.contains(node) && self.leads_to(node, known, &mut edges)
+                    if self.has(node)
+                        && !known.contains(node)
+                        && self.leads_to(node, known, &mut edges)
                     {
                         known.insert(node);
                         found = true;
@@ -231,9 +233,8 @@ mod tests {
     #[test]
     fn a_path_that_no_sweep_follows_is_followed_to_its_end() {
         // 0 → 999 → 1 → 998 → …: against the order half of the time.
-        let neighbors: Vec<u32> = (0..1000_u32)
-            .map(|node| if node < 500 { 999 - node } else { 1000 - node })
-            .collect();
+        let neighbors: Vec<u32> =
+            (0..1000_u32).map(|node| if node < 500 { 999 - node } else { 1000 - node }).collect();
         let distances = vec![1.0; 1000];
         let graph = Graph::new(&neighbors, &distances, 1, 0..0, Weights::Uniform);
         assert_eq!(graph.reached(0, &Silent).expect("not interrupted").count(), 1000);

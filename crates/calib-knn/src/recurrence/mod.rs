@@ -172,10 +172,7 @@ impl Made<'_> {
     /// # Errors
     /// [`KnnError::NeverReturns`] for a member in which nearly nothing can be returned to; if there is no place for the
     /// arrays, or the monitor interrupts.
-    pub(crate) fn without_traps(
-        self,
-        tables: &mut [Filling],
-    ) -> Result<Vec<Recurrent>, KnnError> {
+    pub(crate) fn without_traps(self, tables: &mut [Filling]) -> Result<Vec<Recurrent>, KnnError> {
         let untrap = |((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
             member.untrap(table, survey)
         };
@@ -250,11 +247,7 @@ impl<'a> Member<'a> {
     }
 
     /// Leave traps out of the table, or lead walks out of them.
-    fn untrap(
-        &self,
-        table: &mut Filling,
-        survey: Survey,
-    ) -> Result<Recurrent, KnnError> {
+    fn untrap(&self, table: &mut Filling, survey: Survey) -> Result<Recurrent, KnnError> {
         let before = ClosedClasses::of(&survey.classes, self.enough);
         let (mut anchor, mut classes) = (survey.anchor, survey.classes);
         let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.made.k), Exits::new());
@@ -298,11 +291,7 @@ impl<'a> Member<'a> {
         Ok(Recurrent { left_out, recurrence, ends: Ends(classes.ends) })
     }
 
-    fn survey_again(
-        &self,
-        table: &Filling,
-        anchor: Anchor,
-    ) -> Result<(Anchor, Classes), KnnError> {
+    fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
         let graph = self.graph(table);
         let anchor = anchor.in_graph(&graph, self.enough, self.made.monitor)?;
         let classes = self.closed(&graph, &anchor)?;
