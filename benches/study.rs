@@ -3,7 +3,7 @@
 
 use std::hint::black_box;
 
-use calib_agent::{AgentConfig, CurveRule, Scoring, train};
+use calib_agent::{AgentConfig, CurveRule, train};
 use calib_core::{Period, Seed, Segments, Silent, States, Transitions};
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_plant::{Plant, PlantOptions};
@@ -65,8 +65,8 @@ fn study(criterion: &mut Criterion) {
         })
         .to_vec();
     let fit = || {
-        let (scoring, curve) = (Scoring::WholeRun, CurveRule { windows: 10 });
-        train(&stream, 0, &agents, scoring, curve, seed, &Silent).expect("trained")
+        let curve = CurveRule { windows: 10 };
+        train(&stream, 0, &agents, curve, seed, &Silent).expect("trained")
     };
     group.bench_function("train 3 values for 1,000 steps", |bencher| bencher.iter(fit));
 }

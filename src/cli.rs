@@ -291,6 +291,25 @@ pub(crate) struct PlantArgs {
     /// Mean rate of rows written twice [default: 0]
     #[arg(long, value_name = "RATE")]
     pub(crate) duplicates_per_day: Option<f64>,
+    /// Factor on the size of what changes from year to year: membranes, feed, sensors, settings, pumps; 0 is nothing, 1 is
+    /// typical of a pilot plant, 2 the most [default: 0]
+    #[arg(long, value_name = "FACTOR")]
+    pub(crate) change: Option<f64>,
+    /// Mean rate of new membranes, with --change [default: 1]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) membranes_per_year: Option<f64>,
+    /// Mean rate of changes to another feed, with --change [default: 2]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) feeds_per_year: Option<f64>,
+    /// Mean rate, per sensor, of being moved, exchanged or calibrated again, with --change [default: 0.5]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) sensors_per_year: Option<f64>,
+    /// Mean rate of changed control settings, with --change [default: 2]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) settings_per_year: Option<f64>,
+    /// Mean rate of pumps replaced, with --change [default: 1]
+    #[arg(long, value_name = "RATE")]
+    pub(crate) pumps_per_year: Option<f64>,
 }
 
 #[derive(Debug, Args)]

@@ -38,6 +38,10 @@ print(online.group_by("sensor", "learning_rate").agg(pl.col("nrmse").mean(), pl.
 curves = pl.read_parquet(results / "sweep/curves.parquet")
 print(f"{curves.height} points of learning curves")
 
+# What was recorded while it was learned from, and held out: the extremes of short stretches of time.
+recorded = pl.read_parquet(results / "sweep/recorded.parquet")
+print(recorded.group_by("sensor", "period").agg(pl.col("value").min().alias("from"), pl.col("value").max().alias("to")).sort("sensor", "period"))
+
 # The verdict.
 summary = json.loads((results / "evaluate/summary.json").read_text())
 for verdict, advice in zip(summary["verdicts"], summary["advice"], strict=True):

@@ -169,6 +169,7 @@ fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Re
             }
             let simulated = plant.make(args.force, talk).context("[simulate]")?;
             talk.result(&simulated.line())?;
+            simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
         }
     }
     Ok(true)

@@ -2,18 +2,22 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
+use anyhow::ensure;
 use calib_files::write_json;
-use calib_report::{LearningCurves, Report, RolloutGrid, Sensitivity, Verdict};
+use calib_report::{Report, RolloutGrid, Sensitivity, Verdict};
 use serde::Serialize;
 
 use super::{
     artefact::{Below, Claim, TOOL},
+    compare_pairs::{self, Comparisons},
     compare_tables,
-    comparison::Comparison,
+    comparison::{self, Comparison, Pair},
     deployed::{self, Deployed},
-    evaluate::{Judged, Summary, judge, print, told},
+    evaluate::{self, Judged, Summary, judge, print, told},
     figures::{self, Starts},
-    learning, load_study, name, report, report_data,
+    learning, load_study, name,
+    one_step::Predicting,
+    recorded, report, report_data,
     rollout::{self, RolloutManifest},
     starts::follow_from_deployment,
 };
@@ -39,6 +43,8 @@ struct Summaries {
     /// What to deploy, sensor by sensor, where there are several deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     what_to_deploy: Vec<Deployed>,
+    /// Every two models.
+    comparisons: Comparisons,
 }
 
 /// One deployment of a study.
@@ -58,6 +64,9 @@ pub(super) struct Part {
     pub(super) judged: Judged,
     pub(super) report: Report,
     pub(super) rollouts: Option<RolloutManifest>,
+    /// Distances of its rollouts from what was recorded.
+    pub(super) pairs: Vec<Pair>,
+    pub(super) one_step: Option<Predicting>,
     starts: Vec<Starts>,
 }
 
@@ -83,7 +92,17 @@ impl Part {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
-        Ok(Self { model, deployment, judged, report, rollouts, starts })
+        let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
+        let pairs = match compared {
+            Some(_) => comparison::read(&paths.rollout())?,
+            None => Vec::new(),
+        };
+        let model_name = model.as_deref().unwrap_or(study.model_name());
+        let one_step = match &rollouts {
+            Some(_) => Predicting::read(model_name, study, paths, &manifest.model)?,
+            None => None,
+        };
+        Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
     }
 
     pub(super) fn comparison(&self) -> Option<&Comparison> {
@@ -123,6 +142,17 @@ pub(super) fn run(
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
+    let mut left_out = left_out.to_vec();
+    let mut judged = Vec::with_capacity(parts.len());
+    for part in parts {
+        match evaluate::left_out(part)? {
+            Some(reason) if !left_out.contains(&reason) => left_out.push(reason),
+            Some(_) => {}
+            None => judged.push(part.clone()),
+        }
+    }
+    let parts = judged;
+    ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
     let mut ended = ExitStatus::Done;
@@ -138,18 +168,20 @@ pub(super) fn run(
         }
     }
     let what_to_deploy = deployed::all(&parts)?;
-    let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy);
-    whole.warnings.extend_from_slice(left_out);
-    let comparison = show(&parts);
+    let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy)?;
+    whole.warnings.extend_from_slice(&left_out);
+    let table = show(&parts);
+    let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_figures(&paths, &whole)?;
     report::write_page(&paths, &whole)?;
-    let summaries = summaries(whole.title, parts, what_to_deploy);
+    let summaries = summaries(whole.title, parts, what_to_deploy, comparisons);
     write_json(&paths.evaluate().join("summary.json"), &summaries)?;
     if args.json {
         printer.json(&summaries)?;
     } else {
-        printer.result(&comparison)?;
+        printer.result(&table)?;
+        comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
         deployed::show(&summaries.what_to_deploy, printer)?;
         printer.result(&format!("report: {}", paths.report().display()))?;
     }
@@ -166,7 +198,12 @@ fn write_figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
     report::write_comparisons(&directory, whole)
 }
 
-fn summaries(title: String, parts: Vec<Part>, what_to_deploy: Vec<Deployed>) -> Summaries {
+fn summaries(
+    title: String,
+    parts: Vec<Part>,
+    what_to_deploy: Vec<Deployed>,
+    comparisons: Comparisons,
+) -> Summaries {
     let (mut models, mut deployments) = (BTreeMap::new(), Vec::<DeploymentSummary>::new());
     for part in parts {
         let name = part.model_name().to_owned();
@@ -183,7 +220,7 @@ fn summaries(title: String, parts: Vec<Part>, what_to_deploy: Vec<Deployed>) -> 
         });
         deployments[place].models.insert(name, part.judged.summary);
     }
-    Summaries { format: 2, tool: TOOL, title, models, deployments, what_to_deploy }
+    Summaries { format: 3, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
 }
 
 /// The parts of each deployment, in the order in which deployments come first.
@@ -205,7 +242,7 @@ fn whole(
     args: &StudyArgs,
     parts: &[Part],
     what_to_deploy: &[Deployed],
-) -> Report {
+) -> anyhow::Result<Report> {
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
     let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
@@ -227,11 +264,12 @@ fn whole(
         .iter()
         .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
     let mut whole = Report {
-        title: super::evaluate::title(study, args),
+        title: evaluate::title(study, args),
         verdicts,
         sensitivities: sensitivities.collect(),
-        learning: learning_curves(study, parts, &deployments),
+        learning: learning::of_several(study, parts, &deployments),
         decision: deployed::report_table(what_to_deploy),
+        recorded: recorded::of_parts(&study.sweep.sensors, &deployments),
         rollouts: Vec::new(),
         rollout_grids: rollout_grids(study, &deployments),
         jumps: Vec::new(),
@@ -263,7 +301,7 @@ fn whole(
     for part in &deployments[0] {
         whole.jumps.extend(part.report.jumps.clone());
     }
-    whole.tables = compare_tables::tables(&deployments);
+    whole.tables = compare_tables::tables(&deployments)?;
     (whole.data, whole.reproduction.fingerprint) = compare_tables::data_of_models(&deployments[0]);
     if let Some(data) = &mut whole.data {
         data.facts.retain(|(name, _)| !report_data::is_of_deployment(name));
@@ -277,7 +315,7 @@ fn whole(
     }
     let studies: Vec<&Study> = parts.iter().map(|part| &part.judged.study).collect();
     whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
-    whole
+    Ok(whole)
 }
 
 /// Every model's rollouts from the same starts: a figure a sensor, and a deployment where starts follow from it.
@@ -321,32 +359,6 @@ fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
     Some(whole)
 }
 
-/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
-/// the report shows Online only: members' curves are in the report of each.
-fn learning_curves(
-    study: &Study,
-    parts: &[Part],
-    deployments: &[Vec<&Part>],
-) -> Vec<LearningCurves> {
-    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
-        if deployments.len() == 1 {
-            let all = parts.iter().enumerate().flat_map(|(number, part)| {
-                let own = part.report.learning.iter();
-                own.filter(move |of| number == 0 || !learning::is_shared(of))
-            });
-            return all.filter(|of| of.sensor == *sensor).cloned().collect();
-        }
-        let online = deployments.iter().flat_map(|group| {
-            let own = group[0].report.learning.iter();
-            let own = own.filter(|of| of.sensor == *sensor && learning::is_online(of));
-            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
-                .collect::<Vec<_>>()
-        });
-        online.collect()
-    };
-    study.sweep.sensors.iter().flat_map(of_sensor).collect()
-}
-
 /// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
 fn show(parts: &[Part]) -> String {
     let deployments = by_deployment(parts);
@@ -367,7 +379,7 @@ fn show(parts: &[Part]) -> String {
             let deployment = named.then(|| part.deployment_name().to_owned());
             let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
             let numbers = [
-                or_none(online.and_then(|online| Some(percent(online.regret?)))),
+                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
                 or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
                 or_none(warping.map(significant)),
                 or_none(collapse(part, &first.sensor)),

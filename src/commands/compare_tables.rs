@@ -7,52 +7,37 @@ use calib_report::{DataProfile, Table};
 use super::{
     collapse,
     compare::Part,
-    comparison::{self, Comparison},
-    evaluate::Judged,
-    one_step::{self, OneStep},
-    report,
+    compare_pairs::{Pooled, groups, pooled},
+    comparison::{self, ComparedModel},
+    one_step, report,
     starts::follow_from_deployment,
 };
 
 /// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
-pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
+pub(super) fn tables(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Table>> {
     let mut tables = Vec::new();
     // Deployments that share all rollouts have one table.
-    let mut groups: Vec<(Vec<PathBuf>, &Vec<&Part>)> = Vec::new();
-    for group in deployments {
-        let directories: Vec<PathBuf> =
-            group.iter().map(|part| part.judged.paths.rollout()).collect();
-        if groups.iter().all(|(of, _)| *of != directories) {
-            groups.push((directories, group));
-        }
-    }
+    let groups = groups(deployments);
     let several = groups.len() > 1;
-    for (_, group) in &groups {
-        let all = group
-            .iter()
-            .filter_map(|part| Some((part.model_name().to_owned(), part.comparison()?)));
-        let all: Vec<(String, &Comparison)> = all.collect();
-        let mut own = one_step_table(group);
-        own.extend(warping_tables(all.iter().map(|(name, of)| (name.as_str(), *of))));
-        if several {
-            let deployment = group[0].deployment_name();
-            for table in &mut own {
-                table.title = format!("{} ({deployment})", table.title);
-            }
+    let placed = |mut tables: Vec<Table>, place: &str| {
+        for table in tables.iter_mut().filter(|_| several) {
+            table.title = format!("{} ({place})", table.title);
         }
-        tables.extend(own);
+        tables
+    };
+    for group in &groups {
+        let mut own = one_step::report_tables(&group.predicting())?;
+        own.extend(comparison::report_tables(&group.compared())?);
+        tables.extend(placed(own, group.parts[0].deployment_name()));
     }
     if several {
-        let all = pooled(deployments);
-        let mut own = warping_tables(all.iter().map(|(name, of)| (name.as_str(), of)));
-        for table in &mut own {
-            table.title = format!("{} (all deployments)", table.title);
-        }
-        tables.extend(own);
+        let pooled = pooled(deployments)?;
+        let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
+        tables.extend(placed(comparison::report_tables(&models)?, "all deployments"));
     }
     let mut shown: Vec<PathBuf> = Vec::new();
-    for (_, group) in &groups {
-        for part in *group {
+    for group in &groups {
+        for part in group.parts {
             let Some(rollouts) = &part.rollouts else { continue };
             let directory = part.judged.paths.rollout();
             if shown.contains(&directory) {
@@ -77,45 +62,7 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> Vec<Table> {
             table
         }));
     }
-    tables
-}
-
-/// One-step errors of the models, side by side.
-fn one_step_table(group: &[&Part]) -> Vec<Table> {
-    let own = |part: &&Part| {
-        let Judged { study, paths, manifest, .. } = &part.judged;
-        part.rollouts.as_ref()?;
-        Some((part.model_name().to_owned(), one_step::read(study, paths, &manifest.model)?))
-    };
-    let all: Vec<(String, OneStep)> = group.iter().filter_map(own).collect();
-    let all: Vec<(&str, &OneStep)> = all.iter().map(|(name, of)| (name.as_str(), of)).collect();
-    one_step::report_table(&all).into_iter().collect()
-}
-
-fn warping_tables<'a>(models: impl Iterator<Item = (&'a str, &'a Comparison)>) -> Vec<Table> {
-    comparison::report_tables(&models.collect::<Vec<_>>())
-}
-
-/// The rollouts of each model in all deployments; those that deployments share count once.
-fn pooled(deployments: &[Vec<&Part>]) -> Vec<(String, Comparison)> {
-    let mut models: Vec<(String, Vec<PathBuf>, Vec<Comparison>)> = Vec::new();
-    for part in deployments.iter().flatten() {
-        let (Some(own), directory) = (part.comparison(), part.judged.paths.rollout()) else {
-            continue;
-        };
-        match models.iter_mut().find(|(name, ..)| name == part.model_name()) {
-            Some((_, seen, _)) if seen.contains(&directory) => {}
-            Some((_, seen, all)) => {
-                seen.push(directory);
-                all.push(own.clone());
-            }
-            None => {
-                models.push((part.model_name().to_owned(), vec![directory], vec![own.clone()]));
-            }
-        }
-    }
-    let pooled = models.into_iter().map(|(name, _, all)| Some((name, comparison::pool(&all)?)));
-    pooled.flatten().collect()
+    Ok(tables)
 }
 
 /// What to know before relying on any of it; each once, with where it holds unless that is everywhere.

@@ -1,7 +1,7 @@
 //! What to deploy where a study has several deployments: a choice for each, and one for all of them.
 
 use calib_report::{Cell, Table};
-use calib_stats::{Direction, Selection, regret};
+use calib_stats::Selection;
 use calib_sweep::SensorVerdict;
 use serde::Serialize;
 
@@ -76,22 +76,20 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
         |index: usize| report::setting(&parts[0].judged.manifest.candidates[index]).to_string();
     let choices = parts.iter().zip(&verdicts).map(|(part, verdict)| Choice {
         deployment: part.deployment_name().to_owned(),
-        chosen: label(verdict.selection.chosen),
-        regret: verdict.model_agreement.as_ref().and_then(|agreement| agreement.regret),
+        chosen: label(verdict.chosen),
+        regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
     });
     let selections: Vec<&Selection> = verdicts.iter().map(|of| &of.selection).collect();
     let for_all = best_of_all(&selections);
     let regrets = verdicts.iter().map(|verdict| {
-        let Some(online) = &verdict.online else { return Ok(None) };
-        let errors: Vec<f64> = online.candidates.iter().map(|summary| summary.mean).collect();
-        Ok(regret(&errors, for_all, Direction::LowerIsBetter)?)
+        verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
     });
     Ok(Some(Deployed {
         sensor: sensor.to_owned(),
         model: parts[0].model_name().to_owned(),
         choices: choices.collect(),
         for_all: label(for_all),
-        regrets: regrets.collect::<anyhow::Result<_>>()?,
+        regrets: regrets.collect(),
     }))
 }
 
@@ -170,7 +168,7 @@ pub(super) fn report_table(rows: &[Deployed]) -> Option<Table> {
 
 #[cfg(test)]
 mod tests {
-    use calib_stats::select;
+    use calib_stats::{Direction, select};
 
     use super::*;
 

@@ -12,6 +12,7 @@ use super::{
     model::{Model, search_place},
     model_files::OpenModel,
     starts::{StartSummary, Starts, summaries},
+    streams::Streams,
 };
 use crate::{
     output::Printer,
@@ -26,16 +27,16 @@ pub(super) struct Environments<'a> {
 }
 
 impl<'a> Environments<'a> {
-    /// Streams of `steps` steps.
+    /// As long as `streams` says.
     pub(super) fn new(
         study: &'a Study,
         model: &'a OpenModel,
         dataset: &'a Dataset,
-        steps: usize,
+        streams: &Streams,
         (paths, printer): (&StudyPaths, &Printer),
     ) -> anyhow::Result<Self> {
         let seed = Seed::new(study.seed);
-        let sweep = &study.sweep;
+        let (sweep, span) = (&study.sweep, streams.demand.span);
         let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
         let rollout_seed = seed.child("rollout");
         let starts = Starts::new(&study.rollout, model, dataset.held_out.as_ref(), rollout_seed)?;
@@ -59,7 +60,7 @@ impl<'a> Environments<'a> {
                     let member = knn.member(number);
                     given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
                     let (seed, inputs) = (rollout_seed, inputs.clone());
-                    let options = RolloutOptions { steps, weights, seed, inputs };
+                    let options = RolloutOptions { span, weights, seed, inputs };
                     let states = model.frames.states();
                     environments
                         .push(Box::new(MemberEnvironment::new(member, states, own, options)));
@@ -70,24 +71,21 @@ impl<'a> Environments<'a> {
                 given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
                 let rows = own.iter().map(|start| start.row).collect();
                 let frames = &model.frames;
-                let predicted = PredictedEnvironment::new(&**network, frames, rows, steps, inputs)?;
+                let predicted = PredictedEnvironment::new(&**network, frames, rows, span, inputs)?;
                 environments.push(Box::new(predicted));
             }
         }
-        if let (Some(held_out), Some(inputs)) = (&dataset.held_out, &dataset.held_out_fingerprint) {
-            let inputs = inputs.clone();
-            let online = ReplayEnvironment::online(held_out, steps, sweep.online_runs, inputs);
+        if let (Some(held_out), Some(inputs), Some(windows)) =
+            (&dataset.held_out, &dataset.held_out_fingerprint, &streams.online)
+        {
+            let (windows, inputs) = (windows.clone(), inputs.clone());
+            let online = ReplayEnvironment::online(held_out, windows, sweep.online_runs, inputs);
             environments.push(Box::new(online));
         }
-        if sweep.log_replay_runs > 0 {
-            let inputs = dataset.fingerprint.clone();
-            environments.push(Box::new(ReplayEnvironment::log_replay(
-                &dataset.train,
-                steps,
-                sweep.log_replay_runs,
-                seed.child("log replay"),
-                inputs,
-            )));
+        if !streams.log.starts.is_empty() {
+            let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
+            let replay = ReplayEnvironment::log_replay(&dataset.train, windows, inputs);
+            environments.push(Box::new(replay));
         }
         Ok(Self { environments, starts: notes(&summaries(&given)) })
     }

@@ -1,5 +1,6 @@
 use anyhow::{Context as _, bail};
-use calib_sweep::{SensorVerdict, UnitResult, told_apart, verdict};
+use calib_core::Seed;
+use calib_sweep::{Judging, SensorVerdict, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
@@ -69,25 +70,42 @@ pub(super) fn told(summary: &Summary) -> ExitStatus {
     }
 }
 
+/// Why a deployment is not judged, if it is not.
+pub(super) fn left_out(args: &StudyArgs) -> anyhow::Result<Option<String>> {
+    let (study, paths) = load_study(args)?;
+    let name = paths.deployment().unwrap_or_default();
+    let reason = finished_sweep(&study, &paths)?.left_out;
+    Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
+}
+
 /// Judge a finished sweep; nothing is written.
 pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
     let (study, paths) = load_study(args)?;
     let manifest = finished_sweep(&study, &paths)?;
+    if let Some(reason) = &manifest.left_out {
+        bail!("there is nothing to judge: {reason}");
+    }
     let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
         format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
     })?;
+    let judging = Judging {
+        part: study.part(),
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &manifest.scales,
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    };
     let verdicts = study
         .sweep
         .sensors
         .iter()
-        .map(|sensor| Ok(verdict(sensor, &manifest.candidates, &results, study.evaluate.top_k)?))
+        .map(|sensor| Ok(verdict(sensor, &manifest.candidates, &results, &judging)?))
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let advice = verdicts
-        .iter()
-        .map(|verdict| report::advice(verdict, &manifest.candidates, &study))
-        .collect();
+    let advice =
+        verdicts.iter().map(|verdict| report::advice(verdict, &manifest, &study)).collect();
     let summary = Summary {
-        format: 1,
+        format: 2,
         tool: TOOL,
         title: title(&study, args),
         advice,

@@ -4,9 +4,13 @@ use std::collections::BTreeMap;
 
 use calib_report::{LearningCurve, LearningCurves};
 use calib_stats::{Summary, summarise};
-use calib_sweep::{Candidate, EnvironmentId, Role, RunRow, UnitResult};
+use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
-use super::report::{field, setting};
+use super::{
+    compare::Part,
+    report::{field, setting},
+};
+use crate::study::Study;
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.
 pub(super) fn curves(
@@ -30,7 +34,7 @@ pub(super) fn curves(
                 .flat_map(|result| &result.rows)
                 .collect();
             let mut curves = Vec::new();
-            for candidate in candidates.iter().filter(|candidate| candidate.role == Role::Grid) {
+            for candidate in candidates {
                 let runs: Vec<&RunRow> =
                     rows.iter().copied().filter(|row| row.candidate == candidate.index).collect();
                 curves.push(LearningCurve {
@@ -74,6 +78,32 @@ pub(super) fn is_shared(curves: &LearningCurves) -> bool {
     [ONLINE, LOG_REPLAY].contains(&curves.environment.as_str())
 }
 
+/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
+/// the report shows Online only: members' curves are in the report of each.
+pub(super) fn of_several(
+    study: &Study,
+    parts: &[Part],
+    deployments: &[Vec<&Part>],
+) -> Vec<LearningCurves> {
+    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
+        if deployments.len() == 1 {
+            let all = parts.iter().enumerate().flat_map(|(number, part)| {
+                let own = part.report.learning.iter();
+                own.filter(move |of| number == 0 || !is_shared(of))
+            });
+            return all.filter(|of| of.sensor == *sensor).cloned().collect();
+        }
+        let online = deployments.iter().flat_map(|group| {
+            let own = group[0].report.learning.iter();
+            let own = own.filter(|of| of.sensor == *sensor && is_online(of));
+            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
+                .collect::<Vec<_>>()
+        });
+        online.collect()
+    };
+    study.sweep.sensors.iter().flat_map(of_sensor).collect()
+}
+
 /// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve
 /// would have gone on is told by `all` runs in the same environment.
 fn points(runs: &[&RunRow], all: &[&RunRow]) -> anyhow::Result<Vec<(usize, Summary)>> {
@@ -103,6 +133,7 @@ fn points(runs: &[&RunRow], all: &[&RunRow]) -> anyhow::Result<Vec<(usize, Summa
 
 #[cfg(test)]
 mod tests {
+    use calib_agent::Scores;
     use calib_sweep::CurvePoint;
 
     use super::*;
@@ -111,13 +142,8 @@ mod tests {
         RunRow {
             candidate: 0,
             steps: 30,
-            scored_steps: 10,
             updates: 1,
-            rmse: 1.0,
-            nrmse: 1.0,
-            rmse_over_std: 1.0,
-            mean_return: 1.0,
-            return_std: 1.0,
+            scores: Scores::default(),
             diverged_at,
             curve: curve.iter().map(|&(step, rmse)| CurvePoint { step, rmse }).collect(),
         }

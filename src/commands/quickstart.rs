@@ -15,7 +15,9 @@ const STUDY: &str = include_str!("../../configs/quickstart.toml");
 /// Simulate a plant, run the whole chain on it, and leave everything in a directory.
 pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let directory = &args.directory;
-    printer.heading("calib quickstart: two days of a simulated plant, from its logs to a verdict");
+    printer.heading(
+        "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
+    );
     let study = write_study(directory, args.seed)?;
     let args = StudyArgs {
         study: study.clone(),

@@ -5,24 +5,28 @@ use std::{io::Write as _, path::Path};
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
-    Agreement, Alternative, Cell, ErrorCurve, ErrorSource, JumpStatistics, RankCurve, Report,
-    Reproduction, RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Verdict,
+    Agreement, Alternative, Cell, ErrorCurve, ErrorSource, Grade, JumpStatistics, RankCurve,
+    Reason, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Verdict,
+    Way,
 };
 use calib_represent::RepresentationKind;
 use calib_stats::Summary as ScoreSummary;
-use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
+use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, Truth};
 
 use super::{
     artefact::{self, Below, Claim},
-    collapse, comparison,
+    collapse,
+    comparison::{self, ComparedModel},
     evaluate::{Judged, Summary},
     figures::{self, Starts},
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
-    one_step, recurrence,
+    one_step::{self, Predicting},
+    recorded, recurrence,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
+    streams::part_name,
     sweep::SweepManifest,
 };
 use crate::study::{Study, StudyPaths};
@@ -62,6 +66,9 @@ pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Re
     if !report.sensitivities.is_empty() {
         figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
     }
+    for recorded in &report.recorded {
+        figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
+    }
     for grid in &report.rollout_grids {
         figures::write(directory, &format!("rollouts-{}", placed(&grid.sensor)), &grid.figure()?)?;
     }
@@ -84,6 +91,8 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
+    let not_kept = kept.is_none().then(|| recorded::missing(paths));
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -93,19 +102,20 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         verdicts: summary
             .verdicts
             .iter()
-            .map(|verdict| verdict_row(verdict, candidates, study))
+            .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.clone(),
+        warnings: summary.notes.iter().cloned().chain(not_kept).collect(),
         sensitivities: summary
             .verdicts
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
+        recorded: kept.unwrap_or_default(),
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, &model, rollouts.as_ref()),
+        tables: tables(study, paths, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
@@ -117,18 +127,23 @@ fn tables(
     paths: &StudyPaths,
     model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
-) -> Vec<Table> {
+) -> anyhow::Result<Vec<Table>> {
     let name = study.model_name();
-    let collapse = rollouts.and_then(|of| collapse::report_table(name, &of.collapse));
-    let starts = rollouts.and_then(|of| starts_table(name, of));
-    let compared = rollouts.and_then(|of| of.comparison.as_ref());
-    let compared = compared.map(|of| comparison::report_tables(&[(name, of)]));
-    let representations = representation_table(study, paths);
-    let one_step = rollouts.and_then(|of| one_step::read(study, paths, &of.model));
-    let one_step = one_step.and_then(|of| one_step::report_table(&[(name, &of)]));
-    let rolled_out = one_step.into_iter().chain(compared.into_iter().flatten()).chain(starts);
-    let walks = recurrence::report_table(model);
-    collapse.into_iter().chain(rolled_out).chain(walks).chain(representations).collect()
+    let mut tables = Vec::new();
+    if let Some(rollouts) = rollouts {
+        tables.extend(collapse::report_table(name, &rollouts.collapse));
+        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
+        let members = rollouts.members.len();
+        // Beside no other model the means are all there is to show.
+        let compared = rollouts.comparison.as_ref();
+        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        tables.extend(comparison::report_tables(compared.as_slice())?);
+        tables.extend(starts_table(name, rollouts));
+    }
+    tables.extend(recurrence::report_table(model));
+    tables.extend(representation_table(study, paths));
+    Ok(tables)
 }
 
 /// How many start states each member lacks, and how far what stands for them is; none where all are there.
@@ -195,66 +210,113 @@ fn axis(grid: &[&Candidate]) -> Vec<Setting> {
 }
 
 /// The verdict on one sensor in words: what to deploy, then the reasons.
-pub(super) fn advice(
-    verdict: &SensorVerdict,
-    candidates: &[Candidate],
-    study: &Study,
-) -> Vec<String> {
-    let row = verdict_row(verdict, candidates, study);
+pub(super) fn advice(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Vec<String> {
+    let row = verdict_row(verdict, sweep, study);
     [row.headline()].into_iter().chain(row.reasons(&Score::nrmse())).collect()
 }
 
-fn verdict_row(verdict: &SensorVerdict, candidates: &[Candidate], study: &Study) -> Verdict {
+fn verdict_row(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Verdict {
+    let candidates = &sweep.candidates;
     let of = |index: usize| setting(&candidates[index]);
     let selection = &verdict.selection;
-    let online = verdict.model_agreement.as_ref().zip(verdict.best_online).map(|(model, best)| {
-        let best_error =
-            verdict.online.as_ref().map_or(f64::NAN, |online| online.candidates[best].mean);
-        Agreement {
-            chosen_error: model.online_error,
-            best: of(best),
-            best_error,
-            regret: model.regret,
-            spearman: model.spearman,
-            kendall: model.kendall,
-            top_k: Some(TopK { k: study.evaluate.top_k, hit: model.top_k_hit }),
-        }
-    });
-    let alternative = |agreement: &calib_sweep::Agreement| Alternative {
-        value: of(agreement.chosen),
-        regret: agreement.regret,
-    };
+    let streams = |of: &EnvironmentScores| of.streams;
+    let of_members: usize = verdict.members.iter().map(streams).sum();
+    let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
     Verdict {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
         model: study.model_name().to_owned(),
-        chosen: of(selection.chosen),
+        chosen: of(verdict.chosen),
+        grade: match verdict.grade {
+            calib_sweep::Grade::Good => Grade::Good,
+            calib_sweep::Grade::Fair => Grade::Fair,
+            calib_sweep::Grade::Poor => Grade::Poor,
+            calib_sweep::Grade::NotLearnt => Grade::NotLearnt,
+            calib_sweep::Grade::Unchecked => Grade::Unchecked,
+        },
+        reason: match verdict.rule {
+            Rule::WorstRank => Reason::WorstRank,
+            Rule::MeanRank => Reason::MeanRank,
+            Rule::MeanError => Reason::MeanError,
+            Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
+            Rule::Pooled => Reason::Pooled { streams: of_all },
+            Rule::OneStandardError => Reason::OneStandardError { streams: of_all },
+        },
         tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
-        worst_rank: selection.worst_ranks[selection.chosen],
+        worst_rank: selection.worst_ranks[verdict.chosen],
         values: selection.worst_ranks.len(),
         members: verdict.members.len(),
-        online,
-        default: verdict.default_agreement.as_ref().map(alternative),
-        log_replay: verdict.log_replay_agreement.as_ref().map(alternative),
+        stability: verdict
+            .stability
+            .iter()
+            .map(|of| (setting(&candidates[of.candidate]), of.share))
+            .collect(),
+        online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, candidates, study)),
+        alternatives: verdict
+            .truth
+            .iter()
+            .flat_map(|truth| &truth.baselines)
+            .map(|other| Alternative {
+                way: way(other.baseline),
+                value: other.chosen.map(of),
+                regret: other.regret,
+            })
+            .collect(),
         notes: verdict.warnings.clone(),
     }
 }
 
+fn agreement(
+    verdict: &SensorVerdict,
+    truth: &Truth,
+    candidates: &[Candidate],
+    study: &Study,
+) -> Agreement {
+    let best = truth.best.unwrap_or(verdict.chosen);
+    let choice = &truth.choice;
+    Agreement {
+        part: part_name(verdict.part).to_owned(),
+        windows: truth.windows.len(),
+        runs: truth.scores.runs,
+        chosen_error: choice.online_error,
+        chosen_skill: truth.scores.skill[verdict.chosen],
+        best: setting(&candidates[best]),
+        best_error: truth.scores.candidates[best].mean,
+        best_skill: truth.scores.skill[best],
+        regret: choice.regret,
+        against_default: choice.against_default,
+        spearman: choice.spearman,
+        kendall: choice.kendall,
+        top_k: Some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
+    }
+}
+
+const fn way(baseline: Baseline) -> Way {
+    match baseline {
+        Baseline::Default => Way::Default,
+        Baseline::LogReplay => Way::LogReplay,
+        Baseline::LatestWindow => Way::LatestWindow,
+        Baseline::Random => Way::Random,
+        Baseline::Hindsight => Way::Hindsight,
+        Baseline::AnotherWindow => Way::AnotherWindow,
+    }
+}
+
 fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -> Sensitivity {
-    let grid: Vec<&Candidate> =
-        candidates.iter().filter(|candidate| candidate.role == Role::Grid).collect();
+    let grid: Vec<&Candidate> = candidates.iter().collect();
     let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
         label: label.to_owned(),
         source,
-        summaries: scores.candidates[..grid.len()]
+        summaries: scores
+            .candidates
             .iter()
             .copied()
             .map(Some)
             .collect::<Vec<Option<ScoreSummary>>>(),
     };
     let mut errors = Vec::new();
-    if let Some(online) = &verdict.online {
-        errors.push(curve(online, "Online (held-out)", ErrorSource::Online));
+    if let Some(truth) = &verdict.truth {
+        errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
     }
     if let Some(replay) = &verdict.log_replay {
         errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
@@ -269,7 +331,7 @@ fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -
             label: format!("{model}, worst rank"),
             worst_ranks: verdict.selection.worst_ranks.clone(),
         }],
-        chosen: Some(verdict.selection.chosen),
+        chosen: Some(verdict.chosen),
         default: grid.iter().position(|candidate| candidate.is_default),
     }
 }

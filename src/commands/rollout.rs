@@ -57,7 +57,7 @@ pub(super) struct MemberRollouts {
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 5;
+    const FORMAT: u32 = 6;
 
     fn format(&self) -> u32 {
         self.format
@@ -109,7 +109,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     let existing = artefact::read::<RolloutManifest>(&directory)
         .filter(|found| found.key == key && !args.force)
-        .filter(|_| artefact::has_files(&directory, ["trajectories.parquet"]));
+        .filter(|found| artefact::has_files(&directory, files(found)));
     let (manifest, verb) = if let Some(manifest) = existing {
         (manifest, "up to date:")
     } else {
@@ -141,6 +141,12 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     printer.next(&paths.command("sweep"));
     Ok(ExitStatus::Done)
+}
+
+/// What belongs to a manifest.
+fn files(manifest: &RolloutManifest) -> impl Iterator<Item = &'static str> {
+    let compared = manifest.comparison.is_some().then_some(comparison::FILES);
+    ["trajectories.parquet"].into_iter().chain(compared.into_iter().flatten())
 }
 
 /// The sensors of the sweep, or all, with their columns.
@@ -249,7 +255,7 @@ fn compare(
         return Ok(None);
     }
     let compared = comparison::compare(model, record, all, sensors, steps, printer)?;
-    comparison::write(directory, &compared.pairs, sensors)?;
+    comparison::write(directory, &compared.pairs)?;
     Ok(Some(compared.summary))
 }
 

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{Below, Claim, TOOL},
+    changes::{self, CHANGES, DatedChange},
     plant_of_study,
 };
 use crate::{
@@ -37,6 +38,9 @@ pub(super) struct Simulated {
     channels: usize,
     files: Vec<PathBuf>,
     written: usize,
+    /// What changes in the plant; of one that does not, nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<DatedChange>,
 }
 
 impl Simulated {
@@ -50,6 +54,19 @@ impl Simulated {
             self.written,
             self.files.len() - self.written,
         )
+    }
+
+    /// How often the plant changed, in words; nothing of one that does not.
+    pub(super) fn changes_line(&self) -> Option<String> {
+        let (first, last) = (self.changes.first()?, self.changes.last()?);
+        let path = self.directory.join(CHANGES);
+        Some(format!(
+            "{} changes from {} to {}, in {}",
+            self.changes.len(),
+            first.at(),
+            last.at(),
+            path.display()
+        ))
     }
 }
 
@@ -73,6 +90,10 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Exit
         printer.json(&simulated)?;
     } else {
         printer.result(&format!("{} in {}", simulated.line(), duration(clock.elapsed())))?;
+        if let Some(line) = simulated.changes_line() {
+            printer.result(&line)?;
+            simulated.changes.iter().try_for_each(|told| printer.result(&told.line()))?;
+        }
     }
     printer.next(&next);
     Ok(ExitStatus::Done)
@@ -98,6 +119,12 @@ fn config(args: &PlantArgs) -> anyhow::Result<SimulateConfig> {
         gaps_per_day: args.gaps_per_day.unwrap_or(defaults.gaps_per_day),
         stuck_per_day: args.stuck_per_day.unwrap_or(defaults.stuck_per_day),
         duplicates_per_day: args.duplicates_per_day.unwrap_or(defaults.duplicates_per_day),
+        change: args.change,
+        membranes_per_year: args.membranes_per_year,
+        feeds_per_year: args.feeds_per_year,
+        sensors_per_year: args.sensors_per_year,
+        settings_per_year: args.settings_per_year,
+        pumps_per_year: args.pumps_per_year,
     })
 }
 
@@ -114,6 +141,7 @@ pub(super) fn simulate(
         Simulation { tool: TOOL.to_owned(), options, channels: plant.schema().to_vec() };
     let _claim = Claim::new(directory, Below::Unknown)?;
     own(directory, &simulation, force)?;
+    let changes = changes::write(directory, &plant)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
     printer.say(&format!("simulate: {}", sentence(&plant)));
     let progress = printer.progress();
@@ -123,6 +151,7 @@ pub(super) fn simulate(
         channels: names.len(),
         files: Vec::new(),
         written: 0,
+        changes,
     };
     while plant.day() < plant.days() {
         if progress.interrupted() {

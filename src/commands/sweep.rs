@@ -1,13 +1,13 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_agent::{AgentConfig, Scoring};
+use calib_agent::AgentConfig;
 use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, write_json};
 use calib_sweep::{
-    Candidate, Completed, EnvironmentId, NotFinite, Plan, PlanOptions, PlannedUnit, Unit,
-    UnitResult, UnitStore, candidates,
+    Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
+    Span, Unit, UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,8 @@ use super::{
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
-    plant_of_study, pretrain_files,
+    plant_of_study, pretrain_files, recorded,
+    streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
@@ -42,8 +43,16 @@ pub(super) struct SweepManifest {
     /// What Online replays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) held_out: Option<HeldOut>,
-    /// Steps of every stream.
-    pub(super) steps: usize,
+    /// How long streams are.
+    pub(super) span: Span,
+    /// The windows of it that are replayed, in the order of time.
+    #[serde(default)]
+    pub(super) windows: Vec<OnlineWindow>,
+    /// What errors are divided by.
+    pub(super) scales: Vec<ErrorScale>,
+    /// Why nothing was trained, if nothing was: the deployment cannot be scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) left_out: Option<String>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
@@ -66,7 +75,7 @@ impl HeldOut {
 }
 
 impl Manifest for SweepManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -90,10 +99,6 @@ pub(super) fn run(
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    let halving = match &study.sweep.halving {
-        Some(halving) => Some((halving.keep, halving.rungs(study.sweep.member_runs)?)),
-        None => None,
-    };
     let model = model_files::open(&paths, &study)?;
     printer.say(&format!(
         "sweep: reading {}",
@@ -101,41 +106,48 @@ pub(super) fn run(
     ));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
-    let lengths = Lengths::of(&study, &dataset, &candidates, printer)?;
+    let streams = match Streams::of(&study, &dataset, &candidates, printer) {
+        Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
+            let reason = reason.to_string();
+            let made = LeftOut { study, dataset: &dataset, model: &model.manifest.key, candidates };
+            return made.leave_out(reason, args, &paths, printer);
+        }
+        streams => streams?,
+    };
+    let span = streams.demand.span;
     let Environments { environments, starts: told_starts } =
-        Environments::new(&study, &model, &dataset, lengths.steps, (&paths, printer))?;
+        Environments::new(&study, &model, &dataset, &streams, (&paths, printer))?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
+    let scales = error_scales(&dataset, &sensors, &candidates);
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     for note in &notes {
         printer.say(note);
     }
     let options = PlanOptions {
-        scored: study.sweep.scored,
-        steps: lengths.steps,
+        part: streams.demand.part,
+        span,
         curve_points: study.sweep.curve_points,
         seed: Seed::new(study.seed).child("agent"),
     };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors, options).starting_from(starts);
-    let plan = match halving {
-        Some((keep, rungs)) => plan.halving(keep, rungs),
-        None => plan,
-    };
+    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
+    let sweep = &study.sweep;
+    let plan = if sweep.race { plan.race(sweep.race_error_rate)? } else { plan };
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let Found { own, stored } =
-        if args.force { Found::default() } else { Found::of(&plan, &store, &paths) };
-    let missing = plan.count() - stored.len();
+        if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
+    let missing = plan.left(&stored)?;
     let agents: Vec<AgentConfig> =
         candidates.iter().map(|candidate| candidate.agent.clone()).collect();
-    let sizes = Sizes::of(&study, &dataset, lengths.steps, [plan.count(), plan.passes(&stored)]);
+    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
     let preview = SweepPlan {
         candidates: &candidates,
         units: plan.count(),
         left: missing,
         shared: if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 },
-        steps: lengths.steps,
+        steps: span.steps,
         threads: rayon::current_num_threads(),
         memory: Memory::of(&sizes, &agents, rayon::current_num_threads()),
     };
@@ -169,21 +181,73 @@ pub(super) fn run(
         model: model.manifest.key.clone(),
         period: dataset.period,
         held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
-        steps: lengths.steps,
+        span,
+        windows: match (&streams.online, &dataset.held_out) {
+            (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+            _ => Vec::new(),
+        },
+        scales,
+        left_out: None,
         candidates,
         units,
-        notes: [notes, lengths.notes, told_starts, failed].concat(),
+        notes: [notes, streams.notes, told_starts, failed].concat(),
     };
-    sweep_tables::write(&directory, &manifest.candidates, &results)?;
+    sweep_tables::write(&directory, &manifest, &results)?;
+    recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
     if ran > 0 {
-        write_json(
-            &directory.join("timings.json"),
-            &Timings { units: ran, wall_secs: clock.elapsed().as_secs_f64() },
-        )?;
+        write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// A deployment in which nothing can be scored.
+struct LeftOut<'a> {
+    study: Study,
+    dataset: &'a Dataset,
+    model: &'a str,
+    candidates: Vec<Candidate>,
+}
+
+impl LeftOut<'_> {
+    /// Write down why, so that the other deployments are judged without it.
+    fn leave_out(
+        self,
+        reason: String,
+        args: &StudyArgs,
+        paths: &StudyPaths,
+        printer: &Printer,
+    ) -> anyhow::Result<ExitStatus> {
+        let name = paths.deployment().unwrap_or_default();
+        printer.warn(&format!("deployment {name} is left out: {reason}"));
+        if args.dry_run {
+            return Ok(ExitStatus::Negative);
+        }
+        let Self { study, dataset, model, candidates } = self;
+        let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
+        let manifest = SweepManifest {
+            format: SweepManifest::FORMAT,
+            tool: TOOL.to_owned(),
+            key: artefact::key(&reason)?,
+            study,
+            data: dataset.fingerprint.clone(),
+            model: model.to_owned(),
+            period: dataset.period,
+            held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
+            span,
+            windows: Vec::new(),
+            scales: Vec::new(),
+            left_out: Some(reason),
+            candidates,
+            units: Vec::new(),
+            notes: Vec::new(),
+        };
+        let claim = Claim::new(&paths.sweep(), Below::Ours)?;
+        claim.begin()?;
+        claim.complete(&manifest)?;
+        Ok(ExitStatus::Negative)
+    }
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
@@ -204,10 +268,10 @@ struct Found {
 }
 
 impl Found {
-    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> Self {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> anyhow::Result<Self> {
         let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
-        let stored = plan.stored(&store.clone().beside(others));
-        Self { own: plan.stored(store), stored }
+        let stored = plan.stored(&store.clone().beside(others))?;
+        Ok(Self { own: plan.stored(store)?, stored })
     }
 }
 
@@ -238,57 +302,9 @@ struct Timings {
     wall_secs: f64,
 }
 
-/// Steps of every stream, and why they are not what the study says.
-struct Lengths {
-    steps: usize,
-    notes: Vec<String>,
-}
-
-impl Lengths {
-    /// # Errors
-    /// If no step of such a stream could be scored, which is better known before any is trained on.
-    fn of(
-        study: &Study,
-        dataset: &Dataset,
-        candidates: &[Candidate],
-        printer: &Printer,
-    ) -> anyhow::Result<Self> {
-        let mut steps = study.sweep.steps;
-        let mut notes = Vec::new();
-        let mut shorten = |to: usize, what: &str| {
-            if to < steps {
-                notes.push(format!(
-                    "streams have {} steps, not {}: the {what} range has no more",
-                    count(to),
-                    count(study.sweep.steps)
-                ));
-                steps = to;
-            }
-        };
-        shorten(dataset.train.rows().saturating_sub(1), "training");
-        match &dataset.held_out {
-            Some(held_out) => shorten(held_out.rows().saturating_sub(1), "held-out"),
-            None => notes
-                .push("no held-out range: the choice cannot be compared with Online".to_owned()),
-        }
-        for note in &notes {
-            printer.warn(note);
-        }
-        let scoring = Scoring::from(study.sweep.scored);
-        candidates
-            .iter()
-            .try_for_each(|candidate| scoring.check(candidate.agent.gamma, steps))
-            .with_context(|| match &study.data.held_out {
-                Some(window) if steps < study.sweep.steps => {
-                    format!(
-                        "streams of {} steps, as the ranges allow (held out: {window})",
-                        count(steps)
-                    )
-                }
-                _ => format!("streams of {} steps", count(steps)),
-            })?;
-        Ok(Self { steps, notes })
-    }
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

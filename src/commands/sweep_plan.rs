@@ -5,7 +5,7 @@ use std::{cell::RefCell, collections::BTreeSet};
 use anyhow::bail;
 use calib_agent::{AgentConfig, training_bytes};
 use calib_data::Dataset;
-use calib_sweep::{Candidate, Role};
+use calib_sweep::{Candidate, Span};
 use serde::Serialize;
 
 use crate::{
@@ -68,8 +68,8 @@ pub(super) struct Sizes {
     rows: usize,
     /// Values in a state.
     width: usize,
-    /// Steps of every stream.
-    steps: usize,
+    /// How long streams are.
+    span: Span,
     sensors: usize,
     curve_points: usize,
     /// Units in all: one a sensor, environment and run.
@@ -85,14 +85,14 @@ impl Sizes {
     pub(super) fn of(
         study: &Study,
         dataset: &Dataset,
-        steps: usize,
+        span: Span,
         [units, passes]: [usize; 2],
     ) -> Self {
         let held_out = dataset.held_out.as_ref().map_or(0, calib_core::Frames::rows);
         Self {
             rows: 2 * dataset.train.rows() + held_out,
             width: dataset.train.states().columns(),
-            steps,
+            span,
             sensors: study.sweep.sensors.len(),
             curve_points: study.sweep.curve_points,
             units,
@@ -105,13 +105,14 @@ impl Sizes {
 impl Memory {
     /// Of a sweep of `agents` on so many threads.
     pub(super) fn of(sizes: &Sizes, agents: &[AgentConfig], threads: usize) -> Self {
-        let &Sizes { rows, width, steps, sensors, curve_points, units, passes, predicted_runs } =
+        let &Sizes { rows, width, span, sensors, curve_points, units, passes, predicted_runs } =
             sizes;
+        let states = span.states();
         // States are f32, timestamps 8 bytes.
         let data = (rows * (4 * width + 8)) as u64;
         // A stream is a list of row numbers.
-        let thread = 4 * (steps as u64 + 1) + training_bytes(agents, sensors, width, steps + 1);
-        let predictions = 4 * (predicted_runs * (steps + 1) * width) as u64;
+        let thread = 4 * states as u64 + training_bytes(agents, sensors, width, states);
+        let predictions = 4 * (predicted_runs * states * width) as u64;
         let row = 200 + 24 * curve_points as u64;
         let results = (units * agents.len()) as u64 * row;
         let total = data + threads.min(passes) as u64 * thread + predictions + results;
@@ -187,11 +188,7 @@ impl SweepPlan<'_> {
             .candidates
             .iter()
             .map(|candidate| {
-                let note = match (candidate.role, candidate.is_default) {
-                    (Role::Default, _) => "the default, Online only",
-                    (Role::Grid, true) => "the default",
-                    (Role::Grid, false) => "",
-                };
+                let note = if candidate.is_default { "the default" } else { "" };
                 vec![candidate.label(), candidate.index.to_string(), note.to_owned()]
             })
             .collect();
@@ -217,7 +214,7 @@ mod tests {
         let sizes = Sizes {
             rows: 1000,
             width: 10,
-            steps: 99,
+            span: Span { steps: 99, tail: 1 },
             sensors: 3,
             curve_points: 50,
             units: 60,

@@ -2,21 +2,27 @@
 
 use std::path::Path;
 
+use calib_agent::{Part, PartScore};
 use calib_data::table::Table;
-use calib_sweep::{Candidate, UnitResult};
+use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
+
+use super::sweep::SweepManifest;
 
 /// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
 pub(super) fn write(
     directory: &Path,
-    candidates: &[Candidate],
+    sweep: &SweepManifest,
     results: &[UnitResult],
 ) -> anyhow::Result<()> {
-    runs_table(candidates, results)?.write_parquet(&directory.join("runs.parquet"))?;
+    let candidates = &sweep.candidates;
+    runs_table(sweep, results)?.write_parquet(&directory.join("runs.parquet"))?;
     curves_table(candidates, results).write_parquet(&directory.join("curves.parquet"))?;
     Ok(())
 }
 
-fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Result<Table> {
+fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<Table> {
+    let SweepManifest { candidates, study, .. } = sweep;
+    let part = study.part();
     let rows: Vec<_> = results
         .iter()
         .flat_map(|result| result.rows.iter().map(move |row| (result, row)))
@@ -27,19 +33,48 @@ fn runs_table(candidates: &[Candidate], results: &[UnitResult]) -> anyhow::Resul
         .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
         .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect());
     table = with_agent_columns(table, candidates, &rows.iter().map(|(_, row)| row.candidate))?;
-    Ok(table
+    let table = table
         .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
         .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
         .with("steps", rows.iter().map(|(_, row)| row.steps as u32).collect())
-        .with("scored_steps", rows.iter().map(|(_, row)| row.scored_steps as u32).collect())
         .with("updates", rows.iter().map(|(_, row)| row.updates).collect())
-        .with("rmse", rows.iter().map(|(_, row)| row.rmse).collect())
-        .with("nrmse", rows.iter().map(|(_, row)| row.nrmse).collect())
-        .with("rmse_over_std", rows.iter().map(|(_, row)| row.rmse_over_std).collect())
-        .with("mean_return", rows.iter().map(|(_, row)| row.mean_return).collect())
-        .with("return_std", rows.iter().map(|(_, row)| row.return_std).collect())
-        .with("diverged", rows.iter().map(|(_, row)| row.diverged_at.is_some()).collect()))
+        .with("diverged", rows.iter().map(|(_, row)| row.diverged_at.is_some()).collect());
+    let scale = |(result, row): &(&UnitResult, &RunRow)| {
+        ErrorScale::find(&sweep.scales, &result.unit.sensor, &candidates[row.candidate])
+    };
+    let scores = |of: &dyn Fn(&PartScore) -> f64, part| -> Vec<Option<f64>> {
+        rows.iter().map(|(_, row)| row.scores.of(part).as_ref().map(of)).collect()
+    };
+    let rmse = |part| -> Vec<f64> {
+        rows.iter().map(|(_, row)| row.rmse(part).unwrap_or(f64::NAN)).collect()
+    };
+    let errors = rmse(part);
+    let nrmse = errors.iter().zip(&rows).map(|(rmse, of)| rmse / scale(of)).collect();
+    let skill = errors.iter().zip(&rows).map(|(rmse, (_, row))| {
+        let std = row.scores.of(part)?.return_std;
+        (std > 0.0 && rmse.is_finite()).then(|| 1.0 - rmse / std)
+    });
+    let steps = rows.iter().map(|(_, row)| row.scores.of(part).map_or(0, |of| of.scored_steps));
+    let mut table = table
+        .with("scored_steps", steps.map(|steps| steps as u32).collect())
+        .with("rmse", errors.clone())
+        .with("nrmse", nrmse)
+        .with_optional("skill", skill.collect())
+        .with_optional("mean_return", scores(&|of| of.mean_return, part))
+        .with_optional("return_std", scores(&|of| of.return_std, part))
+        .with("error_scale", rows.iter().map(scale).collect());
+    for (name, part) in PARTS {
+        table = table.with(name, rmse(part));
+    }
+    Ok(table)
 }
+
+/// The error of each part of a run, whichever is scored.
+const PARTS: [(&str, Part); 3] = [
+    ("rmse_whole_run", Part::WholeRun),
+    ("rmse_after_first_quarter", Part::AfterFirstQuarter),
+    ("rmse_final_quarter", Part::FinalQuarter),
+];
 
 /// Every field of the agent as a column of its own.
 fn with_agent_columns(

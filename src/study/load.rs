@@ -103,6 +103,7 @@ impl Study {
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
             ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
             ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
+            ("sweep.online_windows", self.sweep.online_windows, 1, MANY_RUNS),
             ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),
             ("sweep.curve_points", self.sweep.curve_points, 0, MANY_RUNS),
             ("pretrain.epochs", self.pretrain.epochs, 0, MANY_RUNS),
@@ -110,6 +111,7 @@ impl Study {
             ("rollout.rollouts", self.rollout.rollouts, 1, MANY_RUNS),
             ("rollout.recent_window", self.rollout.recent_window.unwrap_or(1), 1, usize::MAX),
             ("evaluate.top_k", self.evaluate.top_k, 1, MANY_RUNS),
+            ("evaluate.resamples", self.evaluate.resamples, 0, MANY_RUNS),
         ];
         for (key, got, least, most) in counts {
             ensure!(

@@ -14,13 +14,13 @@ mod simulate;
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use calib_agent::AgentConfig;
+use calib_agent::{AgentConfig, Part};
 use calib_data::{DataConfig, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
 use calib_knn::ModelKind;
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_rollout::RolloutConfig;
-use calib_sweep::SweepConfig;
+use calib_sweep::{Beginning, Rule, SweepConfig};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use load::Chosen;
@@ -83,6 +83,12 @@ impl Study {
         self.model.kind != ModelKind::Knn
     }
 
+    /// Which part of a run is scored.
+    pub(crate) fn part(&self) -> Part {
+        let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();
+        self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
+    }
+
     /// What the model is called in figures and tables.
     pub(crate) fn model_name(&self) -> &'static str {
         match (self.model.kind, self.representation.kind) {
@@ -100,6 +106,10 @@ impl Study {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
+    /// How a value is chosen from the evidence (default: `worst_rank`, the paper's).
+    pub rule: Rule,
+    /// Resamples of intervals (default 2000; 0 gives none).
+    pub resamples: usize,
     /// The choice counts as a hit if it is among the best `top_k` Online (default 3).
     pub top_k: usize,
     /// Title of the report (default: the study file's name).
@@ -108,6 +118,6 @@ pub struct EvaluateConfig {
 
 impl Default for EvaluateConfig {
     fn default() -> Self {
-        Self { top_k: 3, title: None }
+        Self { rule: Rule::WorstRank, resamples: 2000, top_k: 3, title: None }
     }
 }

@@ -8,6 +8,9 @@ use super::overlay::{check_names, lay_over, names, take};
 /// The key under which they lie.
 const KEY: &str = "profiles";
 
+/// The key of a profile that names the one that it is laid over.
+const BASE: &str = "base";
+
 /// Names that the results of a profile cannot have, because those of the study have them.
 const TAKEN: [&str; 8] = [
     "deployments",
@@ -35,11 +38,35 @@ pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<Re
         table.remove(KEY);
         return Ok(Results::AsWritten);
     };
-    let own = take(table, KEY, "--profile", name)?;
+    let own = take(&mut table.clone(), KEY, "--profile", name)?;
     let results =
         if own.contains_key("output") { Results::AsWritten } else { Results::InOwnFolder };
-    lay_over(table, own);
+    let whole = with_base(table, own, &mut vec![name.to_owned()])?;
+    table.remove(KEY);
+    lay_over(table, whole);
     Ok(results)
+}
+
+/// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
+fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> anyhow::Result<Table> {
+    let name = above.last().cloned().unwrap_or_default();
+    let base = match own.remove(BASE) {
+        None => return Ok(own),
+        Some(Value::String(base)) => base,
+        Some(other) => {
+            bail!("[{KEY}.{name}] {BASE} must be the name of another profile, got {other}")
+        }
+    };
+    ensure!(
+        !above.contains(&base),
+        "[{KEY}.{base}] is based on itself: {}, {base}; remove one {BASE}",
+        above.join(", ")
+    );
+    let below = take(&mut table.clone(), KEY, &format!("[{KEY}.{name}] {BASE} ="), &base)?;
+    above.push(base);
+    let mut whole = with_base(table, below, above)?;
+    lay_over(&mut whole, own);
+    Ok(whole)
 }
 
 /// Whether the study is one with each of its profiles, as far as `is_study` can tell.
@@ -88,6 +115,35 @@ mod tests {
         assert!(!study.contains_key(KEY) && study["seed"].as_integer() == Some(1));
         let error = choose(&mut table(), Some("large")).expect_err("unknown").to_string();
         assert_eq!(error, "--profile large: the study's profiles are other, tiny");
+    }
+
+    #[test]
+    fn a_profile_may_be_based_on_another() {
+        let based = |tail: &str| -> Table {
+            let text = format!(
+                "seed = 1\n[profiles.tiny]\noutput = \"there\"\nseed = 2\nsweep = {{ steps = 3 }}\n\
+                 [profiles.tiny-change]\nbase = \"tiny\"\nsweep.online_runs = 5\n{tail}"
+            );
+            toml::from_str(&text).expect("TOML")
+        };
+        let mut study = based("");
+        let results = choose(&mut study, Some("tiny-change")).expect("exists");
+        assert_eq!(results, Results::InOwnFolder, "the folder of its base is not its own");
+        let expected = "output = \"there\"\nseed = 2\n[sweep]\nsteps = 3\nonline_runs = 5\n";
+        assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
+        let refused = |tail: &str, name: &str| {
+            choose(&mut based(tail), Some(name)).expect_err("refused").to_string()
+        };
+        assert_eq!(
+            refused("[profiles.more]\nbase = \"tny\"\n", "more"),
+            "[profiles.more] base = tny: the study's profiles are more, tiny, tiny-change"
+        );
+        assert_eq!(
+            refused("[profiles.a]\nbase = \"b\"\n[profiles.b]\nbase = \"a\"\n", "a"),
+            "[profiles.a] is based on itself: a, b, a; remove one base"
+        );
+        let number = refused("[profiles.a]\nbase = 3\n", "a");
+        assert_eq!(number, "[profiles.a] base must be the name of another profile, got 3");
     }
 
     #[test]

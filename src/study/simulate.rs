@@ -1,7 +1,7 @@
 use anyhow::{Context as _, ensure};
 use calib_core::{Period, Seed};
 use calib_data::Moment;
-use calib_plant::PlantOptions;
+use calib_plant::{ChangeOptions, PlantOptions};
 use serde::{Deserialize, Serialize};
 
 use super::Study;
@@ -34,6 +34,24 @@ pub struct SimulateConfig {
     pub stuck_per_day: f64,
     /// Mean rate of rows written twice (default 0).
     pub duplicates_per_day: f64,
+    /// Factor on the size of what changes from year to year (default 0: nothing does).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub change: Option<f64>,
+    /// Mean rate of new membranes (default 1).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub membranes_per_year: Option<f64>,
+    /// Mean rate of changes to another feed (default 2).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feeds_per_year: Option<f64>,
+    /// Mean rate, per sensor, of being moved, exchanged or calibrated again (default 0.5).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensors_per_year: Option<f64>,
+    /// Mean rate of changed control settings (default 2).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settings_per_year: Option<f64>,
+    /// Mean rate of pumps replaced (default 1).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pumps_per_year: Option<f64>,
 }
 
 impl Default for SimulateConfig {
@@ -51,6 +69,12 @@ impl Default for SimulateConfig {
             gaps_per_day: 0.5,
             stuck_per_day: 0.02,
             duplicates_per_day: 0.0,
+            change: None,
+            membranes_per_year: None,
+            feeds_per_year: None,
+            sensors_per_year: None,
+            settings_per_year: None,
+            pumps_per_year: None,
         }
     }
 }
@@ -77,9 +101,22 @@ impl SimulateConfig {
             gaps_per_day: self.gaps_per_day,
             stuck_per_day: self.stuck_per_day,
             duplicates_per_day: self.duplicates_per_day,
+            change: self.changes(),
         };
         options.validate()?;
         Ok(options)
+    }
+
+    fn changes(&self) -> ChangeOptions {
+        let usual = ChangeOptions::default();
+        ChangeOptions {
+            strength: self.change.unwrap_or(usual.strength),
+            membranes_per_year: self.membranes_per_year.unwrap_or(usual.membranes_per_year),
+            feeds_per_year: self.feeds_per_year.unwrap_or(usual.feeds_per_year),
+            sensors_per_year: self.sensors_per_year.unwrap_or(usual.sensors_per_year),
+            settings_per_year: self.settings_per_year.unwrap_or(usual.settings_per_year),
+            pumps_per_year: self.pumps_per_year.unwrap_or(usual.pumps_per_year),
+        }
     }
 }
 

@@ -13,8 +13,7 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
     place.calib(&["rollout", "study.toml"]).succeeds();
     place.calib(&["sweep", "study.toml"]).succeeds();
     let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();
-    assert!(verdict.contains(" for PIT300"), "{verdict}");
-    assert!(verdict.contains(" for TIT101"), "{verdict}");
+    assert!(verdict.contains("PIT300") && verdict.contains("TIT101"), "{verdict}");
     assert!(verdict.contains("held-out data"), "{verdict}");
     for file in [
         "model/manifest.json",
@@ -26,7 +25,10 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
         "sweep/runs.parquet",
         "sweep/curves.parquet",
         "evaluate/summary.json",
+        "sweep/recorded.parquet",
         "evaluate/figures/sensitivity-PIT300.png",
+        "evaluate/figures/recorded-PIT300.svg",
+        "evaluate/figures/recorded-PIT300.png",
         "report.html",
     ] {
         assert!(place.path().join("study-results").join(file).is_file(), "{file} is missing");
@@ -72,7 +74,7 @@ fn what_is_up_to_date_is_not_made_again() {
     // Other steps are another sweep, and so are other start states and weights; the model stays.
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]).stderr();
     assert!(dry("sweep.steps=700").contains("all units are left"), "{}", dry("sweep.steps=700"));
-    assert!(dry("sweep.scored=whole_run").contains("all units are left"));
+    assert!(dry("sweep.scored=final_quarter").contains("0 units are left"));
     assert!(dry("rollout.start=recent").contains("12 units are left"));
     assert!(dry("evaluate.top_k=1").contains("0 units are left"));
 
@@ -89,6 +91,8 @@ fn deleted_results_are_made_again() {
     let files = [
         ("build-model", "model/rows.parquet"),
         ("rollout", "rollout/trajectories.parquet"),
+        ("rollout", "rollout/dtw.parquet"),
+        ("rollout", "rollout/one_step.parquet"),
         ("sweep", "sweep/runs.parquet"),
     ];
     for (command, file) in files {

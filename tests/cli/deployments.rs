@@ -79,6 +79,9 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
         "Dynamic time warping (all deployments)",
         "far: held-out range",
         "Start states",
+        "PIT300: recorded in each period",
+        "near: 2022-11-03 00:00 to ",
+        "far: 2022-11-03 12:00 to ",
     ] {
         assert!(report.contains(text), "{text} is missing");
     }
@@ -227,7 +230,17 @@ fn a_window_that_is_too_short_to_score_is_known_before_anything_is_trained() {
     let place = place("random", "");
     place.edit_study("end = 2022-11-04", "end = 2022-11-03T12:20:00");
     place.calib(&["build-model", "study.toml"]).succeeds();
-    let dry = place.calib(&["sweep", "study.toml", "--deployment", "far", "--dry-run"]).fails(2);
-    assert!(dry.contains("held out: 2022-11-03T12:00:00 .. 2022-11-03T12:20:00"), "{dry}");
-    assert!(dry.contains("no step can be scored"), "{dry}");
+    let dry = place.calib(&["sweep", "study.toml", "--deployment", "far", "--dry-run"]);
+    let told = dry.stderr();
+    assert_eq!(dry.code(), 1, "{told}");
+    assert!(told.contains("deployment far is left out: no step of the held-out range"), "{told}");
+    assert!(told.contains("(2022-11-03T12:00:00 .. 2022-11-03T12:20:00)"), "{told}");
+    // The other one is judged without it.
+    let swept = place.calib(&["sweep", "study.toml"]);
+    assert_eq!(swept.code(), 1, "{}", swept.stderr());
+    let judged = place.calib(&["evaluate", "study.toml"]);
+    assert!(judged.stderr().contains("deployment near"), "{}{}", judged.stdout(), judged.stderr());
+    let page = place.content("study-results");
+    let page = String::from_utf8(page[std::path::Path::new("report.html")].clone()).expect("text");
+    assert!(page.contains("deployment far is left out"), "the report says so");
 }

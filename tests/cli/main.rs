@@ -2,6 +2,8 @@
 
 mod build;
 mod chain;
+mod change;
+mod comparisons;
 mod deployments;
 mod dtw;
 mod errors;
@@ -12,6 +14,7 @@ mod networks;
 mod paper;
 mod pretrain;
 mod real_data;
+mod recorded;
 mod represent;
 mod studies;
 mod sweeps;

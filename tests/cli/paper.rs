@@ -27,7 +27,9 @@ fn the_papers_studies_are_valid_at_every_size() {
         assert_eq!(whole.code(), 0, "{}", whole.stderr());
         assert!(whole.stderr().contains("days x 480 channels"), "{}", whole.stderr());
         assert!(whole.stderr().contains(steps), "{}", whole.stderr());
-        for profile in ["tiny", "small"] {
+        let sizes = ["tiny", "small"].into_iter();
+        let changing = ["change", "tiny-change", "small-change"].into_iter();
+        for profile in sizes.chain(changing.filter(|_| study != "one-week.toml")) {
             let other = place.calib(&["run", study, "--dry-run", "--profile", profile]);
             assert_eq!(other.code(), 0, "{}", other.stderr());
             assert!(other.stderr().contains(steps), "{}", other.stderr());

@@ -16,7 +16,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
 
     let whole = place.calib(&["run", "study.toml"]);
     let verdict = whole.succeeds();
-    assert!(verdict.contains(" for PIT300") && !verdict.contains("wrote"), "{verdict}");
+    assert!(verdict.contains("PIT300") && !verdict.contains("wrote"), "{verdict}");
     assert!(whole.stderr().contains("3 written"), "{}", whole.stderr());
     let before = place.content("study-results");
     let again = place.calib(&["run", "study.toml"]);

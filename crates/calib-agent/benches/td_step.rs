@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p calib-agent --bench td_step`. Throughput is in updates of one agent.
 
-use calib_agent::{AgentConfig, CurveRule, Scoring, ValueFunction, train};
+use calib_agent::{AgentConfig, CurveRule, ValueFunction, train};
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
@@ -43,8 +43,8 @@ fn bench(criterion: &mut Criterion, value_function: ValueFunction, updates: usiz
         group.throughput(Throughput::Elements((size * updates) as u64));
         group.bench_function(BenchmarkId::new("agents", size), |bencher| {
             bencher.iter(|| {
-                let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
-                train(&stream, 0, &agents, scoring, curve, Seed::new(1), &Silent).expect("trains")
+                let curve = CurveRule::default();
+                train(&stream, 0, &agents, curve, Seed::new(1), &Silent).expect("trains")
             });
         });
     }

@@ -13,7 +13,7 @@
 
 use std::{env, error::Error, hint::black_box, time::Instant};
 
-use calib_agent::{AgentConfig, CurveRule, Scoring, ValueFunction, train};
+use calib_agent::{AgentConfig, CurveRule, ValueFunction, train};
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_nn::{Matrix, multiply};
 
@@ -46,9 +46,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect();
     let run = |updates: usize| {
         let stream = stream(BATCH + updates)?;
-        let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+        let curve = CurveRule::default();
         let clock = Instant::now();
-        let outcomes = train(&stream, 0, &population, scoring, curve, Seed::new(1), &Silent)?;
+        let outcomes = train(&stream, 0, &population, curve, Seed::new(1), &Silent)?;
         black_box(outcomes);
         Ok::<f64, Box<dyn Error>>(clock.elapsed().as_secs_f64())
     };

@@ -26,11 +26,13 @@ pub enum AgentError {
         /// Its value there.
         value: f32,
     },
-    /// The scored part of a run is not a fraction.
-    #[error("scored fraction of a run: expected a number in (0, 1], got {got}")]
-    ScoredFraction {
-        /// Fraction asked for.
-        got: f64,
+    /// A run is longer than its stream.
+    #[error("a run of {steps} steps wants more states than that, and its stream has {states}")]
+    ShortStream {
+        /// Steps asked for.
+        steps: usize,
+        /// States of the stream.
+        states: usize,
     },
     /// Nothing is left to score.
     #[error(

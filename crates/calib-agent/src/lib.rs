@@ -15,10 +15,10 @@
 //!   so long that a [`Keeper`] keeps their state.
 //! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
 //! - [`StateFile`]: unfinished training in a file.
-//! - [`Scoring`], [`CurveRule`]: which steps count and how the learning curve is sub-sampled.
-//! - [`RunOutcome`]: RMSE, NRMSE and the learning curve.
+//! - [`Part`], [`CurveRule`]: over which steps errors are taken, and how the learning curve is sub-sampled.
+//! - [`RunOutcome`]: errors and the learning curve.
 //! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
-//! - [`discounted_returns`], [`truncation_horizon`]: the Monte-Carlo returns that predictions are held to.
+//! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns that predictions are held to.
 
 mod config;
 mod curve;
@@ -53,7 +53,7 @@ pub use outcome::RunOutcome;
 pub use pretrain::{
     Epoch, PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain,
 };
-pub use returns::{discounted_returns, truncation_horizon};
-pub use scoring::Scoring;
+pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
+pub use scoring::{Part, PartScore, Scores};
 pub use state_file::StateFile;
 pub use train::{Run, train, train_learners};

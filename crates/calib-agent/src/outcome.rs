@@ -1,25 +1,13 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{CurvePoint, CurveRule, curve::Curve, scoring::ScoredReturns};
+use crate::{CurvePoint, CurveRule, Part, PartScore, Scores, curve::Curve, scoring::ScoredReturns};
 
 /// What one agent's run came to. Errors and returns are in normalised units of the sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunOutcome {
-    /// Root of the mean squared difference of recorded predictions and Monte-Carlo returns over the
-    /// scored steps; +∞ for a diverged run.
-    pub rmse: f64,
-    /// RMSE / |mean return|; +∞ for a diverged run or a mean return of 0.
-    pub nrmse: f64,
-    /// RMSE / standard deviation of the returns: the measure to trust where the mean return is near 0.
-    /// +∞ for a diverged run or constant returns.
-    pub rmse_over_std: f64,
-    /// Mean of the returns over the scored steps. The same for all agents of one stream and γ.
-    pub mean_return: f64,
-    /// Standard deviation (divided by n) of the returns over the scored steps.
-    pub return_std: f64,
-    /// Steps that count for the error.
-    pub scored_steps: usize,
-    /// Steps of the stream.
+    /// The error over each part of the run.
+    pub scores: Scores,
+    /// Steps of the run.
     pub steps: usize,
     /// Updates made.
     pub updates: u64,
@@ -29,11 +17,12 @@ pub struct RunOutcome {
     pub curve: Vec<CurvePoint>,
 }
 
-/// Running error of one agent: sums in f64, in the order of the steps.
+/// Running errors of one agent: sums in f64, in the order of the steps, one for each part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tracker {
-    sum: f64,
-    count: usize,
+    steps: usize,
+    sums: [f64; Part::ALL.len()],
+    counts: [usize; Part::ALL.len()],
     curve: Curve,
     pub(crate) updates: u64,
     pub(crate) diverged: Option<usize>,
@@ -41,38 +30,47 @@ pub(crate) struct Tracker {
 
 impl Tracker {
     pub(crate) fn new(rule: CurveRule, steps: usize) -> Self {
-        Self { sum: 0.0, count: 0, curve: Curve::new(rule, steps), updates: 0, diverged: None }
-    }
-
-    /// Record the prediction at step `t`, whose return is known.
-    pub(crate) fn record(&mut self, t: usize, prediction: f32, value: f64, scored: bool) {
-        let squared_error = (f64::from(prediction) - value).powi(2);
-        self.curve.add(t, squared_error);
-        if scored {
-            self.sum += squared_error;
-            self.count += 1;
+        Self {
+            steps,
+            sums: Default::default(),
+            counts: Default::default(),
+            curve: Curve::new(rule, steps),
+            updates: 0,
+            diverged: None,
         }
     }
 
-    pub(crate) fn outcome(self, returns: ScoredReturns, steps: usize) -> RunOutcome {
-        let (rmse, curve) = if self.diverged.is_some() {
-            (f64::INFINITY, self.curve.abandon())
-        } else {
-            debug_assert_eq!(self.count, returns.steps);
-            let rmse = (self.sum / self.count as f64).sqrt();
-            (rmse, self.curve.finish())
-        };
-        let relative_to = |scale: f64| {
-            if scale > 0.0 { rmse / scale } else { f64::INFINITY }
-        };
+    /// A prediction for a step whose return is known.
+    pub(crate) fn record(&mut self, t: usize, prediction: f32, value: f64) {
+        let squared_error = (f64::from(prediction) - value).powi(2);
+        self.curve.add(t, squared_error);
+        for (place, part) in Part::ALL.into_iter().enumerate() {
+            if t >= part.first_step(self.steps) {
+                self.sums[place] += squared_error;
+                self.counts[place] += 1;
+            }
+        }
+    }
+
+    /// The outcome, where `returns` says what was to be predicted in each part.
+    pub(crate) fn outcome(self, returns: impl Fn(Part) -> Option<ScoredReturns>) -> RunOutcome {
+        let diverged = self.diverged.is_some();
+        let scores = Scores::each(|part| {
+            let ScoredReturns { steps, mean, std } = returns(part)?;
+            let count = self.counts[part as usize];
+            debug_assert!(diverged || count == steps);
+            let rmse = (self.sums[part as usize] / count as f64).sqrt();
+            Some(PartScore {
+                scored_steps: steps,
+                rmse: if diverged { f64::INFINITY } else { rmse },
+                mean_return: mean,
+                return_std: std,
+            })
+        });
+        let curve = if diverged { self.curve.abandon() } else { self.curve.finish() };
         RunOutcome {
-            rmse,
-            nrmse: relative_to(returns.mean.abs()),
-            rmse_over_std: relative_to(returns.std),
-            mean_return: returns.mean,
-            return_std: returns.std,
-            scored_steps: returns.steps,
-            steps,
+            scores,
+            steps: self.steps,
             updates: self.updates,
             diverged: self.diverged,
             curve,

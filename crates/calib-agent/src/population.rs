@@ -9,7 +9,7 @@ use crate::{
     outcome::Tracker,
     replay::Replay,
     returns::discounted_returns,
-    scoring::{ScoredReturns, known_returns},
+    scoring::{Part, ScoredReturns, known_returns, nothing_to_score},
     values::{Batch, Learned, Values},
 };
 
@@ -48,8 +48,10 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
 /// What a population is trained on and held to.
 #[derive(Clone, Copy)]
 pub(crate) struct Task<'a> {
+    /// At least one state longer than the run: what follows only completes returns.
     pub(crate) stream: &'a dyn Stream,
-    pub(crate) first_scored: usize,
+    /// Steps of the run.
+    pub(crate) steps: usize,
     pub(crate) seed: Seed,
 }
 
@@ -57,13 +59,14 @@ pub(crate) struct Task<'a> {
 pub(crate) struct Truth {
     cumulants: Cumulants,
     returns: Vec<Vec<f64>>,
-    scored: Vec<ScoredReturns>,
+    /// Statistics of the returns of each column, part by part.
+    scored: Vec<[Option<ScoredReturns>; Part::ALL.len()]>,
 }
 
 impl Truth {
     /// For learners that [`can_share`] with one another.
     pub(crate) fn new(task: Task<'_>, learners: &[Learner<'_>]) -> Result<Self, AgentError> {
-        let Task { stream, first_scored, .. } = task;
+        let Task { stream, steps, .. } = task;
         let gamma = learners[0].config.gamma;
         let cumulants = Cumulants::new(learners);
         let columns = cumulants.columns.iter();
@@ -71,14 +74,22 @@ impl Truth {
             columns.map(|&column| discounted_returns(stream, column, gamma)).collect();
         let scored = returns
             .iter()
-            .map(|returns| ScoredReturns::new(returns, stream.pieces(), gamma, first_scored))
+            .map(|returns| {
+                let pieces = stream.pieces();
+                let of = |part: Part| {
+                    ScoredReturns::new(returns, pieces, gamma, part.first_step(steps)..steps)
+                };
+                let all = Part::ALL.map(of);
+                let whole = all[Part::WholeRun as usize];
+                whole.map(|_| all).ok_or_else(|| nothing_to_score(pieces, gamma, 0, steps))
+            })
             .collect::<Result<_, _>>()?;
         Ok(Self { cumulants, returns, scored })
     }
 
-    /// Statistics of the returns of the column that `learner` predicts.
-    pub(crate) fn scored(&self, learner: usize) -> ScoredReturns {
-        self.scored[self.cumulants.of[learner]]
+    /// Statistics of the returns that `learner` predicts in one part of the run.
+    pub(crate) fn scored(&self, learner: usize, part: Part) -> Option<ScoredReturns> {
+        self.scored[self.cumulants.of[learner]][part as usize]
     }
 
     fn of(&self, learner: usize, t: usize) -> f64 {
@@ -112,11 +123,11 @@ impl<'a> Population<'a> {
         trackers: Vec<Tracker>,
     ) -> Self {
         let shared = learners[0].config;
-        let Task { stream, seed, .. } = task;
+        let Task { stream, seed, steps } = task;
         let (replay, batch) = match shared.replay {
             ReplayKind::Uniform => {
                 let seed = seed.child("replay");
-                let replay = Replay::new(seed, shared.replay_capacity, stream.len());
+                let replay = Replay::new(seed, shared.replay_capacity, steps);
                 (Some(replay), shared.batch_size)
             }
             ReplayKind::None => (None, 1),
@@ -171,15 +182,15 @@ impl<'a> Population<'a> {
         &self.trackers
     }
 
-    /// Train over the rest of the stream. `before` is called before each step and may end the run.
+    /// Train over the rest of the run. `before` is called before each step and may end the run.
     pub(crate) fn run(
         &mut self,
         mut before: impl FnMut(&Self, usize) -> Result<(), AgentError>,
     ) -> Result<(), AgentError> {
-        let stream = self.task.stream;
+        let Task { stream, steps, .. } = self.task;
         for piece in stream.pieces() {
             let known = known_returns(piece, self.gamma);
-            for t in piece.start.max(self.next)..piece.end.saturating_sub(1) {
+            for t in piece.start.max(self.next)..piece.end.saturating_sub(1).min(steps) {
                 if self.live.is_empty() {
                     break;
                 }
@@ -187,7 +198,7 @@ impl<'a> Population<'a> {
                 self.step(t, known.contains(&t));
             }
         }
-        let last = stream.len().saturating_sub(1);
+        let last = steps.saturating_sub(1);
         for &agent in &self.live {
             if !self.values.is_finite(agent) {
                 self.trackers[agent].diverged = Some(last);
@@ -238,14 +249,13 @@ impl<'a> Population<'a> {
 
     /// Record what live agents predicted, and drop those that diverged.
     fn settle(&mut self, t: usize, known: bool) {
-        let scored = t >= self.task.first_scored;
         for (learned, &agent) in self.learned.iter().zip(&self.live) {
             let tracker = &mut self.trackers[agent];
             if let Some(prediction) = learned.prediction
                 && known
                 && prediction.is_finite()
             {
-                tracker.record(t, prediction, self.truth.of(agent, t), scored);
+                tracker.record(t, prediction, self.truth.of(agent, t));
             }
             if !learned.finite || learned.prediction.is_some_and(|value| !value.is_finite()) {
                 tracker.diverged = Some(t);

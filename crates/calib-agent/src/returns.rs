@@ -1,4 +1,7 @@
 use calib_core::Stream;
+use serde::{Deserialize, Serialize};
+
+use crate::scoring::ScoredReturns;
 
 /// Steps at the end of an unbroken piece whose returns are truncated by more than 1 %:
 /// H = ⌈ln 0.01 / ln γ⌉, and 0 for γ = 0.
@@ -27,12 +30,50 @@ pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> V
     returns
 }
 
+/// Count, mean and standard deviation of the returns of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReturnMoments {
+    /// Steps whose returns are known.
+    pub steps: usize,
+    /// Mean of their returns.
+    pub mean: f64,
+    /// Standard deviation of their returns, divisor n.
+    pub std: f64,
+}
+
+impl ReturnMoments {
+    /// Of the returns of column `cumulant` for `gamma`, as [`discounted_returns`] gives them, over all steps of `stream` but
+    /// those at the ends of pieces whose returns are cut off. `None` if there is no other.
+    ///
+    /// # Panics
+    /// As [`truncation_horizon`].
+    pub fn of(stream: &dyn Stream, cumulant: usize, gamma: f64) -> Option<Self> {
+        let returns = discounted_returns(stream, cumulant, gamma);
+        let ScoredReturns { steps, mean, std } =
+            ScoredReturns::new(&returns, stream.pieces(), gamma, 0..stream.len())?;
+        Some(Self { steps, mean, std })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use calib_core::{RowStream, Segments, States};
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn moments_leave_out_what_is_cut_off() {
+        let states = States::new((0..20_u8).map(f32::from).collect(), 20, 1).expect("valid");
+        let segments = Segments::from_lengths([12, 8]).expect("valid");
+        let stream = RowStream::replay(states, &segments);
+        // γ = 0: the return is the next value, known but at the last step of each piece.
+        let moments = ReturnMoments::of(&stream, 0, 0.0).expect("some");
+        assert_eq!((moments.steps, moments.mean), (18, (66.0 + 112.0) / 18.0));
+        // γ = 0.5 cuts off seven steps of each piece.
+        assert_eq!(ReturnMoments::of(&stream, 0, 0.5).expect("some").steps, 6);
+        assert_eq!(ReturnMoments::of(&stream, 0, 0.9), None);
+    }
 
     #[test]
     fn horizons_leave_less_than_a_hundredth() {

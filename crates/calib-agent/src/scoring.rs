@@ -1,40 +1,96 @@
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use crate::{AgentError, truncation_horizon};
 
-/// Which steps of a run count for its error.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub enum Scoring {
-    /// Every step whose return is known (the paper's sums run over all steps).
-    #[default]
+/// A part of a run over which an error is taken. Every run is scored over all of them: they are different questions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Every step, learning included: the error that the paper defines.
     WholeRun,
-    /// The last part of the run, as a fraction of its steps in (0, 1]; the usual one is 0.25.
-    Final(f64),
+    /// The last three quarters, for runs of many horizons.
+    AfterFirstQuarter,
+    /// The last quarter: performance once the agent has settled, as the paper scores fine-tuning.
+    FinalQuarter,
 }
 
-impl Scoring {
-    /// Check that some step of an unbroken stream of `steps` steps can be scored.
-    ///
-    /// # Errors
-    /// [`AgentError::NothingToScore`] if none can.
-    pub fn check(self, gamma: f64, steps: usize) -> Result<(), AgentError> {
-        let (whole, first) = (0..steps, self.first_step(steps)?);
-        if known_returns(&whole, gamma).end > first {
-            return Ok(());
-        }
-        let horizon = truncation_horizon(gamma).max(1);
-        Err(AgentError::NothingToScore { gamma, horizon, pieces: 1, longest: steps, first, steps })
+impl Part {
+    /// All of them, the longest first.
+    pub const ALL: [Self; 3] = [Self::WholeRun, Self::AfterFirstQuarter, Self::FinalQuarter];
+
+    /// First step of a run of `steps` that counts.
+    pub fn first_step(self, steps: usize) -> usize {
+        let before = match self {
+            Self::WholeRun => 0.0,
+            Self::AfterFirstQuarter => 0.25,
+            Self::FinalQuarter => 0.75,
+        };
+        (steps as f64 * before).round() as usize
     }
 
-    /// First step of a run of `steps` that counts: ⌊steps · (1 − fraction)⌉.
-    pub(crate) fn first_step(self, steps: usize) -> Result<usize, AgentError> {
-        match self {
-            Self::WholeRun => Ok(0),
-            Self::Final(fraction) if fraction > 0.0 && fraction <= 1.0 => {
-                Ok((steps as f64 * (1.0 - fraction)).round() as usize)
-            }
-            Self::Final(got) => Err(AgentError::ScoredFraction { got }),
+    /// Steps that count in a run of `steps` over a stream of these unbroken `pieces`: those of the part whose
+    /// returns are known.
+    pub fn scored_steps(self, pieces: &[Range<usize>], gamma: f64, steps: usize) -> usize {
+        scored(pieces, gamma, self.first_step(steps)..steps).map(|range| range.len()).sum()
+    }
+}
+
+/// The error of a run over one of its parts. Errors and returns are in normalised units of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartScore {
+    /// Steps that count for the error.
+    pub scored_steps: usize,
+    /// Root of the mean squared difference of recorded predictions and Monte-Carlo returns over them; +∞ for a
+    /// diverged run.
+    #[serde(with = "infinite")]
+    pub rmse: f64,
+    /// Mean of the returns over them. The same for all agents of one stream and γ.
+    pub mean_return: f64,
+    /// Standard deviation (divided by n) of the returns over them: the error of predicting that mean.
+    pub return_std: f64,
+}
+
+/// JSON has no infinity: the error of a diverged run is `null`.
+mod infinite {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
+    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+/// The error of a run over each part that has steps to score.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// Over every step.
+    pub whole_run: Option<PartScore>,
+    /// Over the last three quarters.
+    pub after_first_quarter: Option<PartScore>,
+    /// Over the last quarter.
+    pub final_quarter: Option<PartScore>,
+}
+
+impl Scores {
+    /// The score of one part; `None` if it has no step whose return is known.
+    pub fn of(&self, part: Part) -> Option<PartScore> {
+        match part {
+            Part::WholeRun => self.whole_run,
+            Part::AfterFirstQuarter => self.after_first_quarter,
+            Part::FinalQuarter => self.final_quarter,
         }
+    }
+
+    /// The scores that `of` gives for each part.
+    pub(crate) fn each(mut of: impl FnMut(Part) -> Option<PartScore>) -> Self {
+        let [whole_run, after_first_quarter, final_quarter] = Part::ALL.map(&mut of);
+        Self { whole_run, after_first_quarter, final_quarter }
     }
 }
 
@@ -43,6 +99,19 @@ impl Scoring {
 pub(crate) fn known_returns(piece: &Range<usize>, gamma: f64) -> Range<usize> {
     let unknown = truncation_horizon(gamma).max(1);
     piece.start..piece.end.saturating_sub(unknown).max(piece.start)
+}
+
+/// The steps of each piece that lie in `part` and whose returns are known.
+fn scored(
+    pieces: &[Range<usize>],
+    gamma: f64,
+    part: Range<usize>,
+) -> impl Iterator<Item = Range<usize>> + Clone {
+    pieces.iter().map(move |piece| {
+        let known = known_returns(piece, gamma);
+        let end = known.end.min(part.end);
+        known.start.max(part.start).min(end)..end
+    })
 }
 
 /// Count, mean and standard deviation (divided by n) of the returns that are scored.
@@ -54,33 +123,36 @@ pub(crate) struct ScoredReturns {
 }
 
 impl ScoredReturns {
-    /// Statistics of the scored steps of `returns`.
+    /// Statistics of the steps of `part` of `returns`; `None` if it has none whose return is known.
     pub(crate) fn new(
         returns: &[f64],
         pieces: &[Range<usize>],
         gamma: f64,
-        first: usize,
-    ) -> Result<Self, AgentError> {
-        let scored = || {
-            pieces.iter().flat_map(|piece| {
-                let known = known_returns(piece, gamma);
-                &returns[known.start.max(first).min(known.end)..known.end]
-            })
-        };
-        let steps = scored().count();
-        if steps == 0 {
-            return Err(AgentError::NothingToScore {
-                gamma,
-                horizon: truncation_horizon(gamma).max(1),
-                pieces: pieces.len(),
-                longest: pieces.iter().map(Range::len).max().unwrap_or(0),
-                first,
-                steps: returns.len(),
-            });
-        }
+        part: Range<usize>,
+    ) -> Option<Self> {
+        let ranges = scored(pieces, gamma, part);
+        let steps: usize = ranges.clone().map(|range| range.len()).sum();
+        let scored = || ranges.clone().flat_map(|range| &returns[range]);
         let mean = scored().sum::<f64>() / steps as f64;
         let variance = scored().map(|g| (g - mean).powi(2)).sum::<f64>() / steps as f64;
-        Ok(Self { steps, mean, std: variance.sqrt() })
+        (steps > 0).then_some(Self { steps, mean, std: variance.sqrt() })
+    }
+}
+
+/// Why a run of `steps` over these pieces cannot be scored from `first` on.
+pub(crate) fn nothing_to_score(
+    pieces: &[Range<usize>],
+    gamma: f64,
+    first: usize,
+    steps: usize,
+) -> AgentError {
+    AgentError::NothingToScore {
+        gamma,
+        horizon: truncation_horizon(gamma).max(1),
+        pieces: pieces.len(),
+        longest: pieces.iter().map(Range::len).max().unwrap_or(0),
+        first,
+        steps,
     }
 }
 
@@ -90,23 +162,25 @@ mod tests {
 
     #[test]
     fn streams_that_are_too_short_are_known_beforehand() {
-        // H = 459 for γ = 0.99: the last quarter must be longer.
-        assert!(Scoring::Final(0.25).check(0.99, 4 * 459).is_err());
-        assert!(Scoring::Final(0.25).check(0.99, 4 * 459 + 4).is_ok());
-        assert!(Scoring::WholeRun.check(0.99, 459).is_err());
-        assert!(Scoring::WholeRun.check(0.99, 460).is_ok());
+        // H = 459 for γ = 0.99: the last quarter must be longer, or the stream goes on after the run.
+        let scored = |part: Part, states: usize, steps| {
+            let unbroken = 0..states;
+            part.scored_steps(std::slice::from_ref(&unbroken), 0.99, steps)
+        };
+        assert_eq!(scored(Part::FinalQuarter, 4 * 459, 4 * 459), 0);
+        assert_eq!(scored(Part::FinalQuarter, 4 * 459 + 4, 4 * 459 + 4), 1);
+        assert_eq!(scored(Part::WholeRun, 459, 459), 0);
+        assert_eq!(scored(Part::WholeRun, 460, 460), 1);
+        assert_eq!(scored(Part::WholeRun, 1459, 1000), 1000, "all steps of the run");
+        assert_eq!(scored(Part::FinalQuarter, 1459, 1000), 250);
+        assert_eq!(scored(Part::AfterFirstQuarter, 1459, 1000), 750);
     }
 
     #[test]
-    fn a_final_fraction_begins_where_it_says() {
-        assert_eq!(Scoring::WholeRun.first_step(100), Ok(0));
-        assert_eq!(Scoring::Final(0.25).first_step(100), Ok(75));
-        assert_eq!(Scoring::Final(1.0).first_step(100), Ok(0));
-        assert_eq!(Scoring::Final(0.25).first_step(3), Ok(2));
-        for got in [0.0, 1.5, -0.25] {
-            let error = Scoring::Final(got).first_step(10);
-            assert_eq!(error, Err(AgentError::ScoredFraction { got }));
-        }
+    fn parts_begin_where_they_say() {
+        let first = |steps| Part::ALL.map(|part| part.first_step(steps));
+        assert_eq!(first(100), [0, 25, 75]);
+        assert_eq!(first(3), [0, 1, 2]);
     }
 
     #[test]
@@ -117,22 +191,31 @@ mod tests {
         let returns: Vec<f64> = (0..30).map(f64::from).collect();
         // 0..10 knows 0..3, 10..30 knows 10..23; scoring begins at 20: 20, 21, 22.
         let pieces = [0..10, 10..30];
-        let scored = ScoredReturns::new(&returns, &pieces, 0.5, 20).expect("some");
+        let scored = ScoredReturns::new(&returns, &pieces, 0.5, 20..30).expect("some");
         assert_eq!((scored.steps, scored.mean), (3, 21.0));
         assert!((scored.std - (2.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let scored = ScoredReturns::new(&returns, &pieces, 0.5, 0).expect("some");
-        assert_eq!(scored.steps, 16);
+        let steps = |part| ScoredReturns::new(&returns, &pieces, 0.5, part).map(|of| of.steps);
+        assert_eq!(steps(0..30), Some(16));
+        assert_eq!(steps(0..12), Some(5), "the run ends, the stream goes on");
+        assert_eq!(steps(3..10), None);
     }
 
     #[test]
     fn nothing_to_score_says_what_to_do() {
-        let pieces = [0..5, 5..10];
-        let error = ScoredReturns::new(&[0.0; 10], &pieces, 0.9, 8).expect_err("too short");
         assert_eq!(
-            error.to_string(),
+            nothing_to_score(&[0..5, 5..10], 0.9, 8, 10).to_string(),
             "no step can be scored: with gamma = 0.9 the last 44 steps of each unbroken piece have \
              truncated returns, the longest of 2 pieces has 5 steps, and scoring begins at step 8 of 10; \
              use longer streams, a smaller gamma, or score the whole run"
         );
+    }
+
+    #[test]
+    fn a_diverged_score_is_null_in_json() {
+        let score =
+            PartScore { scored_steps: 3, rmse: f64::INFINITY, mean_return: 1.0, return_std: 0.5 };
+        let text = serde_json::to_string(&score).expect("serialises");
+        assert!(text.contains("\"rmse\":null"), "{text}");
+        assert_eq!(serde_json::from_str::<PartScore>(&text).expect("reads"), score);
     }
 }

@@ -2,7 +2,7 @@ use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
     AgentConfig, AgentError, CurveRule, Keeper, Learner, NoKeeper, RunOutcome, RunProgress,
-    RunState, Scoring,
+    RunState,
     outcome::Tracker,
     population::{Population, Task, Truth, can_share},
     traces::TracedStream,
@@ -19,7 +19,7 @@ const STEPS_PER_LOOK: usize = 64;
 /// `seed`, hence initial parameters (where shapes agree) and mini-batches (where batch size and buffer
 /// agree): the draw of an update depends only on the seed, the step and the update's number in that step.
 ///
-/// Outcomes come in the order of `agents`. `monitor` advances by the stream's length in all, whatever the
+/// Outcomes come in the order of `agents`. `monitor` advances by the steps of the run in all, whatever the
 /// number of agents; the caller begins the task.
 ///
 /// # Errors
@@ -29,7 +29,7 @@ const STEPS_PER_LOOK: usize = 64;
 /// # Example
 ///
 /// ```
-/// use calib_agent::{AgentConfig, CurveRule, Scoring, ValueFunction, train};
+/// use calib_agent::{AgentConfig, CurveRule, Part, ValueFunction, train};
 /// use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 ///
 /// // A sensor that alternates between 0 and 1, seen by agents that discount by one half.
@@ -42,23 +42,23 @@ const STEPS_PER_LOOK: usize = 64;
 ///     learning_rate,
 ///     ..AgentConfig::default()
 /// });
-/// let (scoring, curve) = (Scoring::Final(0.25), CurveRule::default());
-/// let outcomes = train(&stream, 0, &agents, scoring, curve, Seed::new(1), &Silent)?;
-/// assert!(outcomes[1].nrmse < 1e-3 && outcomes[1].nrmse < outcomes[0].nrmse);
+/// let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
+/// let settled = |agent: usize| outcomes[agent].scores.of(Part::FinalQuarter).unwrap().rmse;
+/// assert!(settled(1) < 1e-3 && settled(1) < settled(0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn train(
     stream: &dyn Stream,
     cumulant: usize,
     agents: &[AgentConfig],
-    scoring: Scoring,
     curve: CurveRule,
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
     let learners: Vec<_> =
         agents.iter().map(|config| Learner { config, cumulant, start: None }).collect();
-    train_learners(Run { stream, scoring, curve, seed }, &learners, &NoKeeper, monitor)
+    let steps = stream.len().saturating_sub(1);
+    train_learners(Run { stream, steps, curve, seed }, &learners, &NoKeeper, monitor)
 }
 
 /// What all learners of a run share.
@@ -66,8 +66,9 @@ pub fn train(
 pub struct Run<'a> {
     /// What they experience.
     pub stream: &'a dyn Stream,
-    /// Which steps count.
-    pub scoring: Scoring,
+    /// Steps of the run, fewer than the stream has states. States after it complete the returns of its last steps,
+    /// and are not learnt from.
+    pub steps: usize,
     /// How their learning curves are sub-sampled.
     pub curve: CurveRule,
     /// Of initial parameters and mini-batches.
@@ -93,18 +94,21 @@ pub fn train_learners(
     keeper: &dyn Keeper,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
-    let Run { stream, scoring, curve, seed } = run;
+    let Run { stream, steps, curve, seed } = run;
+    if steps > 0 && steps >= stream.len() {
+        return Err(AgentError::ShortStream { steps, states: stream.len() });
+    }
     for learner in learners {
         learner.check(stream.width())?;
         check_cumulant(stream, learner.cumulant)?;
     }
-    let task = Task { stream, first_scored: scoring.first_step(stream.len())?, seed };
+    let task = Task { stream, steps, seed };
     let groups = populations(learners);
     let kept = keeper.load().filter(|kept| kept.progress.trackers.len() == learners.len());
     let finished = kept.as_ref().map_or(0, |kept| kept.progress.populations);
     let mut trackers = match &kept {
         Some(kept) => kept.progress.trackers.clone(),
-        None => vec![Tracker::new(curve, stream.len()); learners.len()],
+        None => vec![Tracker::new(curve, steps); learners.len()],
     };
     let mut outcomes: Vec<Option<RunOutcome>> = vec![None; learners.len()];
     let mut progress = Progress { monitor, agents: learners.len() as u64, done: 0, reported: 0 };
@@ -153,9 +157,10 @@ pub fn train_learners(
                 trackers[member] = tracker.clone();
             }
         }
-        progress.set(before + size * stream.len() as u64);
+        progress.set(before + size * steps as u64);
         for (position, &member) in members.iter().enumerate() {
-            let outcome = trackers[member].clone().outcome(truth.scored(position), stream.len());
+            let returns = |part| truth.scored(position, part);
+            let outcome = trackers[member].clone().outcome(returns);
             outcomes[member] = Some(outcome);
         }
     }

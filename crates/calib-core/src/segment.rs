@@ -104,6 +104,26 @@ impl Segments {
         let position = self.0.partition_point(|segment| (segment.end as usize) <= row);
         (position < self.0.len()).then_some(position)
     }
+
+    /// The unbroken pieces of a stream that visits `length` rows from `start` on, beginning again at the first row after the last:
+    /// ranges of `0..length`, one for each segment that it touches.
+    pub fn looped_pieces(&self, start: usize, length: usize) -> Vec<Range<usize>> {
+        let rows = self.rows();
+        let (mut pieces, mut done, mut from) = (Vec::new(), 0, start);
+        while done < length && from < rows {
+            let to = rows.min(from + length - done);
+            for segment in &self.0[self.position_of(from).unwrap_or(self.0.len())..] {
+                let Range { start, end } = segment.rows();
+                if start >= to {
+                    break;
+                }
+                pieces.push(start.max(from) - from + done..end.min(to) - from + done);
+            }
+            done += to - from;
+            from = 0;
+        }
+        pieces
+    }
 }
 
 #[cfg(test)]

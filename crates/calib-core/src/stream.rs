@@ -67,16 +67,20 @@ impl RowStream {
             window.end <= segments.rows() && segments.rows() <= states.rows(),
             "a stream visits recorded rows only"
         );
-        let pieces = segments
-            .iter()
-            .map(|segment| {
-                let rows = segment.rows();
-                rows.start.max(window.start)..rows.end.min(window.end)
-            })
-            .filter(|rows| !rows.is_empty())
-            .map(|rows| rows.start - window.start..rows.end - window.start)
-            .collect();
+        let pieces = segments.looped_pieces(window.start, window.len());
         Self { states, rows: window.map(RowIndex::new).collect(), pieces }
+    }
+
+    /// Replay of `length` rows from `start` on in time order, over and over: after the last row comes the first. One piece for
+    /// each segment that it touches, and a new one whenever the rows begin again.
+    ///
+    /// # Panics
+    /// If there are no rows, `start` is not one of them, or the segments reach past `states`.
+    pub fn looped(states: States, segments: &Segments, start: usize, length: usize) -> Self {
+        let count = segments.rows();
+        assert!(start < count && count <= states.rows(), "a stream visits recorded rows only");
+        let rows = (start..count).chain((0..count).cycle()).take(length).map(RowIndex::new);
+        Self { states, rows: rows.collect(), pieces: segments.looped_pieces(start, length) }
     }
 
     /// The rows in the order in which they are visited.
@@ -116,6 +120,10 @@ mod tests {
         let window = RowStream::window(states.clone(), &segments, 1..3);
         assert_eq!(window.pieces(), [0..1, 1..2]);
         assert_eq!(window.rows(), [RowIndex(1), RowIndex(2)]);
+        let looped = RowStream::looped(states.clone(), &segments, 1, 6);
+        let rows: Vec<u32> = looped.rows().iter().map(|row| row.0).collect();
+        assert_eq!(rows, [1, 2, 0, 1, 2, 0]);
+        assert_eq!(looped.pieces(), [0..1, 1..2, 2..4, 4..5, 5..6]);
         let stream = RowStream::unbroken(states, vec![RowIndex(2), RowIndex(0)]);
         assert_eq!((stream.state(0), stream.state(1)), (&[2.0_f32][..], &[0.0_f32][..]));
     }

@@ -37,6 +37,20 @@ pub(crate) struct Channel {
     pub(crate) availability: Availability,
 }
 
+impl Channel {
+    /// Whether its values are made from this signal, and recorded at all.
+    pub(crate) fn shows(&self, signal: Signal) -> bool {
+        let made_from = match self.recipe {
+            Recipe::Lagged { signal: of, .. } | Recipe::Filtered { signal: of, .. } => of == signal,
+            Recipe::Sum(a, b) | Recipe::Difference(a, b) | Recipe::Ratio(a, b, _) => {
+                a == signal || b == signal
+            }
+            Recipe::Constant(_) => false,
+        };
+        made_from && self.availability != Availability::Never
+    }
+}
+
 /// The value before any instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Recipe {

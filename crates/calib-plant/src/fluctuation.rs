@@ -42,6 +42,12 @@ impl Follower {
         Self { gain: 1.0 - (-step_secs / tau_secs).exp(), value }
     }
 
+    /// The same value, which follows with another time constant from now on.
+    #[must_use]
+    pub(crate) fn with_time_constant(self, tau_secs: f64, step_secs: f64) -> Self {
+        Self::new(self.value, tau_secs, step_secs)
+    }
+
     /// One step towards `target`.
     pub(crate) fn step(&mut self, target: f64) -> f64 {
         self.value += self.gain * (target - self.value);

@@ -1,7 +1,7 @@
 use calib_core::Rng;
 
 use crate::{
-    Mode,
+    Mode, Pump, PumpDuty,
     fluctuation::{Fluctuation, Follower},
     signal::{Frame, Signal},
 };
@@ -19,6 +19,9 @@ pub(crate) struct Demand {
 
 /// Level at which the membrane tank is kept, mm.
 const TANK_LEVEL: f64 = 2200.0;
+/// Times in which the pumps answer to their set points, s.
+const FEED_SECS: f64 = 6.0;
+const PERMEATE_SECS: f64 = 8.0;
 /// Share of mode 33 in which the tank drains; then it fills.
 const DRAIN_SHARE: f64 = 0.45;
 
@@ -76,6 +79,8 @@ pub(crate) struct Hydraulics {
     supplying: f64,
     distributing: f64,
     volumes: [f64; 3],
+    feed_pump: Pump,
+    permeate_pump: Pump,
 }
 
 impl Hydraulics {
@@ -83,8 +88,8 @@ impl Hydraulics {
         let follower = |tau_secs| Follower::new(0.0, tau_secs, step_secs);
         Self {
             step_secs,
-            feed: follower(6.0),
-            permeate: follower(8.0),
+            feed: follower(FEED_SECS),
+            permeate: follower(PERMEATE_SECS),
             back_pulse: follower(4.0),
             drain: follower(5.0),
             recycle: follower(6.0),
@@ -99,7 +104,24 @@ impl Hydraulics {
             supplying: 0.0,
             distributing: 0.0,
             volumes: [0.0; 3],
+            feed_pump: Pump::first(PumpDuty::Feed),
+            permeate_pump: Pump::first(PumpDuty::Permeate),
         }
+    }
+
+    /// Exchange a pump.
+    pub(crate) fn fit(&mut self, pump: Pump) {
+        let (flow, fitted, usual_secs) = match pump.duty {
+            PumpDuty::Feed => (&mut self.feed, &mut self.feed_pump, FEED_SECS),
+            PumpDuty::Permeate => (&mut self.permeate, &mut self.permeate_pump, PERMEATE_SECS),
+        };
+        *flow = flow.with_time_constant(usual_secs * pump.response, self.step_secs);
+        *fitted = pump;
+    }
+
+    /// Factor on the pulsation of the membrane pressure.
+    pub(crate) fn pulsation(&self) -> f64 {
+        self.permeate_pump.pulsation
     }
 
     /// Level of the membrane tank, mm.
@@ -120,7 +142,7 @@ impl Hydraulics {
     /// One step towards `demand`.
     pub(crate) fn step(&mut self, demand: &Demand, rng: &mut Rng) {
         let h = self.step_secs;
-        let swing = 1.0 + self.feed_swing.step(rng);
+        let swing = 1.0 + self.feed_pump.pulsation * self.feed_swing.step(rng);
         self.feed.step(demand.feed * swing);
         self.permeate.step(demand.permeate);
         self.back_pulse.step(demand.back_pulse);
@@ -190,8 +212,10 @@ impl Hydraulics {
         frame[Signal::SupplyValve] = self.supplying;
         frame[Signal::DistributionPump] = self.distributing;
         frame[Signal::Mixer] = if demand.feed > 0.0 { 70.0 } else { 35.0 };
-        frame[Signal::PermeatePump] = 100.0 * (permeate / 0.5 * (1.0 + pressure / 200.0)).min(1.0);
-        frame[Signal::FeedPump] = 100.0 * (feed / 2.3 + 0.1 * open(demand.feed)).clamp(0.0, 1.0);
+        let draws = permeate / 0.5 * (1.0 + pressure / 200.0) * self.permeate_pump.speed;
+        let feeds = (feed / 2.3 + 0.1 * open(demand.feed)) * self.feed_pump.speed;
+        frame[Signal::PermeatePump] = 100.0 * draws.min(1.0);
+        frame[Signal::FeedPump] = 100.0 * feeds.clamp(0.0, 1.0);
         frame[Signal::PumpPressure] = 2.0 + 22.0 * feed * feed;
         frame[Signal::FeedPressure] = 62.0 - 14.0 * self.supply.value + self.supply_swing.value();
         frame[Signal::AirPressure] = 45.0 - 0.9 * self.air.value + self.header_swing.value();

@@ -22,6 +22,8 @@
 //!   instruments, analysers on a time table. Of 480 channels 142 are alive, as in the paper.
 //! - **Instruments and historian**: noise, drift, quantisation, dead-band, stuck periods, outages of
 //!   input cards (missing values), outages of the historian (absent rows), rows written twice.
+//! - **Change from year to year**, if it is asked for ([`ChangeOptions`]): new membranes, other feeds, moved sensors, changed
+//!   settings, new pumps, at dates that [`Plant::changes`] tells.
 //!
 //! # Sources
 //!
@@ -32,6 +34,7 @@
 //! here follow from the equations in the source, whose constants are our choice.
 
 mod catalogue;
+mod change;
 mod channel;
 mod faults;
 mod fluctuation;
@@ -48,6 +51,9 @@ mod statistics;
 mod synthesis;
 mod weather;
 
+pub use change::{
+    Change, ChangeKind, ChangeOptions, Feed, Membranes, Pump, PumpDuty, Sensor, Settings,
+};
 pub use channel::{ChannelInfo, Fate};
 pub use mode::Mode;
 pub use options::{OptionsError, PlantOptions};

@@ -1,6 +1,6 @@
 use calib_core::Rng;
 
-use crate::Mode;
+use crate::{Membranes, Mode};
 
 /// Pressure over the membrane and the fouling that builds it up.
 ///
@@ -14,6 +14,7 @@ pub(crate) struct Membrane {
     pores: f64,
     /// What the running back-pulse will leave of the cake.
     residue: f64,
+    fitted: Membranes,
     step_secs: f64,
 }
 
@@ -29,7 +30,13 @@ const PRODUCTION_FLOW: f64 = 0.28;
 
 impl Membrane {
     pub(crate) fn new(step_secs: f64) -> Self {
-        Self { cake: 4.0, pores: 5.0, residue: 0.0, step_secs }
+        let fitted = Membranes { resistance: 1.0, fouling: 1.0 };
+        Self { cake: 4.0, pores: 5.0, residue: 0.0, fitted, step_secs }
+    }
+
+    /// Take the membranes out, and fit new ones, which are clean.
+    pub(crate) fn fit(&mut self, membranes: Membranes) {
+        *self = Self { cake: 0.0, pores: 0.0, residue: 0.0, fitted: membranes, ..*self };
     }
 
     /// A mode begins.
@@ -39,12 +46,15 @@ impl Membrane {
         }
     }
 
-    /// One step in `mode` at permeate flow `flow` (L/s, negative in a back-pulse).
-    pub(crate) fn step(&mut self, mode: Mode, flow: f64, turbidity: f64) {
+    /// One step in `mode` at permeate flow `flow` (L/s, negative in a back-pulse), in water of `turbidity` (NTU) with
+    /// `organics` times the usual organic matter.
+    pub(crate) fn step(&mut self, mode: Mode, flow: f64, turbidity: f64, organics: f64) {
         let h = self.step_secs;
         match mode {
             Mode::Production => {
-                let load = flow.max(0.0) / PRODUCTION_FLOW * (1.0 + 1.5 * turbidity);
+                let load = flow.max(0.0) / PRODUCTION_FLOW
+                    * (1.0 + 1.5 * turbidity)
+                    * (self.fitted.fouling * organics);
                 self.cake += h * CAKE_PER_SECOND * load * (1.0 - self.cake / CAKE_LIMIT);
                 self.pores += h * PORES_PER_SECOND * load * (1.0 - self.pores / PORE_LIMIT);
                 self.cake = self.cake.min(CAKE_LIMIT);
@@ -66,13 +76,14 @@ impl Membrane {
 
     /// Resistance of membrane, cake and pores together.
     pub(crate) fn resistance(&self) -> f64 {
-        CLEAN + self.cake + self.pores
+        CLEAN * self.fitted.resistance + self.cake + self.pores
     }
 
     /// Pressure (kPa) at flow `flow` (L/s) and `celsius`; negative when the flow is.
     pub(crate) fn pressure(&self, flow: f64, celsius: f64) -> f64 {
         // A back-pulse lifts the cake instead of pressing on it.
-        let resistance = if flow < 0.0 { 0.6 * CLEAN } else { self.resistance() };
+        let resistance =
+            if flow < 0.0 { 0.6 * CLEAN * self.fitted.resistance } else { self.resistance() };
         viscosity(celsius) * flow * resistance
     }
 }
@@ -96,7 +107,7 @@ mod tests {
     fn run(membrane: &mut Membrane, mode: Mode, flow: f64, secs: u32) {
         membrane.enter(mode, &mut Seed::new(1).rng());
         for _ in 0..secs {
-            membrane.step(mode, flow, 0.1);
+            membrane.step(mode, flow, 0.1, 1.0);
         }
     }
 
@@ -123,6 +134,22 @@ mod tests {
         assert!(clogged > 5.5);
         run(&mut membrane, Mode::ChemicalClean, 0.0, 3600);
         assert!(membrane.pores < 0.6 * clogged && membrane.cake < 0.5);
+    }
+
+    #[test]
+    fn new_membranes_are_clean_and_foul_in_their_own_way() {
+        let mut membrane = Membrane::new(1.0);
+        run(&mut membrane, Mode::Production, 0.28, 3600);
+        membrane.fit(Membranes { resistance: 1.25, fouling: 2.0 });
+        assert!((membrane.resistance() - 1.25 * CLEAN).abs() < 1e-12);
+        let grown = |organics: f64, fouling: f64| {
+            let mut membrane = Membrane::new(1.0);
+            membrane.fit(Membranes { resistance: 1.0, fouling });
+            membrane.step(Mode::Production, 0.28, 0.1, organics);
+            membrane.cake
+        };
+        assert!((grown(1.0, 2.0) / grown(1.0, 1.0) - 2.0).abs() < 1e-12);
+        assert!((grown(2.0, 1.0) / grown(1.0, 1.0) - 2.0).abs() < 1e-12);
     }
 
     #[test]

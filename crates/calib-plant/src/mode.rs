@@ -35,6 +35,11 @@ impl Mode {
         Self::ChemicalClean,
     ];
 
+    /// Whether the plant can be opened.
+    pub(crate) const fn stands_still(self) -> bool {
+        matches!(self, Self::Stopped | Self::Standby | Self::ChemicalClean)
+    }
+
     /// The number in the channel `MODE`.
     pub const fn number(self) -> u8 {
         match self {

@@ -3,6 +3,8 @@ use std::ops::RangeInclusive;
 use calib_core::{Period, Seed, Timestamp};
 use serde::{Deserialize, Serialize};
 
+use crate::ChangeOptions;
+
 /// What plant to simulate, for how long, and how unkind its instruments and its historian are.
 ///
 /// | field | default | range | meaning |
@@ -19,6 +21,7 @@ use serde::{Deserialize, Serialize};
 /// | `gaps_per_day` | 0.5 | 0 – 24 | mean rate of outages of the whole historian (absent rows) |
 /// | `stuck_per_day` | 0.02 | 0 – 10 | mean rate, per channel, of periods with a frozen value |
 /// | `duplicates_per_day` | 0 | 0 – 1,000 | mean rate of rows written twice |
+/// | `change` | none | [`ChangeOptions`] | what changes from year to year |
 ///
 /// Rates and durations are in seconds and days, never in rows: another `period` samples the same
 /// plant, with the same schedule of modes and the same storms, at other instants.
@@ -49,6 +52,9 @@ pub struct PlantOptions {
     pub stuck_per_day: f64,
     /// Mean rate of rows written twice.
     pub duplicates_per_day: f64,
+    /// What changes from year to year. The defaults, no change, are not written down.
+    #[serde(skip_serializing_if = "ChangeOptions::is_default")]
+    pub change: ChangeOptions,
 }
 
 /// 2022-11-01T00:00:00.
@@ -69,6 +75,7 @@ impl Default for PlantOptions {
             gaps_per_day: 0.5,
             stuck_per_day: 0.02,
             duplicates_per_day: 0.0,
+            change: ChangeOptions::default(),
         }
     }
 }
@@ -118,6 +125,7 @@ impl PlantOptions {
         within("gaps_per_day", self.gaps_per_day, 0.0..=24.0)?;
         within("stuck_per_day", self.stuck_per_day, 0.0..=10.0)?;
         within("duplicates_per_day", self.duplicates_per_day, 0.0..=1000.0)?;
+        self.change.validate()?;
         let years = self.start.as_micros() as f64 / 1e6 / SECONDS_PER_YEAR;
         if years < -70.0 || years + self.days / 365.2425 > 230.0 {
             return Err(OptionsError::Calendar { start_micros: self.start.as_micros() });
@@ -142,7 +150,11 @@ pub(crate) const SECONDS_PER_DAY: f64 = 86_400.0;
 pub(crate) const SECONDS_PER_YEAR: f64 = 365.2425 * SECONDS_PER_DAY;
 const MICROS_PER_DAY: i64 = 86_400_000_000;
 
-fn within(field: &'static str, got: f64, range: RangeInclusive<f64>) -> Result<(), OptionsError> {
+pub(crate) fn within(
+    field: &'static str,
+    got: f64,
+    range: RangeInclusive<f64>,
+) -> Result<(), OptionsError> {
     if range.contains(&got) {
         return Ok(());
     }
@@ -182,6 +194,11 @@ mod tests {
         assert!(message(|o| o.noise = f64::NAN).starts_with("`noise` is NaN"));
         assert!(message(|o| o.missing_fraction = 0.2).contains("from 0 to 0.05"));
         assert!(message(|o| o.period = Period::from_micros(1).unwrap()).contains("seconds"));
+        assert!(
+            message(|o| o.change.strength = 3.0)
+                .starts_with("`change` is 3, expected a number from 0 to 2")
+        );
+        assert!(message(|o| o.change.pumps_per_year = -1.0).contains("pumps_per_year"));
         assert!(message(|o| o.start = Timestamp::from_micros(i64::MAX)).contains("1900"));
     }
 
@@ -207,5 +224,13 @@ mod tests {
         assert!(toml::from_str::<PlantOptions>("chanels = 64").is_err());
         let text = toml::to_string(&read).unwrap();
         assert_eq!(toml::from_str::<PlantOptions>(&text).unwrap(), read);
+        assert!(
+            !text.contains("change"),
+            "what was written before there were changes is the same text"
+        );
+        let changing: PlantOptions = toml::from_str("change = { strength = 1.5 }").unwrap();
+        assert_eq!((changing.change.strength, changing.change.feeds_per_year), (1.5, 2.0));
+        let text = toml::to_string(&changing).unwrap();
+        assert_eq!(toml::from_str::<PlantOptions>(&text).unwrap(), changing);
     }
 }

@@ -2,7 +2,8 @@ use calib_core::{Seed, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    ChannelInfo, OptionsError, PlantOptions, catalogue,
+    Change, ChannelInfo, OptionsError, PlantOptions, catalogue,
+    change::{Changes, Sensors},
     channel::Channel,
     faults::{DayGrid, arrivals},
     process::Process,
@@ -54,7 +55,9 @@ pub struct Plant {
     options: PlantOptions,
     channels: Vec<Channel>,
     schema: Vec<ChannelInfo>,
+    changes: Changes,
     process: Process,
+    sensors: Sensors,
     signals: Signals,
     day: u32,
 }
@@ -67,11 +70,15 @@ impl Plant {
     pub fn new(options: PlantOptions) -> Result<Self, OptionsError> {
         options.validate()?;
         let channels = catalogue::channels(options.channels);
-        let history = (HISTORY_SECS / options.period.as_secs()).ceil() as usize;
+        let period_secs = options.period.as_secs();
+        let history = (HISTORY_SECS / period_secs).ceil() as usize;
+        let changes = Changes::of(&options);
         Ok(Self {
             schema: channels.iter().map(|channel| channel.info.clone()).collect(),
             channels,
-            process: Process::new(&options),
+            process: Process::new(&options, &changes),
+            sensors: Sensors::new(&changes, period_secs),
+            changes,
             signals: Signals::new(history),
             day: 0,
             options,
@@ -86,6 +93,12 @@ impl Plant {
     /// The truth about every channel, in the order of the columns.
     pub fn schema(&self) -> &[ChannelInfo] {
         &self.schema
+    }
+
+    /// What changes while the log is written, in the order of time. A sensor is in the list if a channel is made from it.
+    pub fn changes(&self) -> Vec<Change> {
+        let shown = |signal| self.channels.iter().any(|channel| channel.shows(signal));
+        self.changes.told(&self.options, shown)
     }
 
     /// Number of the next day.
@@ -119,8 +132,9 @@ impl Plant {
             DayGrid { day: self.day, first, rows, period_secs: self.options.period.as_secs() };
         self.signals.begin_day();
         let mut frame = Frame::zero();
-        for _ in 0..rows {
+        for row in 0..rows {
             self.process.next_row(&mut frame);
+            self.sensors.read(grid.secs(row), &mut frame);
             self.signals.push(&frame);
         }
         self.day += 1;
@@ -154,7 +168,9 @@ impl Iterator for Plant {
             .channels
             .par_iter()
             .map(|channel| {
-                let values = synthesis::column(channel, &self.options, &self.signals, &grid);
+                let sensor = self.changes.of_recipe(channel.recipe);
+                let values =
+                    synthesis::column(channel, sensor, &self.options, &self.signals, &grid);
                 if whole { values } else { written.iter().map(|&row| values[row]).collect() }
             })
             .collect();

@@ -1,7 +1,8 @@
 use calib_core::Rng;
 
 use crate::{
-    Mode,
+    Membranes, Mode, Pump, PumpDuty, Settings,
+    change::{Changes, Dated, Timeline},
     fluctuation::{Fluctuation, Follower},
     hydraulics::{Demand, Hydraulics},
     membrane::{Membrane, viscosity},
@@ -26,6 +27,9 @@ pub(crate) struct Process {
     row: i64,
     rng: Rng,
     schedule: Schedule,
+    settings: Timeline<Settings>,
+    membranes: Exchanged<Membranes>,
+    pumps: [Exchanged<Pump>; 2],
     weather: Weather,
     membrane: Membrane,
     hydraulics: Hydraulics,
@@ -39,18 +43,22 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    pub(crate) fn new(options: &PlantOptions) -> Self {
+    /// The plant at its start, with all that is going to change in it.
+    pub(crate) fn new(options: &PlantOptions, changes: &Changes) -> Self {
         let period_secs = options.period.as_secs();
         let steps_per_row = (period_secs / LONGEST_STEP).ceil().max(1.0) as u32;
         let step_secs = period_secs / f64::from(steps_per_row);
         let mut rng = options.seed.child("process").rng();
-        let mut weather = Weather::new(options, step_secs);
+        let mut weather = Weather::new(options, &changes.feeds, step_secs);
         let conditions = weather.step(0.0);
         Self {
             period_secs,
             steps_per_row,
             row: 0,
-            schedule: Schedule::new(options.seed.child("schedule")),
+            schedule: Schedule::new(options.seed.child("schedule"), changes.settings.clone()),
+            settings: changes.settings.clone(),
+            membranes: Exchanged::new(&changes.membranes),
+            pumps: [&changes.permeate_pumps, &changes.feed_pumps].map(Exchanged::new),
             membrane: Membrane::new(step_secs),
             hydraulics: Hydraulics::new(step_secs, &mut rng),
             quality: Quality::new(&conditions, step_secs, &mut rng),
@@ -87,12 +95,15 @@ impl Process {
             self.membrane.enter(mode, &mut self.rng);
             self.quality.enter(mode, &mut self.rng);
             self.cycles += u32::from(mode == Mode::BackPulse);
+            if mode.stands_still() {
+                self.exchange();
+            }
         }
         let conditions = self.weather.step(t);
         let (mode, began) = (self.schedule.mode(), self.schedule.began());
         let lasting = self.schedule.ends() - began;
         let level = self.hydraulics.level();
-        let target = production_target(conditions.hour);
+        let target = self.production_target(t, &conditions);
         self.demand = Demand::of(mode, t - began, lasting, level, target);
         self.hydraulics.step(&self.demand, &mut self.rng);
         let flow = self.hydraulics.net_flow();
@@ -103,7 +114,7 @@ impl Process {
             self.demand.permeate,
             &mut self.rng,
         );
-        self.membrane.step(mode, flow, self.quality.turbidity());
+        self.membrane.step(mode, flow, self.quality.turbidity(), conditions.organics);
         let celsius = self.quality.tank_temperature();
         let still = match mode {
             // Air holds the membrane under pressure and slowly leaks.
@@ -118,9 +129,30 @@ impl Process {
         conditions
     }
 
+    /// What has been due since the plant last stood still is exchanged.
+    fn exchange(&mut self) {
+        let now = self.schedule.began();
+        if let Some(membranes) = self.membranes.due(now) {
+            self.membrane.fit(membranes);
+        }
+        for pump in self.pumps.iter_mut().filter_map(|pump| pump.due(now)) {
+            self.hydraulics.fit(pump);
+            if pump.duty == PumpDuty::Permeate {
+                self.pump_hours = 0.0;
+            }
+        }
+    }
+
+    /// Permeate flow wanted in production, L/s: less at night.
+    fn production_target(&self, t: f64, conditions: &Conditions) -> f64 {
+        let usual = if (6.0..22.0).contains(&conditions.hour) { 0.3 } else { 0.25 };
+        usual * self.settings.at(t).map_or(1.0, |settings| settings.value.production)
+    }
+
     fn record(&mut self, t: f64, conditions: &Conditions, frame: &mut Frame) {
         let flow = self.hydraulics.net_flow();
-        let pressure = self.pressure.value + self.pulsation.value() * flow.abs().sqrt();
+        let pulsation = self.hydraulics.pulsation() * self.pulsation.value();
+        let pressure = self.pressure.value + pulsation * flow.abs().sqrt();
         if self.demand.permeate > 0.0 && self.pressure.value > 3.0 {
             let celsius = self.quality.tank_temperature();
             self.permeability = 1000.0 * flow * viscosity(celsius) / self.pressure.value;
@@ -129,7 +161,7 @@ impl Process {
         self.quality.record(frame);
         frame[Signal::Pressure] = pressure;
         frame[Signal::Mode] = f64::from(self.schedule.mode().number());
-        frame[Signal::ProductionSetpoint] = production_target(conditions.hour);
+        frame[Signal::ProductionSetpoint] = self.production_target(t, conditions);
         frame[Signal::AirTemperature] = conditions.air;
         frame[Signal::Permeability] = self.permeability;
         frame[Signal::StepTimer] = t - self.schedule.began();
@@ -139,23 +171,47 @@ impl Process {
     }
 }
 
-/// Permeate flow wanted in production, L/s: less at night.
-fn production_target(hour: f64) -> f64 {
-    if (6.0..22.0).contains(&hour) { 0.3 } else { 0.25 }
+/// A part of the plant that can be exchanged only while the plant stands still.
+#[derive(Clone, Debug)]
+struct Exchanged<T> {
+    timeline: Timeline<T>,
+    fitted: Option<Dated<T>>,
+}
+
+impl<T: Copy + PartialEq> Exchanged<T> {
+    fn new(timeline: &Timeline<T>) -> Self {
+        Self { timeline: timeline.clone(), fitted: None }
+    }
+
+    /// What is to be fitted at `t`, if it is not there yet.
+    fn due(&mut self, t: f64) -> Option<T> {
+        let wanted = self.timeline.at(t);
+        if wanted == self.fitted {
+            return None;
+        }
+        self.fitted = wanted;
+        wanted.map(|dated| dated.value)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use calib_core::Period;
+    use calib_core::{Period, Seed};
 
     use super::*;
+    use crate::ChangeOptions;
+
+    fn at(period_secs: f64) -> PlantOptions {
+        let period = Period::from_secs(period_secs).expect("positive");
+        PlantOptions { period, ..PlantOptions::default() }
+    }
 
     fn rows(period_secs: f64, count: usize) -> impl Iterator<Item = Frame> {
-        let options = PlantOptions {
-            period: Period::from_secs(period_secs).unwrap(),
-            ..PlantOptions::default()
-        };
-        let mut process = Process::new(&options);
+        rows_of(&at(period_secs), count)
+    }
+
+    fn rows_of(options: &PlantOptions, count: usize) -> impl Iterator<Item = Frame> + use<> {
+        let mut process = Process::new(options, &Changes::of(options));
         let mut frame = Frame::zero();
         (0..count).map(move |_| {
             process.next_row(&mut frame);
@@ -171,6 +227,31 @@ mod tests {
                 let (low, high) = info.range;
                 let value = frame[info.signal];
                 assert!(value >= low && value <= high, "{} is {value}", info.tag);
+            }
+        }
+    }
+
+    #[test]
+    fn a_plant_that_changes_stays_a_plant() {
+        let often = ChangeOptions {
+            strength: 2.0,
+            membranes_per_year: 12.0,
+            feeds_per_year: 12.0,
+            settings_per_year: 12.0,
+            pumps_per_year: 12.0,
+            ..ChangeOptions::default()
+        };
+        for seed in 0..3 {
+            let (seed, days) = (Seed::new(seed), 365.0);
+            let options = PlantOptions { seed, days, change: often, ..at(1200.0) };
+            for frame in rows_of(&options, 72 * 365) {
+                for info in crate::signal::SIGNALS {
+                    // Where membranes are bad and the water cold, an instrument may be at its end.
+                    let beyond = 0.5 * (info.range.1 - info.range.0);
+                    let (low, high) = (info.range.0 - beyond, info.range.1 + beyond);
+                    let value = frame[info.signal];
+                    assert!(value >= low && value <= high, "{} is {value}", info.tag);
+                }
             }
         }
     }

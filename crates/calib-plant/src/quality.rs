@@ -130,7 +130,7 @@ impl Quality {
 
         self.dose = match mode {
             Mode::ChemicalClean => 9.0,
-            _ => 9.0 * permeate * (1.0 + 0.3 * pipe.turbidity.min(3.0)),
+            _ => 9.0 * permeate * (1.0 + 0.3 * pipe.turbidity.min(3.0)) * conditions.organics,
         };
         // About an eighth of the tank a day; topped up to 55 % when it falls to 20 %.
         let change = if self.refilling { 0.06 } else { 0.0 } - self.dose * 5.0e-5;
@@ -168,6 +168,7 @@ mod tests {
         turbidity: 1.0,
         conductivity: 300.0,
         acidity: 7.4,
+        organics: 1.0,
         hour: 12.0,
     };
 

@@ -1,7 +1,8 @@
 use calib_core::{Rng, Seed};
 
 use crate::{
-    Mode,
+    Mode, Settings,
+    change::Timeline,
     options::SECONDS_PER_DAY,
     statistics::{PASSAGES, Passage, duration_at},
 };
@@ -17,6 +18,7 @@ const DAYS_BETWEEN_CLEANS: (f64, f64) = (18.0, 24.0);
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     rng: Rng,
+    settings: Timeline<Settings>,
     mode: Mode,
     next: Mode,
     began: f64,
@@ -25,12 +27,13 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// A schedule that enters production at time zero.
-    pub(crate) fn new(seed: Seed) -> Self {
+    /// A schedule that enters production at time zero, with `settings` that say how long it waits for a back-pulse.
+    pub(crate) fn new(seed: Seed, settings: Timeline<Settings>) -> Self {
         let mut rng = seed.rng();
         let clean_due = rng.uniform(4.0, DAYS_BETWEEN_CLEANS.1) * SECONDS_PER_DAY;
         let mut schedule = Self {
             rng,
+            settings,
             mode: Mode::Production,
             next: Mode::Production,
             began: 0.0,
@@ -74,7 +77,17 @@ impl Schedule {
         self.mode = mode;
         self.next = passage.to;
         self.began = at;
-        self.ends = at + duration_at(&passage.seconds, level);
+        self.ends = at + duration_at(&passage.seconds, level) * self.factor(passage, at);
+    }
+
+    /// Factor on the duration of a mode that is entered at `at`.
+    fn factor(&self, passage: &Passage, at: f64) -> f64 {
+        match (passage.from, passage.to) {
+            (Mode::Production, Mode::BackPulse) => {
+                self.settings.at(at).map_or(1.0, |settings| settings.value.back_pulse_interval)
+            }
+            _ => 1.0,
+        }
     }
 
     fn draw_passage(&mut self, from: Mode) -> &'static Passage {
@@ -98,7 +111,7 @@ mod tests {
 
     /// Segments (mode, next mode, seconds) of `days` days.
     fn segments(seed: u64, days: f64) -> Vec<(Mode, Mode, f64)> {
-        let mut schedule = Schedule::new(Seed::new(seed));
+        let mut schedule = Schedule::new(Seed::new(seed), Timeline::default());
         let mut segments = Vec::new();
         while schedule.ends() < days * SECONDS_PER_DAY {
             let (mode, began) = (schedule.mode(), schedule.began());

@@ -24,6 +24,14 @@ pub(crate) struct SignalInfo {
     pub(crate) nature: Nature,
 }
 
+impl SignalInfo {
+    /// Whether it is measured by an instrument in the plant, and not put out by the controller, whose tags have a
+    /// part behind a point.
+    pub(crate) fn is_sensor(&self) -> bool {
+        matches!(self.nature, Analog(_)) && !self.tag.contains('.')
+    }
+}
+
 macro_rules! signals {
     ($($name:ident $tag:literal $unit:literal $low:literal $high:literal $nature:expr, $description:literal;)*) => {
         /// The quantities that the process computes at every instant, most telling first.

@@ -3,6 +3,8 @@ use std::{f64::consts::TAU, ops::Range};
 use calib_core::Seed;
 
 use crate::{
+    Sensor,
+    change::Timeline,
     channel::{Availability, Channel, Instrument, Recipe, name_number},
     faults::{DayGrid, Faults},
     options::{PlantOptions, SECONDS_PER_DAY},
@@ -17,9 +19,10 @@ const MOST_MISSING: f64 = 0.08;
 /// One column of the day, a value per instant, NaN where it is missing.
 ///
 /// The same for any set of other channels and any number of threads: it follows from the signals,
-/// the options, the channel's name and the number of the day.
+/// the options, the channel's name, the number of the day, and the changes of its `sensor`, if there are any.
 pub(crate) fn column(
     channel: &Channel,
+    sensor: Option<&Timeline<Sensor>>,
     options: &PlantOptions,
     signals: &Signals,
     grid: &DayGrid,
@@ -29,7 +32,7 @@ pub(crate) fn column(
     }
     let seed = options.seed.child("channel").child(&channel.info.name);
     let mut values = ideal(channel.recipe, signals, grid);
-    measure(channel.instrument, &mut values, options, seed, grid);
+    measure(channel.instrument, sensor, &mut values, options, seed, grid);
     if let Availability::Scheduled { cycle_secs, phase_secs, share } = channel.availability {
         for (row, value) in values.iter_mut().enumerate() {
             let into_cycle = (grid.secs(row) + phase_secs) % cycle_secs;
@@ -82,6 +85,7 @@ fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
 /// more). The historian begins every day with a fresh value.
 fn measure(
     instrument: Instrument,
+    sensor: Option<&Timeline<Sensor>>,
     values: &mut [f32],
     options: &PlantOptions,
     seed: Seed,
@@ -99,7 +103,7 @@ fn measure(
     for (row, value) in values.iter_mut().enumerate() {
         let mut exact = f64::from(*value) + from + (to - from) * grid.share(row);
         if noise > 0.0 {
-            exact += noise * rng.normal();
+            exact += noise * noise_factor(sensor, grid.secs(row)) * rng.normal();
         }
         *value = ((exact.clamp(low, high) * per_step).round() * resolution) as f32;
     }
@@ -117,6 +121,11 @@ fn measure(
             *value = shown;
         }
     }
+}
+
+/// Factor on the noise of a sensor at `t`.
+fn noise_factor(sensor: Option<&Timeline<Sensor>>, t: f64) -> f64 {
+    sensor.and_then(|timeline| timeline.at(t)).map_or(1.0, |sensor| sensor.value.noise)
 }
 
 /// The slow drift at the beginning of a day, about −1 to 1: a slow and a faster sine whose periods

@@ -3,6 +3,8 @@ use std::f64::consts::TAU;
 use calib_core::{Rng, Seed};
 
 use crate::{
+    Feed,
+    change::{Feeds, Timeline},
     fluctuation::Fluctuation,
     options::{PlantOptions, SECONDS_PER_DAY, SECONDS_PER_YEAR},
 };
@@ -17,6 +19,7 @@ pub(crate) struct Weather {
     salt: Fluctuation,
     acid: Fluctuation,
     storms: Storms,
+    feeds: Feeds,
     start_secs: f64,
 }
 
@@ -33,12 +36,15 @@ pub(crate) struct Conditions {
     pub(crate) conductivity: f64,
     /// River pH.
     pub(crate) acidity: f64,
+    /// Organic matter in the river, in units of the usual.
+    pub(crate) organics: f64,
     /// Hour of the day, 0 – 24.
     pub(crate) hour: f64,
 }
 
 impl Weather {
-    pub(crate) fn new(options: &PlantOptions, step_secs: f64) -> Self {
+    /// The weather of a plant that takes its water from `feeds`.
+    pub(crate) fn new(options: &PlantOptions, feeds: &Timeline<Feed>, step_secs: f64) -> Self {
         let mut rng = options.seed.child("weather").rng();
         Self {
             warmth: Fluctuation::new(0.7, 2.5 * SECONDS_PER_DAY, step_secs, &mut rng),
@@ -47,6 +53,7 @@ impl Weather {
             salt: Fluctuation::new(18.0, SECONDS_PER_DAY, step_secs, &mut rng),
             acid: Fluctuation::new(0.07, 0.5 * SECONDS_PER_DAY, step_secs, &mut rng),
             storms: Storms::new(options.seed.child("storms"), options.storms_per_day),
+            feeds: Feeds::new(feeds),
             start_secs: options.start.as_micros() as f64 / 1e6,
             rng,
         }
@@ -57,18 +64,32 @@ impl Weather {
         let rng = &mut self.rng;
         let clock = self.start_secs + t;
         let hour = clock.rem_euclid(SECONDS_PER_DAY) / 3600.0;
+        let feed = self.feeds.at(t);
         // Warmest on about 26 July and at 16:00.
-        let year = (TAU * (clock / SECONDS_PER_YEAR - 0.565)).cos();
+        let season = |clock: f64| (TAU * (clock / SECONDS_PER_YEAR - 0.565)).cos();
+        let year = season(clock);
+        let feed_year = season(clock - SECONDS_PER_DAY * feed.season_delay_days);
         let day = (TAU * (hour - 16.0) / 24.0).cos();
-        let river = 6.8 + 5.2 * year + 0.9 * day + self.warmth.step(rng) + self.ripple.step(rng);
-        let turbidity = 0.03 + self.storms.at(t);
+        let river = 6.8
+            + feed.temperature_offset
+            + 5.2 * feed.season * feed_year
+            + 0.9 * day
+            + self.warmth.step(rng)
+            + self.ripple.step(rng);
+        let turbidity = 0.03 * feed.turbidity + feed.storms * self.storms.at(t);
         Conditions {
             river: above_freezing(river),
             air: 15.0 + 4.0 * year + 1.5 * day + self.air.step(rng),
             turbidity,
             // Rain dilutes.
-            conductivity: 310.0 - 25.0 * year - 40.0 * turbidity + self.salt.step(rng),
-            acidity: 7.45 - 0.12 * turbidity + 0.04 * day + self.acid.step(rng),
+            conductivity: 310.0 - 25.0 * feed_year - 40.0 * turbidity
+                + self.salt.step(rng)
+                + feed.conductivity_offset,
+            acidity: 7.45 - 0.12 * turbidity
+                + 0.04 * day
+                + self.acid.step(rng)
+                + feed.acidity_offset,
+            organics: feed.organics,
             hour,
         }
     }
@@ -134,9 +155,10 @@ impl Storms {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::Dated;
 
     fn hourly(options: &PlantOptions, days: usize) -> Vec<Conditions> {
-        let mut weather = Weather::new(options, 3600.0);
+        let mut weather = Weather::new(options, &Timeline::default(), 3600.0);
         (0..days * 24).map(|hour| weather.step(hour as f64 * 3600.0)).collect()
     }
 
@@ -156,6 +178,24 @@ mod tests {
         let swing = at(16.0) - at(4.0);
         assert!((1.2..2.0).contains(&swing), "{swing}");
         assert!(conditions.iter().all(|c| c.river > 0.0));
+    }
+
+    #[test]
+    fn another_feed_comes_in_without_a_jump() {
+        let warm = Feed { blending_days: 2.0, temperature_offset: 3.0, season: 0.5, ..Feed::FIRST };
+        let late = Feed { blending_days: 1.0, season_delay_days: 40.0, ..Feed::FIRST };
+        let feeds = [(10.0, warm), (11.0, late)]
+            .map(|(day, value)| Dated { at: day * SECONDS_PER_DAY, value });
+        let river = |feeds: &Timeline<Feed>| -> Vec<f64> {
+            let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
+            (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()
+        };
+        let (with, without) = (river(&Timeline::new(feeds.to_vec())), river(&Timeline::default()));
+        let shift: Vec<f64> =
+            with.iter().zip(&without).map(|(with, without)| with - without).collect();
+        assert!(shift[..10 * 1440].iter().all(|&shift| shift == 0.0));
+        assert!(shift.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.01));
+        assert!(shift[11 * 1440] > 1.0 && shift[19 * 1440] > 0.5, "{}", shift[19 * 1440]);
     }
 
     #[test]

@@ -37,6 +37,53 @@ pub fn min_max_indices(values: &[f64], max_points: usize) -> Vec<usize> {
     kept
 }
 
+/// Thins a series in time, `values` at `times` (ascending, in any unit), to the first smallest and the first largest finite
+/// value of each of `buckets` equal stretches of the time, in time order; the first and the last value are kept.
+///
+/// Returns places in the series, and `None` where the line breaks: where there is no value for longer than
+/// `longest_step`, or than a stretch, if that is longer.
+///
+/// ```
+/// let times = [0.0, 1.0, 2.0, 50.0, 51.0, 52.0];
+/// let values = [5.0, 7.0, 6.0, 1.0, 1.0, f64::NAN];
+/// let kept = calib_report::min_max_in_time(&times, &values, 100, 1.5);
+/// assert_eq!(kept, [Some(0), Some(1), Some(2), None, Some(3), Some(4)]);
+/// ```
+pub fn min_max_in_time(
+    times: &[f64],
+    values: &[f64],
+    buckets: usize,
+    longest_step: f64,
+) -> Vec<Option<usize>> {
+    let present: Vec<usize> = (0..values.len()).filter(|&at| values[at].is_finite()).collect();
+    let (Some(&first), Some(&last)) = (present.first(), present.last()) else { return Vec::new() };
+    let buckets = buckets.max(1);
+    let length = (times[last] - times[first]) / buckets as f64;
+    let bucket = |at: usize| (((times[at] - times[first]) / length) as usize).min(buckets - 1);
+    let mut kept: Vec<Option<usize>> = vec![Some(first)];
+    let keep = |kept: &mut Vec<Option<usize>>, at: usize| {
+        if kept.last() != Some(&Some(at)) {
+            kept.push(Some(at));
+        }
+    };
+    let mut before = first;
+    for own in present.chunk_by(|&a, &b| bucket(a) == bucket(b)) {
+        // A break inside a stretch is shorter than it.
+        if times[own[0]] - times[before] > longest_step.max(length) {
+            kept.push(None);
+        }
+        let by_value = |a: &&usize, b: &&usize| values[**a].total_cmp(&values[**b]);
+        // Of equals the last is the maximum, so it is looked for from the end.
+        let low = own.iter().min_by(by_value).copied().unwrap_or(first);
+        let high = own.iter().rev().max_by(by_value).copied().unwrap_or(first);
+        keep(&mut kept, low.min(high));
+        keep(&mut kept, low.max(high));
+        before = own[own.len() - 1];
+    }
+    keep(&mut kept, last);
+    kept
+}
+
 /// Indices of the first smallest and the first largest finite value in `start..end`.
 fn extremes(values: &[f64], start: usize, end: usize) -> (usize, usize) {
     let mut found: Option<(usize, usize)> = None;
@@ -75,7 +122,51 @@ mod tests {
         assert!(kept.iter().any(|&i| values[i].is_nan()));
     }
 
+    #[test]
+    fn a_series_without_values_has_no_points() {
+        assert_eq!(min_max_in_time(&[], &[], 10, 1.0), []);
+        assert_eq!(min_max_in_time(&[1.0], &[f64::NAN], 10, 1.0), []);
+        assert_eq!(min_max_in_time(&[1.0], &[3.0], 0, 1.0), [Some(0)]);
+    }
+
     proptest! {
+        #[test]
+        fn extremes_of_every_stretch_survive_and_breaks_are_where_there_is_nothing(
+            steps in prop::collection::vec((1u32..40, -1e3f64..1e3), 1..400), buckets in 1usize..60
+        ) {
+            let times: Vec<f64> = steps
+                .iter()
+                .scan(0.0, |time, (step, _)| { *time += f64::from(*step); Some(*time) })
+                .collect();
+            let values: Vec<f64> = steps.iter().map(|(_, value)| *value).collect();
+            let kept = min_max_in_time(&times, &values, buckets, 20.0);
+            let places: Vec<usize> = kept.iter().flatten().copied().collect();
+            prop_assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!(places.len() <= 2 * buckets + 2);
+            prop_assert_eq!((places[0], *places.last().unwrap()), (0, values.len() - 1));
+            // By the definition, stretch by stretch.
+            let length = (times[values.len() - 1] - times[0]) / buckets as f64;
+            for stretch in 0..buckets {
+                let own: Vec<usize> = (0..values.len())
+                    .filter(|&at| (((times[at] - times[0]) / length) as usize).min(buckets - 1) == stretch)
+                    .collect();
+                for wanted in [f64::min, f64::max] {
+                    let extreme = own.iter().map(|&at| values[at]).reduce(wanted);
+                    let kept = |value: f64| {
+                        own.iter().any(|at| values[*at] == value && places.contains(at))
+                    };
+                    prop_assert!(extreme.is_none_or(kept));
+                }
+            }
+            let limit = length.max(20.0);
+            for pair in kept.windows(3).filter(|of| of[1].is_none()) {
+                let (Some(from), Some(to)) = (pair[0], pair[2]) else { panic!("a break at an end") };
+                prop_assert!(times[to] - times[from] > limit);
+            }
+            let breaks = times.windows(2).filter(|pair| pair[1] - pair[0] > limit).count();
+            prop_assert_eq!(kept.iter().filter(|of| of.is_none()).count(), breaks);
+        }
+
         #[test]
         fn extremes_and_ends_survive_and_the_limit_holds(
             values in prop::collection::vec(-1e3f64..1e3, 1..600), max_points in 0usize..80

@@ -1,6 +1,6 @@
 //! Typed rows to figures and pages: SVG, PNG, HTML. Reads no files.
 //!
-//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
+//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`], [`RecordedFigure`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
 //! - [`Report`]: everything a study found; [`Report::html`] makes one self-contained page of it.
 //! - [`Overview`]: a page of charts and tables on several studies.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
@@ -20,16 +20,17 @@ mod report;
 mod setting;
 
 pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
-pub use downsample::min_max_indices;
+pub use downsample::{min_max_in_time, min_max_indices};
 pub use error::ReportError;
 pub use figures::{
-    ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, RankCurve,
-    RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Trajectory,
+    ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, PeriodUse,
+    RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow, Score,
+    Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
-    Report, Reproduction, Table, TopK, Verdict,
+    Reason, Report, Reproduction, Table, TopK, Verdict, Way,
 };
 pub use setting::Setting;

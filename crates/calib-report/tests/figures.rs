@@ -8,7 +8,7 @@ use calib_report::{
     Dash, Figure, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting, Side,
 };
 use calib_stats::Direction;
-use fixture::{grid, learning, rollout, sensitivity};
+use fixture::{grid, learning, recorded, rollout, sensitivity};
 
 /// Width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {
@@ -225,6 +225,50 @@ fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
         error.contains("PIT300: learning curves, member 0") && error.contains("points"),
         "{error}"
     );
+}
+
+#[test]
+fn recorded_periods_stand_below_each_other_on_one_vertical_axis() {
+    let figure = recorded("PIT300", 200).figure().unwrap();
+    let svg = figure.svg();
+    for heading in
+        ["training: 2022-11-01 00:00 to 2022-11-08 00:00, between -2.23 and 3", "april: "]
+    {
+        assert!(svg.contains(heading), "{heading}");
+    }
+    // 199 minutes from 2022-10-31 23:46:40 on are marked by the half hour.
+    assert!(svg.contains(">00:30<") && svg.contains(">03:00<"), "dates along the axis");
+    assert_eq!(figure.chart().title, "PIT300: recorded in each period");
+    let told = &figure.chart().description;
+    assert!(
+        told.contains("training: 2022-11-01 00:00 to 2022-11-08 00:00, between -2.23 and 3;"),
+        "{told}"
+    );
+    assert!(told.contains("between -1.23 and 4;"), "{told}");
+    let scale = &figure.chart().left.scale;
+    assert!(scale.min < -2.2 && scale.max > 5.0, "all values of all periods: {scale:?}");
+    // A gap breaks the line of the last period in two.
+    let lines =
+        svg.matches("class=\"line ink\"").count() + svg.matches("class=\"line c0\"").count();
+    assert_eq!(lines, 4);
+    let (width, height) = svg_size(&figure);
+    assert!(width == 960 && height > 3 * 110, "{width} x {height}");
+    png_size(&figure.png().unwrap());
+}
+
+#[test]
+fn periods_without_values_are_left_out_and_none_is_an_error() {
+    let mut figure = recorded("PIT300", 200);
+    figure.periods[1].points.clear();
+    figure.periods[2].points.truncate(1);
+    let svg = figure.figure().unwrap().svg();
+    assert!(!svg.contains("april") && !svg.contains("NaN"));
+    for period in &mut figure.periods {
+        period.points.iter_mut().for_each(|point| point.1 = f64::NAN);
+    }
+    insta::assert_snapshot!(figure.figure().unwrap_err().to_string(), @r#"
+figure "PIT300: recorded in each period" has no values; expected at least one
+"#);
 }
 
 #[test]

@@ -52,6 +52,9 @@ fn every_element_is_closed() {
     for figure in report().learning {
         assert_balanced(&figure.figure().unwrap().svg());
     }
+    for figure in report().recorded {
+        assert_balanced(&figure.figure().unwrap().svg());
+    }
     for figure in report().rollouts {
         assert_balanced(&figure.figure().unwrap().svg());
     }
@@ -135,7 +138,7 @@ fn the_page_opens_with_the_verdict() {
     insta::assert_snapshot!(opening.join("\n"), @r"
 Verdict
 Use learning_rate = 1e-4 for PIT300. Do not deploy learning_rate = 0.01 for TIT101: held-out data contradicts it. On held-out data at least one choice diverged; the default would have cost up to 60 % and choosing by log replay would have cost up to 40 %.
-Good: within 5 % of the best
+Good: as good as choosing by the deployment itself
 Use learning_rate = 1e-4 for PIT300.
 ");
 }
@@ -158,7 +161,7 @@ fn what_to_deploy_comes_before_the_cards_and_many_cards_wait_behind_the_table() 
 fn a_report_without_held_out_data_says_so_and_shows_ranks() {
     let mut report = report();
     for verdict in &mut report.verdicts {
-        verdict.online = None;
+        (verdict.online, verdict.grade) = (None, calib_report::Grade::Unchecked);
     }
     for sensitivity in &mut report.sensitivities {
         sensitivity.errors.clear();
@@ -180,6 +183,7 @@ fn an_empty_report_is_still_a_page() {
     report.learning.clear();
     report.rollouts.clear();
     report.rollout_grids.clear();
+    report.recorded.clear();
     report.jumps.clear();
     report.tables.clear();
     report.data = None;
@@ -205,6 +209,7 @@ fn a_report_of_a_papers_size_holds_every_step_and_stays_small() {
     let mut long = fixture::long_rollout();
     long.rollouts = vec![long.rollouts[0].clone(); 5];
     report.rollouts = vec![long; 3];
+    report.recorded = vec![fixture::recorded("PIT300", 1200); 3];
     let html = report.html().unwrap();
     assert_eq!(html.matches("\"packed\":").count(), 18);
     assert!(html.len() < 2_500_000, "{} bytes", html.len());
@@ -215,7 +220,8 @@ fn several_models_stand_beside_each_other() {
     let mut report = report();
     let mut other = report.verdicts[0].clone();
     other.model = "other".to_owned();
-    other.online.as_mut().unwrap().regret = Some(0.9);
+    other.online.as_mut().unwrap().regret =
+        Some(calib_stats::Estimate { value: 0.9, interval: None });
     other.chosen = 1e-3.into();
     // The order of models is no preference.
     report.verdicts.insert(0, other);

@@ -1,4 +1,4 @@
-//! Intervals where observations come in clusters.
+//! Intervals from resamples, and of observations that come in clusters.
 
 use crate::{Interval, StatsError, quantile};
 
@@ -28,9 +28,23 @@ pub fn cluster_interval(
     let mut values = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         drawn.fill_with(|| draw(clusters));
-        values.extend(statistic(&drawn));
+        values.push(statistic(&drawn));
     }
-    if 2 * values.len() <= resamples || values.iter().any(|value| value.is_infinite()) {
+    if values.iter().flatten().any(|value| value.is_infinite()) {
+        return Ok(None);
+    }
+    percentile_interval(&values)
+}
+
+/// From the 0.025 to the 0.975 quantile of what a statistic was in each resample, `None` where it was not defined; an end may be
+/// infinite. `None` where half of the resamples or more are undefined.
+///
+/// # Errors
+///
+/// A value is NaN, or a quantile lies between opposed infinities.
+pub fn percentile_interval(resamples: &[Option<f64>]) -> Result<Option<Interval>, StatsError> {
+    let values: Vec<f64> = resamples.iter().flatten().copied().collect();
+    if 2 * values.len() <= resamples.len() {
         return Ok(None);
     }
     Ok(Some(Interval { low: quantile(&values, 0.025)?, high: quantile(&values, 0.975)? }))

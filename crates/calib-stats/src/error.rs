@@ -53,6 +53,14 @@ pub enum StatsError {
         /// Index of the first infinity.
         index: usize,
     },
+    /// A value is negative where none can be.
+    #[error("{what}[{index}] is negative; expected 0 or more")]
+    Negative {
+        /// Which input.
+        what: &'static str,
+        /// Index of the first negative number.
+        index: usize,
+    },
     /// There are too few numbers.
     #[error("{what} has {got} numbers; expected at least {expected}")]
     TooShort {
@@ -79,6 +87,22 @@ pub enum StatsError {
         /// Length of the input.
         len: usize,
     },
+    /// A number of streams that are worth an independent one, below one.
+    #[error("{got} streams for an independent one make no sense; expected a number from 1")]
+    EffectiveNumber {
+        /// The number.
+        got: f64,
+    },
+    /// A race that no sequential test is for.
+    #[error("{what} of a sequential test is {got}; expected {expected}")]
+    Race {
+        /// Which setting.
+        what: &'static str,
+        /// What it is.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
     /// A probability outside [0, 1].
     #[error("probability {got} is out of range; expected 0 to 1")]
     Probability {
@@ -104,8 +128,15 @@ pub(crate) fn check_pair(
     (what_y, y): (&'static str, &[f64]),
 ) -> Result<(), StatsError> {
     check(what_x, x)?;
-    if y.len() != x.len() {
-        return Err(StatsError::LengthMismatch { what: what_y, expected: x.len(), got: y.len() });
-    }
+    check_length(what_y, y.len(), x.len())?;
     check(what_y, y)
+}
+
+/// Checks that there are as many of `what` as of what it belongs to.
+pub(crate) fn check_length(
+    what: &'static str,
+    got: usize,
+    expected: usize,
+) -> Result<(), StatsError> {
+    if got == expected { Ok(()) } else { Err(StatsError::LengthMismatch { what, expected, got }) }
 }

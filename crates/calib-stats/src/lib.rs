@@ -6,8 +6,14 @@
 //!
 //! - [`Direction`]: whether a lower or a higher score is better.
 //! - [`summarise`]: mean, sample standard deviation and 95 % t-interval over runs.
+//! - [`summarise_clusters`]: the same where runs come in clusters, such as members that start from the same state;
+//!   [`paired_difference`], [`unpaired_difference`], [`error_ratio`]: which of two is smaller.
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`]: the worst-rank rule, with its tie set.
+//! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
+//! - [`geometric_regret`]: what a choice costs over several windows.
+//! - [`hierarchical`]: intervals of regrets, and how often each candidate is chosen, from one resampling of windows, members and runs.
+//! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
@@ -36,31 +42,53 @@
 
 mod agreement;
 mod bootstrap;
+mod clustered;
 mod correlation;
+mod default_choice;
+mod difference;
 mod direction;
 mod diverged;
 mod error;
+mod error_ratio;
+mod estimate;
+mod geometric_regret;
+mod hierarchical;
+mod log_choice;
+mod nested;
 mod one_step;
 mod pooled;
 mod prediction;
 mod quantile;
 mod ranks;
 mod selection;
+mod sequential;
 mod summary;
 mod trajectory;
 
 pub use agreement::{regret, top_k_hit};
-pub use bootstrap::cluster_interval;
+pub use bootstrap::{cluster_interval, percentile_interval};
+pub use clustered::{ClusterSummary, cluster_means, summarise_clusters};
 pub use correlation::{kendall_tau_b, spearman};
+pub use default_choice::{Advantage, DefaultChoice, choose_around_default};
+pub use difference::{Difference, paired_difference, unpaired_difference};
 pub use direction::Direction;
 pub use error::StatsError;
+pub use error_ratio::{ErrorRatio, error_ratio};
+pub use estimate::Estimate;
+pub use geometric_regret::{GeometricRegret, geometric_regret};
+pub use hierarchical::{
+    ChoiceOfResamples, Hierarchical, NumberOfResamples, Statistics, hierarchical,
+};
+pub use log_choice::{LogChoice, choose_by_mean_log};
+pub use nested::{Drawn, Nested, Varies};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use selection::{Selection, select};
-pub use summary::{Interval, Summary, mean, pooled, sample_std, summarise};
+pub use sequential::{Look, SequentialTest};
+pub use summary::{Interval, Summary, mean, sample_std, summarise};
 pub use trajectory::{
     SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, collapse_step, increments,
     spectral_distance, spectrum, usual_lags, usual_segment, wasserstein,

@@ -10,8 +10,10 @@ use crate::error::check;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
+    #[serde(with = "crate::diverged")]
     pub low: f64,
-    /// Upper end.
+    /// Upper end; infinite where divergence is among what is likely (`null` in files for +∞).
+    #[serde(with = "crate::diverged")]
     pub high: f64,
 }
 
@@ -48,28 +50,6 @@ pub fn summarise(runs: &[f64]) -> Result<Summary, StatsError> {
     Ok(Summary { runs: runs.len(), diverged, mean, std, interval })
 }
 
-/// The summary of all runs of several samples, from theirs: the same numbers as those of [`summarise`] over all runs at
-/// once, but for rounding. `None` for no sample.
-///
-/// mean = Σ nᵢ mᵢ / n, (n − 1) std² = Σ ((nᵢ − 1) stdᵢ² + nᵢ (mᵢ − mean)²).
-pub fn pooled(samples: &[Summary]) -> Option<Summary> {
-    let runs: usize = samples.iter().map(|of| of.runs).sum();
-    let diverged = samples.iter().map(|of| of.diverged).sum();
-    if runs == 0 {
-        return None;
-    }
-    let mean = samples.iter().map(|of| of.runs as f64 * of.mean).sum::<f64>() / runs as f64;
-    let std = (runs > 1 && mean.is_finite()).then(|| {
-        let squares = samples.iter().map(|of| {
-            let inside = of.runs.saturating_sub(1) as f64 * of.std.unwrap_or(0.0).powi(2);
-            inside + of.runs as f64 * (of.mean - mean).powi(2)
-        });
-        (squares.sum::<f64>() / (runs - 1) as f64).sqrt()
-    });
-    let interval = std.and_then(|std| t_interval(mean, std, runs));
-    Some(Summary { runs, diverged, mean, std, interval })
-}
-
 /// Arithmetic mean of `values` `[n]`; infinite if any of them is.
 ///
 /// # Errors
@@ -98,10 +78,16 @@ pub fn sample_std(values: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(Some((squares / (values.len() - 1) as f64).sqrt()))
 }
 
-fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
-    let t = StudentsT::new(0.0, 1.0, (n - 1) as f64).ok()?.inverse_cdf(0.975);
-    let half_width = t * std / (n as f64).sqrt();
-    Some(Interval { low: mean - half_width, high: mean + half_width })
+/// The t-interval of the mean of `n` values.
+pub(crate) fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
+    around(mean, std / (n as f64).sqrt(), (n - 1) as f64)
+}
+
+/// `centre` ± t₀.₉₇₅(`freedom`) · `standard_error`.
+pub(crate) fn around(centre: f64, standard_error: f64, freedom: f64) -> Option<Interval> {
+    let t = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(0.975);
+    let half_width = t * standard_error;
+    Some(Interval { low: centre - half_width, high: centre + half_width })
 }
 
 #[cfg(test)]
@@ -125,21 +111,6 @@ mod tests {
         let summary = summarise(&[0.1, f64::INFINITY, 0.2, f64::INFINITY]).unwrap();
         assert_eq!(summary.mean, f64::INFINITY);
         assert_eq!((summary.diverged, summary.std, summary.interval), (2, None, None));
-    }
-
-    #[test]
-    fn samples_together_are_one_sample() {
-        let runs = [0.3, 0.5, 0.1, 0.9, 0.2, 0.7];
-        let parts = [&runs[..1], &runs[1..4], &runs[4..]].map(|part| summarise(part).unwrap());
-        let (all, one) = (pooled(&parts).unwrap(), summarise(&runs).unwrap());
-        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
-        assert_eq!((all.runs, all.diverged), (6, 0));
-        near(all.mean, one.mean);
-        near(all.std.unwrap(), one.std.unwrap());
-        near(all.interval.unwrap().low, one.interval.unwrap().low);
-        assert_eq!(pooled(&[]), None);
-        let diverged = pooled(&[parts[1], summarise(&[f64::INFINITY]).unwrap()]).unwrap();
-        assert_eq!((diverged.mean, diverged.std, diverged.diverged), (f64::INFINITY, None, 1));
     }
 
     #[test]

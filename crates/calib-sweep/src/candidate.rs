@@ -6,25 +6,12 @@ use serde_json::Value;
 
 use crate::{SweepConfig, SweepError, axis::fields, sampling::combinations};
 
-/// Why a candidate is in the sweep.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Role {
-    /// A value of the grid: it can be chosen.
-    Grid,
-    /// The `[agent]` section's own value, absent from the grid: trained Online only,
-    /// so that the verdict can say what keeping the default would cost.
-    Default,
-}
-
 /// One agent of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Position in the sweep; grid order is the last tie-breaker.
     pub index: usize,
-    /// Why it is here.
-    pub role: Role,
-    /// Whether its swept fields equal the `[agent]` section's.
+    /// Whether its swept fields equal the `[agent]` section's. One candidate is always the default: what nobody has to decide.
     pub is_default: bool,
     /// The swept fields and this candidate's values.
     pub values: Vec<(String, Value)>,
@@ -59,7 +46,7 @@ pub fn written(value: &Value) -> String {
 }
 
 /// The candidates of a sweep: combinations of the swept values over the `[agent]` section, in the order of
-/// a grid, and the section's own values last if no combination has them.
+/// a grid, and the section's own values if no combination has them: in their place among the numbers of a single field, else last.
 ///
 /// Values are drawn, where they are drawn, from `seed`.
 ///
@@ -85,20 +72,35 @@ pub fn candidates(
         let values: Vec<(String, Value)> = sweep.grid.keys().cloned().zip(values).collect();
         let with = with_values(agent, &values)?;
         let is_default = with == *agent;
-        all.push(Candidate { index, role: Role::Grid, is_default, values, agent: with });
+        all.push(Candidate { index, is_default, values, agent: with });
     }
     if !all.iter().any(|candidate| candidate.is_default) {
         let own = fields(agent);
         let values = sweep.grid.keys().map(|field| (field.clone(), own[field].clone()));
-        all.push(Candidate {
-            index: all.len(),
-            role: Role::Default,
-            is_default: true,
-            values: values.collect(),
-            agent: agent.clone(),
-        });
+        let values: Vec<(String, Value)> = values.collect();
+        let place = place_of(&values, &all);
+        let agent = agent.clone();
+        all.insert(place, Candidate { index: place, is_default: true, values, agent });
+        for (index, candidate) in all.iter_mut().enumerate() {
+            candidate.index = index;
+        }
     }
     Ok(all)
+}
+
+/// Where the default stands among the others: in its place where one field has increasing numbers, else last.
+fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
+    let number = |values: &[(String, Value)]| match values {
+        [(_, value)] => value.as_f64(),
+        _ => None,
+    };
+    let of_others: Option<Vec<f64>> = others.iter().map(|other| number(&other.values)).collect();
+    match (number(values), of_others) {
+        (Some(own), Some(numbers)) if numbers.is_sorted() => {
+            numbers.partition_point(|&other| other < own)
+        }
+        _ => others.len(),
+    }
 }
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
@@ -142,7 +144,19 @@ mod tests {
         .expect("valid");
         assert_eq!(all.len(), 5);
         assert_eq!(all[1].label(), "gamma = 0.9, learning_rate = 0.01");
-        assert_eq!((all[4].role, all[4].is_default), (Role::Default, true));
+        assert!(all[4].is_default);
+        let between = candidates(&sweep(&[("learning_rate", &[1e-4, 1e-2])]), &agent);
+        let between = between.expect("valid");
+        assert_eq!(
+            between.iter().map(|of| of.is_default).collect::<Vec<_>>(),
+            [false, true, false]
+        );
+        assert_eq!(between.iter().map(|of| of.index).collect::<Vec<_>>(), [0, 1, 2]);
+        let mixed = candidates(&sweep(&[("learning_rate", &[1e-2, 1e-4])]), &agent);
+        assert!(
+            mixed.expect("valid")[2].is_default,
+            "last where the others have an order of their own"
+        );
         let within =
             candidates(&sweep(&[("learning_rate", &[1e-4, 1e-3])]), &agent).expect("valid");
         assert_eq!(within.len(), 2);

@@ -1,9 +1,9 @@
 use std::collections::BTreeMap;
 
-use calib_agent::Scoring;
+use calib_agent::Part;
 use serde::{Deserialize, Serialize};
 
-use crate::{Axis, HalvingConfig, Sampling};
+use crate::{Axis, Sampling};
 
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,43 +14,48 @@ pub struct SweepConfig {
     /// Steps of every stream (default 30000, as in the paper). Shortened to the held-out range
     /// if that is shorter, so that errors in all environments cover equally many steps.
     pub steps: usize,
-    /// Runs of every value on the held-out replay (default 30, as in the paper).
+    /// Runs of every value on held-out data (default 30, as in the paper), dealt to its windows in turn.
     pub online_runs: usize,
+    /// The most windows of the held-out range that are replayed (default 8): as many as fit beside each other.
+    pub online_windows: usize,
     /// Runs of every value in each member (default 10, as in the paper).
     pub member_runs: usize,
     /// Runs of every value on replayed windows of the training range (default 10; 0 leaves it out).
     pub log_replay_runs: usize,
-    /// Which steps count: `final_quarter` (default) or `whole_run`.
-    pub scored: Scored,
+    /// Which steps count (default: [`SweepConfig::part`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scored: Option<Part>,
     /// Points of the learning curve that each run stores (default 50; 0 stores none).
     pub curve_points: usize,
     /// Which combinations of the values are tried: `grid` (default), `random` or `sobol`.
     pub sampling: Sampling,
     /// Combinations that `random` and `sobol` draw (default 20).
     pub samples: usize,
-    /// Drop hopeless values after a few runs of every member (default: none is dropped).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub halving: Option<HalvingConfig>,
+    /// Whether values that are surely worse than the leader make no more runs (default false): see [`Plan::race`](crate::Plan::race).
+    pub race: bool,
+    /// The probability with which the best value may be dropped, at most (default 0.05).
+    pub race_error_rate: f64,
     /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
 
-/// Which steps of a run its error is taken over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Scored {
-    /// Every step whose return is complete.
-    WholeRun,
-    /// The last 25 % of the steps, so that early learning does not dominate.
-    FinalQuarter,
+/// Whether agents have learnt before they are deployed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beginning {
+    /// They begin with random parameters.
+    Scratch,
+    /// They begin with what pre-training left, and are fine-tuned.
+    Pretrained,
 }
 
-impl From<Scored> for Scoring {
-    fn from(scored: Scored) -> Self {
-        match scored {
-            Scored::WholeRun => Self::WholeRun,
-            Scored::FinalQuarter => Self::Final(0.25),
-        }
+impl SweepConfig {
+    /// The part of a run that is scored: what the study says, or else the whole run for agents that begin from scratch, because
+    /// learning is what their deployment consists of, and the final quarter for those that are fine-tuned (the paper).
+    pub fn part(&self, beginning: Beginning) -> Part {
+        self.scored.unwrap_or(match beginning {
+            Beginning::Scratch => Part::WholeRun,
+            Beginning::Pretrained => Part::FinalQuarter,
+        })
     }
 }
 
@@ -61,13 +66,15 @@ impl Default for SweepConfig {
             sensors: Vec::new(),
             steps: 30_000,
             online_runs: 30,
+            online_windows: 8,
             member_runs: 10,
             log_replay_runs: 10,
-            scored: Scored::FinalQuarter,
+            scored: None,
             curve_points: 50,
             sampling: Sampling::Grid,
             samples: 20,
-            halving: None,
+            race: false,
+            race_error_rate: 0.05,
             grid: BTreeMap::from([(
                 "learning_rate".to_owned(),
                 Axis::List(rates.map(Into::into).to_vec()),

@@ -83,11 +83,11 @@ pub enum SweepError {
         /// Different ones found.
         there: usize,
     },
-    /// Values cannot be dropped like this.
-    #[error("sweep.halving: {reason}")]
-    Halving {
-        /// What is wrong.
-        reason: String,
+    /// A race cannot be wrong this often.
+    #[error("sweep.race_error_rate must be above 0 and at most 0.5, got {got}")]
+    RaceErrorRate {
+        /// The rate asked for.
+        got: f64,
     },
     /// A candidate is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
@@ -133,6 +133,14 @@ pub enum SweepError {
         planned: usize,
         /// One of them.
         example: Unit,
+    },
+    /// A run whose scored part has no step with a complete return.
+    #[error(
+        "{unit} has no step to score: gaps or gamma leave none; use longer streams, or score the whole run"
+    )]
+    NothingScored {
+        /// Which run.
+        unit: Unit,
     },
     /// The user asked to stop; finished units are stored.
     #[error("interrupted")]

@@ -8,44 +8,53 @@
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
-//! - [`HalvingConfig`]: hopeless values are dropped after a few runs of every member.
+//! - [`Plan::race`]: values that are surely worse than the leader make no more runs.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
-//! - [`verdict`]: worst ranks over the ensemble, the chosen candidate, its agreement with Online.
+//! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
 
 mod axis;
 mod candidate;
 mod config;
-mod dropped;
 mod environment;
 mod error;
-mod halving;
+mod error_scale;
 mod kept;
 mod pass;
 mod plan;
 mod predicted;
+mod race;
 mod range;
+mod replay;
 mod sampling;
 mod sobol;
+mod span;
 mod store;
 mod unit;
 mod verdict;
+mod windows;
 
 pub use axis::Axis;
-pub use candidate::{Candidate, Role, candidates, written};
-pub use config::{Scored, SweepConfig};
-pub use dropped::Dropped;
+pub use candidate::{Candidate, candidates, written};
+pub use config::{Beginning, SweepConfig};
 pub use environment::{
-    Environment, EnvironmentId, MemberEnvironment, NotFinite, ReplayEnvironment, RolloutOptions,
-    RunStream,
+    Environment, EnvironmentId, MemberEnvironment, NotFinite, RolloutOptions, RunStream,
 };
 pub use error::SweepError;
-pub use halving::HalvingConfig;
+pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;
 pub use pass::Start;
 pub use plan::{Completed, Plan, PlanOptions};
 pub use predicted::PredictedEnvironment;
+pub use race::raced;
 pub use range::{Range, Scale};
+pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;
+pub use span::Span;
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
-pub use verdict::{Agreement, EnvironmentScores, SensorVerdict, told_apart, verdict};
+pub(crate) use verdict::LOWER;
+pub use verdict::{
+    Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, Rule,
+    RuleChoice, SensorVerdict, Share, Truth, WindowTruth, told_apart, verdict,
+};
+pub use windows::{Demand, Windows};

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, train_learners};
 use calib_core::Monitor;
 use calib_files::Fingerprint;
@@ -35,7 +37,7 @@ impl Pass<'_, '_> {
         let first = self.jobs[0];
         let streamed = first.environment.stream(first.unit.run)?;
         if streamed.not_finite.is_some() {
-            monitor.advance(self.options.steps as u64 + 1);
+            monitor.advance(self.options.span.steps as u64);
             return self.put(store, &streamed, RunRow::failed);
         }
         let stream = &streamed.stream;
@@ -52,7 +54,7 @@ impl Pass<'_, '_> {
             .collect();
         let run = Run {
             stream: &**stream,
-            scoring: self.options.scored.into(),
+            steps: self.options.span.steps.min(stream.len().saturating_sub(1)),
             curve: CurveRule { windows: self.options.curve_points },
             seed: first.seed,
         };
@@ -80,7 +82,10 @@ impl Pass<'_, '_> {
         mut row: impl FnMut(usize, usize) -> RunRow,
     ) -> Result<Vec<UnitResult>, SweepError> {
         // A piece of n states has n - 1 steps.
-        let steps = stream.len() - stream.pieces().len();
+        let of = |piece: &Range<usize>| {
+            piece.end.saturating_sub(1).min(self.options.span.steps).saturating_sub(piece.start)
+        };
+        let steps = stream.pieces().iter().map(of).sum();
         let results: Vec<UnitResult> = self
             .jobs
             .iter()

@@ -1,25 +1,23 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use calib_agent::AgentConfig;
+use calib_agent::{AgentConfig, Part};
 use calib_core::{Monitor, Seed};
 use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    Candidate, Environment, EnvironmentId, PlannedUnit, Role, Scored, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN,
-    halving::{Halving, Survivors},
-    pass::Pass,
+    Candidate, Environment, EnvironmentId, PlannedUnit, Span, Start, SweepError, Unit, UnitResult,
+    UnitStore, WORK_BETWEEN, pass::Pass, race::Race,
 };
 
 /// What holds for every unit of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOptions {
-    /// Which steps count.
-    pub scored: Scored,
-    /// Steps of every stream; they measure progress.
-    pub steps: usize,
+    /// The part of a run by which values are dropped, where they are.
+    pub part: Part,
+    /// How long streams are.
+    pub span: Span,
     /// Points of each learning curve.
     pub curve_points: usize,
     /// Root of the agents' seeds.
@@ -36,7 +34,7 @@ pub struct Plan<'a> {
     starts: BTreeMap<String, Start>,
     options: PlanOptions,
     work_between: u64,
-    halving: Option<Halving>,
+    race: Option<Race>,
 }
 
 /// A sweep that is complete.
@@ -56,6 +54,16 @@ fn read(jobs: &[Job<'_>], found: &mut BTreeMap<Unit, UnitResult>, store: &UnitSt
         .filter_map(|job| store.get(&job.unit, &job.key))
         .collect();
     found.extend(read.into_iter().map(|result| (result.unit.clone(), result)));
+}
+
+/// The values that are left after each round of a race, for each sensor.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Survivors(BTreeMap<String, Vec<BTreeSet<usize>>>);
+
+impl Survivors {
+    fn rounds(&self, sensor: &str) -> &[BTreeSet<usize>] {
+        self.0.get(sensor).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// A unit with what is needed to run it.
@@ -78,7 +86,7 @@ impl<'a> Plan<'a> {
         options: PlanOptions,
     ) -> Self {
         let (starts, work_between) = (BTreeMap::new(), WORK_BETWEEN);
-        Self { candidates, environments, sensors, starts, options, work_between, halving: None }
+        Self { candidates, environments, sensors, starts, options, work_between, race: None }
     }
 
     /// The same plan for agents that start from checkpoints, one a sensor.
@@ -96,36 +104,81 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// The same plan that drops values after `rungs` runs of every member; see [`HalvingConfig`](crate::HalvingConfig).
-    #[must_use]
-    pub fn halving(mut self, keep: f64, rungs: Vec<usize>) -> Self {
-        self.halving = Some(Halving { keep, rungs });
-        self
+    /// The same plan as a race, in rounds of one rollout a member and as large a share of the windows of the log: after each, values that are
+    /// surely worse than the leader are dropped, and a sensor makes no more runs once one value is left. Online always trains all values.
+    /// Every run that is made is the one that it would be without the race.
+    ///
+    /// # Errors
+    /// An error rate that is not above 0 and at most 0.5.
+    pub fn race(mut self, error_rate: f64) -> Result<Self, SweepError> {
+        let of = |wanted: fn(EnvironmentId) -> bool| {
+            self.environments.iter().filter(move |environment| wanted(environment.id()))
+        };
+        let is_member = |id| matches!(id, EnvironmentId::Member(_));
+        let members = of(is_member).filter_map(|environment| match environment.id() {
+            EnvironmentId::Member(member) => Some(member),
+            EnvironmentId::Online | EnvironmentId::LogReplay => None,
+        });
+        let rounds = of(is_member).map(|environment| environment.runs()).min().unwrap_or(0);
+        let windows = of(|id| id == EnvironmentId::LogReplay).map(|of| of.runs()).sum();
+        let members = (members.collect(), rounds);
+        let values = self.candidates.len();
+        self.race = Some(Race::new(members, windows, values, self.options.part, error_rate)?);
+        Ok(self)
     }
 
-    /// Units in all.
+    /// Units in all, as many as there can be.
     pub fn count(&self) -> usize {
         let runs: usize = self.environments.iter().map(|environment| environment.runs()).sum();
         runs * self.sensors.len()
     }
 
-    /// Units whose values are known before any has been run, which are all units unless values are
-    /// dropped: sensor by sensor, environment by environment, run by run.
+    /// Units whose values are known before any has been run, which are all units but in a race: sensor by sensor, environment by
+    /// environment, run by run.
     pub fn units(&self) -> Vec<PlannedUnit> {
         let planned = |job: Job<'_>| PlannedUnit { unit: job.unit, key: job.key };
         self.jobs(&Survivors::default()).into_iter().map(planned).collect()
     }
 
     /// The results that `store` has.
-    pub fn stored(&self, store: &UnitStore) -> BTreeMap<Unit, UnitResult> {
+    ///
+    /// # Errors
+    /// If an error that a race decides by is NaN.
+    pub fn stored(&self, store: &UnitStore) -> Result<BTreeMap<Unit, UnitResult>, SweepError> {
         let mut found = BTreeMap::new();
         let mut survivors = Survivors::default();
         loop {
             read(&self.jobs(&survivors), &mut found, store);
-            if !self.decide(&mut survivors, &found) {
-                return found;
+            if !self.decide(&mut survivors, &found)? {
+                return Ok(found);
             }
         }
+    }
+
+    /// Units that have to be run beside `found`; in a race, at most.
+    ///
+    /// # Errors
+    /// As [`stored`](Self::stored).
+    pub fn left(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<usize, SweepError> {
+        Ok(self.missing(found)?.len())
+    }
+
+    /// Units that have to be run beside `found`; in a race, at most.
+    fn missing(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<Vec<Unit>, SweepError> {
+        let mut survivors = Survivors::default();
+        self.decide(&mut survivors, found)?;
+        let mut missing = Vec::new();
+        for (sensor, _) in &self.sensors {
+            for environment in &self.environments {
+                for run in 0..environment.runs() {
+                    let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
+                    if !self.is_spared(&unit, &survivors) && !found.contains_key(&unit) {
+                        missing.push(unit);
+                    }
+                }
+            }
+        }
+        Ok(missing)
     }
 
     /// Run what `store` lacks; see [`complete`](Self::complete).
@@ -137,7 +190,7 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
-        Ok(self.complete(self.stored(store), store, monitor)?.results)
+        Ok(self.complete(self.stored(store)?, store, monitor)?.results)
     }
 
     /// Run the units that have no result in `stored`, in parallel, put their results in `store`, and return
@@ -155,20 +208,20 @@ impl<'a> Plan<'a> {
         monitor: &dyn Monitor,
     ) -> Result<Completed, SweepError> {
         let (mut found, mut ran) = (stored, 0);
-        // Agents count the states of a stream: one more than its steps.
-        monitor.begin("training", (self.passes(&found) * (self.options.steps + 1)) as u64);
+        let mut left = self.passes(&found)?;
+        monitor.begin("training", (left * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
-            // Values of later runs were not known before; what is stored of them is not run again.
-            let before = self.passes(&found);
+            // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
             read(&jobs, &mut found, store);
-            let spared = before - self.passes(&found);
-            monitor.advance((spared * (self.options.steps + 1)) as u64);
+            let now = self.passes(&found)?;
+            monitor.advance(((left - now) * self.options.span.steps) as u64);
             let trained = self.train(&jobs, &found, store, monitor)?;
             ran += trained.len();
+            left = now - Self::passes_of(&trained);
             found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
-            if !self.decide(&mut survivors, &found) {
+            if !self.decide(&mut survivors, &found)? {
                 store.forget_unfinished();
                 let results = jobs.iter().filter_map(|job| found.remove(&job.unit)).collect();
                 return Ok(Completed { results, ran });
@@ -176,17 +229,20 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Passes over streams that are still to be made beside `found`: sensors share those of a run.
-    pub fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> usize {
-        let lacks = |&(environment, run): &(EnvironmentId, usize)| {
-            let unit = |sensor: &String| Unit { sensor: sensor.clone(), environment, run };
-            self.sensors.iter().any(|(sensor, _)| !found.contains_key(&unit(sensor)))
-        };
-        let runs = self
-            .environments
-            .iter()
-            .flat_map(|environment| (0..environment.runs()).map(|run| (environment.id(), run)));
-        runs.filter(lacks).count()
+    /// Passes over streams that are still to be made beside `found`, in a race at most: sensors share those of a run.
+    ///
+    /// # Errors
+    /// As [`stored`](Self::stored).
+    pub fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<usize, SweepError> {
+        Ok(Self::passes_over(self.missing(found)?.iter()))
+    }
+
+    fn passes_of(results: &[UnitResult]) -> usize {
+        Self::passes_over(results.iter().map(|result| &result.unit))
+    }
+
+    fn passes_over<'u>(units: impl Iterator<Item = &'u Unit>) -> usize {
+        units.map(|unit| (unit.environment, unit.run)).collect::<BTreeSet<_>>().len()
     }
 
     /// Run those of `jobs` that have no result, in parallel.
@@ -217,31 +273,31 @@ impl<'a> Plan<'a> {
     }
 
     /// Decide what the results allow to decide; whether that was anything.
-    fn decide(&self, survivors: &mut Survivors, found: &BTreeMap<Unit, UnitResult>) -> bool {
-        let Some(halving) = &self.halving else { return false };
-        let members: Vec<usize> = self
-            .environments
-            .iter()
-            .filter_map(|environment| match environment.id() {
-                EnvironmentId::Member(member) => Some(member),
-                EnvironmentId::Online | EnvironmentId::LogReplay => None,
-            })
-            .collect();
+    fn decide(
+        &self,
+        survivors: &mut Survivors,
+        found: &BTreeMap<Unit, UnitResult>,
+    ) -> Result<bool, SweepError> {
+        let Some(race) = &self.race else { return Ok(false) };
         let mut decided = false;
         for (sensor, _) in &self.sensors {
-            decided |= survivors.decide(halving, sensor, &members, found);
+            let after = race.survivors(sensor, found)?;
+            decided |= after.len() > survivors.rounds(sensor).len();
+            survivors.0.insert(sensor.clone(), after);
         }
-        decided
+        Ok(decided)
     }
 
-    /// Rungs that have been passed before `run` of a member.
-    fn rungs_before(&self, environment: EnvironmentId, run: usize) -> usize {
-        match (&self.halving, environment) {
-            (Some(halving), EnvironmentId::Member(_)) => {
-                halving.rungs.iter().filter(|&&rung| rung <= run).count()
-            }
-            _ => 0,
-        }
+    /// The round of the race before that of a unit; none if it is made whatever happens.
+    fn round_before(&self, unit: &Unit) -> Option<usize> {
+        self.race.as_ref()?.round(unit.environment, unit.run)?.checked_sub(1)
+    }
+
+    /// Whether one value is left before the round of a unit.
+    fn is_spared(&self, unit: &Unit, survivors: &Survivors) -> bool {
+        let rounds = survivors.rounds(&unit.sensor);
+        let over = |round: usize| rounds.iter().take(round + 1).any(|left| left.len() < 2);
+        self.round_before(unit).is_some_and(over)
     }
 
     /// The units whose values are known when `survivors` are.
@@ -249,22 +305,22 @@ impl<'a> Plan<'a> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
-                let inputs = environment.inputs();
                 for run in 0..environment.runs() {
-                    let rungs = self.rungs_before(environment.id(), run);
-                    if rungs > survivors.decided(sensor) {
+                    let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
+                    let before = self.round_before(&unit);
+                    let rounds = survivors.rounds(sensor);
+                    if self.is_spared(&unit, survivors)
+                        || before.is_some_and(|round| round >= rounds.len())
+                    {
                         continue;
                     }
+                    let left = before.map(|round| &rounds[round]);
                     let agents: Vec<&Candidate> = self
                         .candidates
                         .iter()
-                        .filter(|candidate| {
-                            candidate.role == Role::Grid
-                                || environment.id() == EnvironmentId::Online
-                        })
-                        .filter(|candidate| survivors.contains(sensor, rungs, candidate.index))
+                        .filter(|candidate| left.is_none_or(|left| left.contains(&candidate.index)))
                         .collect();
-                    let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
+                    let inputs = environment.inputs(run);
                     let seed =
                         self.options.seed.child(&environment.id().to_string()).number(run as u64);
                     let start = self.starts.get(sensor);
@@ -292,8 +348,7 @@ impl<'a> Plan<'a> {
             unit: &'k Unit,
             column: usize,
             agents: Vec<(usize, &'k AgentConfig)>,
-            scored: Scored,
-            steps: usize,
+            span: Span,
             curve_points: usize,
             seed: Seed,
             inputs: &'k Fingerprint,
@@ -301,12 +356,11 @@ impl<'a> Plan<'a> {
             start: Option<&'k Fingerprint>,
         }
         let key = Key {
-            format: 3,
+            format: 4,
             unit,
             column,
             agents: agents.iter().map(|agent| (agent.index, &agent.agent)).collect(),
-            scored: self.options.scored,
-            steps: self.options.steps,
+            span: self.options.span,
             curve_points: self.options.curve_points,
             seed,
             inputs,

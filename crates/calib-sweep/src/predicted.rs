@@ -6,7 +6,7 @@ use calib_dynamics::{
 };
 use calib_files::Fingerprint;
 
-use crate::{Environment, EnvironmentId, NotFinite, RunStream, SweepError};
+use crate::{Environment, EnvironmentId, NotFinite, RunStream, Span, SweepError};
 
 /// The rollouts of runs that step together, or why there are none.
 type Predicted = Result<Vec<Arc<Prediction>>, Arc<DynamicsError>>;
@@ -20,13 +20,13 @@ pub struct PredictedEnvironment<'a> {
     model: &'a dyn Dynamics,
     frames: &'a Frames,
     starts: Vec<RowIndex>,
-    steps: usize,
+    span: Span,
     inputs: Fingerprint,
     together: Vec<OnceLock<Predicted>>,
 }
 
 impl<'a> PredictedEnvironment<'a> {
-    /// `model` rolled out from each of `starts`, rows of `frames`, for `steps` steps. `inputs` is the fingerprint of the
+    /// `model` rolled out from each of `starts`, rows of `frames`, for the states of `span`. `inputs` is the fingerprint of the
     /// model and the start rows.
     ///
     /// # Errors
@@ -35,7 +35,7 @@ impl<'a> PredictedEnvironment<'a> {
         model: &'a dyn Dynamics,
         frames: &'a Frames,
         starts: Vec<RowIndex>,
-        steps: usize,
+        span: Span,
         inputs: Fingerprint,
     ) -> Result<Self, SweepError> {
         let (columns, states) = (model.columns(), frames.states().columns());
@@ -44,7 +44,7 @@ impl<'a> PredictedEnvironment<'a> {
             return Err(SweepError::Dynamics(Arc::new(DynamicsError::Weights { reason })));
         }
         let together = (0..starts.len().div_ceil(LANES)).map(|_| OnceLock::new()).collect();
-        Ok(Self { model, frames, starts, steps, inputs, together })
+        Ok(Self { model, frames, starts, span, inputs, together })
     }
 }
 
@@ -57,7 +57,7 @@ impl Environment for PredictedEnvironment<'_> {
         self.starts.len()
     }
 
-    fn inputs(&self) -> Fingerprint {
+    fn inputs(&self, _run: usize) -> Fingerprint {
         self.inputs.clone()
     }
 
@@ -68,9 +68,16 @@ impl Environment for PredictedEnvironment<'_> {
             let first = lockstep * LANES;
             let starts = &self.starts[first..self.starts.len().min(first + LANES)];
             let (states, segments) = (self.frames.states(), self.frames.segments());
-            predict_in_lockstep(self.model, states, segments, starts, self.steps, &Silent)
-                .map(|rollouts| rollouts.into_iter().map(Arc::new).collect())
-                .map_err(Arc::new)
+            predict_in_lockstep(
+                self.model,
+                states,
+                segments,
+                starts,
+                self.span.states() - 1,
+                &Silent,
+            )
+            .map(|rollouts| rollouts.into_iter().map(Arc::new).collect())
+            .map_err(Arc::new)
         });
         let predicted = predicted.as_ref().map_err(|error| SweepError::Dynamics(error.clone()))?;
         let prediction = predicted[run % LANES].clone();
@@ -107,8 +114,9 @@ mod tests {
         let frames = Frames::new(timestamps, segments.clone(), states.clone()).expect("valid");
         let starts: Vec<RowIndex> = (0..20).map(|run| RowIndex::new(run * 7)).collect();
         let inputs = Fingerprint::of(b"model");
+        let span = Span { steps: 30, tail: 1 };
         let environment =
-            PredictedEnvironment::new(&model, &frames, starts.clone(), 30, inputs).expect("fits");
+            PredictedEnvironment::new(&model, &frames, starts.clone(), span, inputs).expect("fits");
         let expected = predict(&model, &states, &segments, &starts, 30, &Silent).expect("it runs");
         assert_eq!((environment.runs(), environment.id()), (20, EnvironmentId::Member(0)));
         for run in [19, 0, 7, 19] {

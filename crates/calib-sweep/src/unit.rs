@@ -1,6 +1,6 @@
 use std::fmt;
 
-use calib_agent::RunOutcome;
+use calib_agent::{Part, RunOutcome, Scores};
 use serde::{Deserialize, Serialize};
 
 use crate::{EnvironmentId, NotFinite};
@@ -49,30 +49,17 @@ pub struct UnitResult {
     pub rows: Vec<RunRow>,
 }
 
-/// The result of one run of one candidate. Errors of a diverged run are infinite.
+/// The result of one run of one candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunRow {
     /// Position of the candidate in the sweep.
     pub candidate: usize,
-    /// Steps of the stream.
+    /// Steps of the run, between which nothing is missing.
     pub steps: usize,
-    /// Steps that were scored.
-    pub scored_steps: usize,
     /// Mini-batch or online updates.
     pub updates: u64,
-    /// Root mean squared error between predictions and returns, in normalised units.
-    #[serde(with = "infinite")]
-    pub rmse: f64,
-    /// RMSE / |mean return|.
-    #[serde(with = "infinite")]
-    pub nrmse: f64,
-    /// RMSE / standard deviation of the returns.
-    #[serde(with = "infinite")]
-    pub rmse_over_std: f64,
-    /// Mean return over the scored steps.
-    pub mean_return: f64,
-    /// Standard deviation of the returns over the scored steps.
-    pub return_std: f64,
+    /// Errors over each part of the run, in normalised units.
+    pub scores: Scores,
     /// Step at which a value ceased to be finite: of the agent, or of the rollout that it should have learnt from.
     pub diverged_at: Option<usize>,
     /// The learning curve.
@@ -109,13 +96,8 @@ impl RunRow {
         Self {
             candidate,
             steps,
-            scored_steps: 0,
             updates: 0,
-            rmse: f64::INFINITY,
-            nrmse: f64::INFINITY,
-            rmse_over_std: f64::INFINITY,
-            mean_return: 0.0,
-            return_std: 0.0,
+            scores: Scores::default(),
             diverged_at: Some(steps),
             curve: Vec::new(),
         }
@@ -127,15 +109,18 @@ impl RunRow {
         Self {
             candidate,
             steps,
-            scored_steps: outcome.scored_steps,
             updates: outcome.updates,
-            rmse: outcome.rmse,
-            nrmse: outcome.nrmse,
-            rmse_over_std: outcome.rmse_over_std,
-            mean_return: outcome.mean_return,
-            return_std: outcome.return_std,
+            scores: outcome.scores,
             diverged_at: outcome.diverged,
             curve: outcome.curve.into_iter().map(point).collect(),
+        }
+    }
+
+    /// RMSE over one part, in normalised units: +∞ if the run diverged, none if no step of the part can be scored.
+    pub fn rmse(&self, part: Part) -> Option<f64> {
+        match self.diverged_at {
+            Some(_) => Some(f64::INFINITY),
+            None => Some(self.scores.of(part)?.rmse),
         }
     }
 }

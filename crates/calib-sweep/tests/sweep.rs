@@ -6,7 +6,7 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use calib_agent::{AgentConfig, Checkpoint, ValueFunction};
+use calib_agent::{AgentConfig, Checkpoint, Part, ReturnMoments, ValueFunction};
 use calib_core::{
     Frames, Monitor, RowIndex, Seed, Segments, Silent, States, Timestamp, Transitions,
 };
@@ -15,9 +15,10 @@ use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_rollout::{StartSource, start_states};
 use calib_sweep::{
-    Candidate, Environment, EnvironmentId, MemberEnvironment, NotFinite, Plan, PlanOptions,
-    PlannedUnit, PredictedEnvironment, ReplayEnvironment, Role, RolloutOptions, Scored, Start,
-    SweepConfig, SweepError, UnitStore, candidates, verdict,
+    Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
+    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, PredictedEnvironment,
+    ReplayEnvironment, RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError,
+    UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -30,6 +31,15 @@ fn frames(rows: usize) -> Frames {
     let segments = Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid");
     Frames::new(timestamps, segments, States::new(values.collect(), rows, 2).expect("valid"))
         .expect("valid")
+}
+
+/// 600 steps, and what follows so that returns of γ = 0.8 are complete.
+fn span() -> Span {
+    Span::new(600, [0.8])
+}
+
+fn demand(span: Span) -> Demand {
+    Demand { span, gamma: 0.8, part: Part::WholeRun }
 }
 
 struct Study {
@@ -49,7 +59,7 @@ impl Study {
             ..AgentConfig::default()
         };
         // 1e38 leaves single precision within a few steps.
-        let grid = [1e-5, 1e-2, 1e38].map(serde_json::Value::from).to_vec();
+        let grid = [1e-5, 5e-2, 1e38].map(serde_json::Value::from).to_vec();
         let config = SweepConfig {
             grid: BTreeMap::from([("learning_rate".to_owned(), grid.into())]),
             ..SweepConfig::default()
@@ -63,7 +73,7 @@ impl Study {
         )
         .expect("built");
         let candidates = candidates(&config, &agent, Seed::new(1)).expect("valid");
-        Self { train, held_out: frames(700), model, candidates }
+        Self { train, held_out: frames(1300), model, candidates }
     }
 
     fn units(&self, seed: u64) -> Vec<PlannedUnit> {
@@ -73,23 +83,20 @@ impl Study {
     }
 
     fn with_plan<T>(&self, seed: u64, then: impl FnOnce(Plan<'_>) -> T) -> T {
-        self.with_halving(seed, None, then)
+        self.with_runs(seed, 2, then)
     }
 
-    fn with_halving<T>(
-        &self,
-        seed: u64,
-        halving: Option<(f64, Vec<usize>)>,
-        then: impl FnOnce(Plan<'_>) -> T,
-    ) -> T {
+    /// As many runs of each member, and as many windows of the log.
+    fn with_runs<T>(&self, seed: u64, runs: usize, then: impl FnOnce(Plan<'_>) -> T) -> T {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
             .map(|member| {
                 let member = self.model.member(member);
-                let starts = start_states(&member, StartSource::Random, 2, seed).expect("starts");
+                let starts =
+                    start_states(&member, StartSource::Random, runs, seed).expect("starts");
                 let options = RolloutOptions {
-                    steps: 600,
+                    span: span(),
                     weights: Weights::Linear,
                     seed,
                     inputs: inputs.clone(),
@@ -97,19 +104,16 @@ impl Study {
                 MemberEnvironment::new(member, self.train.states(), starts, options)
             })
             .collect();
-        let online = ReplayEnvironment::online(&self.held_out, 600, 3, inputs.clone());
-        let replay = ReplayEnvironment::log_replay(&self.train, 600, 2, seed, inputs.clone());
+        let windows = Windows::held_out(self.held_out.segments(), demand(span()), 2);
+        let online = ReplayEnvironment::online(&self.held_out, windows, 4, inputs.clone());
+        let windows = Windows::log(self.train.segments(), demand(span()), runs);
+        let replay = ReplayEnvironment::log_replay(&self.train, windows, inputs.clone());
         let mut environments: Vec<&dyn Environment> =
             members.iter().map(|member| member as &dyn Environment).collect();
         environments.extend([&online as &dyn Environment, &replay]);
-        let options =
-            PlanOptions { scored: Scored::FinalQuarter, steps: 600, curve_points: 10, seed };
+        let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed };
         let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-        let plan = Plan::new(&self.candidates, environments, sensors, options);
-        match halving {
-            Some((keep, rungs)) => then(plan.halving(keep, rungs)),
-            None => then(plan),
-        }
+        then(Plan::new(&self.candidates, environments, sensors, options))
     }
 }
 
@@ -155,7 +159,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
 
     // Another seed is another sweep: nothing of the old one counts.
     let other = study.units(2);
-    assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 22, .. })));
+    assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 24, .. })));
 }
 
 #[test]
@@ -164,38 +168,77 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     let directory = tempfile::tempdir().expect("a directory");
     let store = UnitStore::new(directory.path().to_owned());
     let results = study.with_plan(1, |plan| plan.run(&store, &Silent).expect("runs"));
-    let verdict = verdict("A", &study.candidates, &results, 1).expect("judged");
+    let verdict = judged(&study, &results);
     assert_eq!(verdict.members.len(), 3);
-    assert_eq!(verdict.selection.chosen, 1, "{:?}", verdict.selection);
-    assert_eq!(verdict.selection.worst_ranks.len(), 3, "only the grid can be chosen");
-    assert!(verdict.selection.mean_errors[2].is_infinite(), "1e38 diverges");
-    let online = verdict.online.as_ref().expect("a held-out range");
-    assert_eq!(online.candidates.len(), 4, "the default is trained Online as well");
-    assert_eq!(online.candidates[1].runs, 3);
-    let model = verdict.model_agreement.expect("a held-out range");
-    let best = online.candidates.iter().map(|summary| summary.mean).fold(f64::INFINITY, f64::min);
-    let expected = (online.candidates[1].mean - best) / best;
-    assert_eq!((model.chosen, model.regret), (1, Some(expected)));
-    assert_eq!(online.rmse_over_std.len(), 4);
-    assert!(model.spearman.expect("three values") > 0.9);
-    let default = verdict.default_agreement.expect("a default");
-    assert_eq!((default.chosen, study.candidates[3].role), (3, Role::Default));
+    assert_eq!(verdict.selection.chosen, 2, "{:?}", verdict.selection);
+    assert_eq!(verdict.chosen, 2);
+    assert_eq!(verdict.selection.worst_ranks.len(), 4, "the default can be chosen as well");
+    assert!(verdict.selection.mean_errors[3].is_infinite(), "1e38 diverges");
+    let truth = verdict.truth.as_ref().expect("a held-out range");
+    assert_eq!((truth.scores.streams, truth.scores.runs), (2, 4));
+    assert_eq!(truth.scores.candidates[2].runs, 2, "a window is the unit");
+    assert_eq!(
+        truth.windows.iter().map(|window| window.scored_steps).collect::<Vec<_>>(),
+        [579, 600]
+    );
+    assert_eq!((truth.best, truth.choice.chosen), (Some(2), 2));
+    let regret = truth.choice.regret.expect("known");
+    assert_eq!((regret.value, regret.interval.expect("finite").high), (0.0, 0.0));
+    assert!(truth.choice.spearman.expect("four values") > 0.9);
+    assert!(truth.scores.skill[2].expect("learnt") > 0.0);
+    let cost = |baseline| {
+        let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
+        (own.chosen, own.regret.map(|regret| regret.value))
+    };
+    assert_eq!(cost(Baseline::Hindsight), (Some(2), Some(0.0)));
+    assert_eq!(cost(Baseline::AnotherWindow), (None, Some(0.0)));
+    assert_eq!(cost(Baseline::Random), (None, Some(f64::INFINITY)), "one of four diverges");
+    let (default, default_regret) = cost(Baseline::Default);
+    assert!(study.candidates[default.expect("one")].is_default);
+    assert!(default_regret > Some(0.0));
+    assert!(truth.choice.against_default.expect("another").value < 1.0);
+    assert_eq!(verdict.grade, Grade::Good);
+    assert_eq!((verdict.stability[0].candidate, verdict.stability[0].share), (2, 1.0));
     assert!(verdict.warnings.iter().any(|warning| warning.contains("diverged")));
 }
 
+/// By the paper's rule, over the whole run.
+fn judged(study: &Study, results: &[UnitResult]) -> SensorVerdict {
+    let replay =
+        calib_core::RowStream::replay(study.train.states().clone(), study.train.segments());
+    let returns = ReturnMoments::of(&replay, 0, 0.8);
+    let scales = [ErrorScale { sensor: "A".to_owned(), gamma: 0.8, returns }];
+    let judging = Judging {
+        part: Part::WholeRun,
+        rule: Rule::WorstRank,
+        top_k: 1,
+        scales: &scales,
+        resamples: 200,
+        seed: Seed::new(1),
+    };
+    verdict("A", &study.candidates, results, &judging).expect("judged")
+}
+
 #[test]
-fn log_replay_windows_differ_and_online_ones_do_not() {
+fn runs_are_dealt_to_windows() {
     let train = frames(900);
     let inputs = Fingerprint::of(b"data");
-    let replay = ReplayEnvironment::log_replay(&train, 300, 4, Seed::new(3), inputs.clone());
     let start = |environment: &ReplayEnvironment<'_>, run| {
-        environment.stream(run).expect("a stream").start_row
+        environment.stream(run).expect("a stream").start_row.get()
     };
-    let starts: Vec<_> = (0..4).map(|run| start(&replay, run)).collect();
-    assert!(starts.windows(2).any(|pair| pair[0] != pair[1]), "{starts:?}");
-    assert!(starts.iter().all(|row| row.get() + 301 <= 900));
-    let online = ReplayEnvironment::online(&train, 5000, 2, inputs);
-    assert_eq!(start(&online, 0), start(&online, 1));
+    let demand = demand(Span::new(300, [0.8]));
+    let windows = Windows::log(train.segments(), demand, 3);
+    let replay = ReplayEnvironment::log_replay(&train, windows, inputs.clone());
+    assert_eq!([0, 1, 2].map(|run| start(&replay, run)), [579, 290, 0], "the latest first");
+    assert_ne!(replay.inputs(0), replay.inputs(1), "another window is another input");
+    let windows = Windows::held_out(train.segments(), demand, 8);
+    let online = ReplayEnvironment::online(&train, windows, 5, inputs.clone());
+    assert_eq!([0, 1, 2, 3, 4].map(|run| start(&online, run)), [0, 579, 0, 579, 0]);
+    assert_eq!(online.inputs(0), online.inputs(2));
+    // All there is, where no window fits.
+    let demand = self::demand(Span::new(5000, [0.8]));
+    let windows = Windows::held_out(train.segments(), demand, 8);
+    let online = ReplayEnvironment::online(&train, windows, 2, inputs);
     let stream = online.stream(0).expect("a stream").stream;
     assert_eq!((stream.len(), stream.pieces()), (900, &[0..300, 300..900][..]));
     assert_eq!(online.id(), EnvironmentId::Online);
@@ -261,45 +304,61 @@ fn agents_start_from_checkpoints() {
 }
 
 #[test]
-fn halving_is_the_whole_sweep_with_runs_left_out() {
+fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let whole = study.with_plan(1, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
-    let halved = |store: &UnitStore| {
-        let halving = Some((0.5, vec![1]));
-        study.with_halving(1, halving, |plan| plan.run(store, &Silent).expect("runs"))
+    let runs = 4;
+    let whole = study.with_runs(1, runs, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
+    let race = |store: &UnitStore| {
+        study.with_runs(1, runs, |plan| {
+            let plan = plan.race(0.05).expect("a rate");
+            let completed =
+                plan.complete(plan.stored(store).expect("read"), store, &Silent).expect("runs");
+            let stored = plan.stored(store).expect("read");
+            assert_eq!((plan.left(&stored), plan.passes(&stored)).0.expect("counted"), 0);
+            completed.results
+        })
     };
     let (one, four) = (store("one"), store("four"));
-    let alone = in_pool(1, || halved(&one));
-    assert_eq!(alone, in_pool(4, || halved(&four)));
-    assert_eq!(alone.len(), whole.len());
+    let alone = in_pool(1, || race(&one));
+    assert_eq!(alone, in_pool(4, || race(&four)));
 
-    // Of three values two go on: the one that diverges is dropped after the first run of each member.
-    for (part, all) in alone.iter().zip(&whole) {
-        assert_eq!(part.unit, all.unit);
-        let member = matches!(part.unit.environment, EnvironmentId::Member(_));
-        let left = if member && part.unit.run >= 1 { 2 } else { all.rows.len() };
-        assert_eq!(part.rows, all.rows[..left], "{}", part.unit);
+    // The value that diverges is dropped after the first round, the slow ones when that is sure; runs that are made are the same.
+    let expected = raced(&whole, 4, Part::WholeRun, 0.05).expect("finite");
+    assert_eq!(alone.len(), expected.len());
+    for (made, expected) in alone.iter().zip(&expected) {
+        assert_eq!((&made.unit, &made.rows), (&expected.unit, &expected.rows), "{}", made.unit);
     }
-    let judged = verdict("A", &study.candidates, &alone, 1).expect("judged");
-    let dropped: Vec<_> =
-        judged.dropped.iter().map(|of| (of.candidate, of.runs, of.of_runs)).collect();
-    assert_eq!(dropped, [(2, 1, 2)]);
-    assert_eq!(judged.selection.worst_ranks[2], 3);
-    assert_eq!(judged.selection.chosen, 1);
-    assert!(judged.warnings.iter().any(|text| text.contains("halving dropped 1 of 3 values")));
-    let of_whole = verdict("A", &study.candidates, &whole, 1).expect("judged");
-    assert!(of_whole.dropped.is_empty());
-    assert_eq!(judged.online, of_whole.online, "held-out data has judged all values");
+    let rows = |results: &[UnitResult]| results.iter().map(|of| of.rows.len()).sum::<usize>();
+    assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
+    let left = |run: usize| {
+        let unit = |result: &&UnitResult| {
+            result.unit.sensor == "A"
+                && result.unit.environment == EnvironmentId::Member(1)
+                && result.unit.run == run
+        };
+        alone.iter().find(unit).map(|result| result.rows.len())
+    };
+    assert_eq!(left(0), Some(4));
+    assert!(left(1) < Some(4), "1e38 has diverged");
 
-    // A unit of the first rung lost: it is run again, and nothing else.
+    let judged_race = judged(&study, &alone);
+    let of_whole = judged(&study, &whole);
+    assert_eq!(judged_race.chosen, of_whole.chosen);
+    assert!(judged_race.dropped.iter().any(|of| (of.candidate, of.runs) == (3, 1)));
+    assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
+    assert!(of_whole.dropped.is_empty());
+    let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
+    assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all values");
+
+    // A unit of the first round lost: it is run again, and nothing else.
     let lost = one.directory().join("A/member-1/run-0000.json");
-    let later = one.directory().join("A/member-1/run-0001.json");
+    let later = one.directory().join("A/member-2/run-0000.json");
     fs::remove_file(lost).expect("was there");
     let written = || fs::metadata(&later).and_then(|of| of.modified()).expect("there");
     let before = written();
-    assert_eq!(halved(&one), alone);
+    assert_eq!(race(&one), alone);
     assert_eq!(written(), before);
 }
 
@@ -341,9 +400,9 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let starts = vec![RowIndex::new(6), RowIndex::new(18)];
     let inputs = Fingerprint::of(b"model");
     let environment =
-        PredictedEnvironment::new(&Tenfold, &study.train, starts, 600, inputs).expect("fits");
+        PredictedEnvironment::new(&Tenfold, &study.train, starts, span(), inputs).expect("fits");
     let options =
-        PlanOptions { scored: Scored::WholeRun, steps: 600, curve_points: 10, seed: Seed::new(1) };
+        PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
     let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
     let plan = Plan::new(&study.candidates, vec![&environment], sensors, options);
     let directory = tempfile::tempdir().expect("a directory");
@@ -355,19 +414,23 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
         // 9e37 at step 38.
         let expected = failed.then_some(NotFinite { step: 39, column: 0 });
         assert_eq!(result.not_finite, expected, "{}", result.unit);
-        assert_eq!(result.rows.len(), 3, "all values of the grid");
-        let infinite = result.rows.iter().filter(|row| row.nrmse.is_infinite()).count();
+        assert_eq!(result.rows.len(), 4, "all values");
+        let diverged =
+            result.rows.iter().filter(|row| row.rmse(Part::WholeRun) == Some(f64::INFINITY));
         // The third value diverges by itself.
-        assert_eq!(infinite, if failed { 3 } else { 1 }, "{}", result.unit);
+        assert_eq!(diverged.count(), if failed { 4 } else { 1 }, "{}", result.unit);
         assert!(result.rows.iter().all(|row| row.steps == if failed { 38 } else { 600 }));
     }
     assert_eq!(plan.run(&store, &Silent).expect("stored"), results, "the reason is kept");
-    let verdict = verdict("A", &study.candidates, &results, 1).expect("judged");
+    let verdict = judged(&study, &results);
     assert!(verdict.selection.mean_errors.iter().all(|error| error.is_infinite()));
     assert!(
-        verdict.warnings.iter().any(|told| told.contains("left the finite numbers in 1 of 2 runs")),
+        verdict
+            .warnings
+            .iter()
+            .any(|told| told.contains("diverged to infinity or NaN in 1 of 2 runs")),
         "{:?}",
         verdict.warnings
     );
-    assert!(verdict.warnings.iter().any(|told| told.contains("1 of 6 runs diverged")));
+    assert!(verdict.warnings.iter().any(|told| told.contains("1 of 8 runs diverged")));
 }

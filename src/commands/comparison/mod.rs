@@ -2,27 +2,35 @@
 
 mod files;
 mod measures;
+mod pair;
+mod paired;
 mod pooled;
 mod show;
+mod summary;
+mod tables;
 
-use calib_core::Monitor as _;
-use calib_dtw::{ByPattern, PatternSet, Settings, StepPattern};
+use calib_core::{Monitor as _, Timestamp};
+use calib_dtw::{PatternSet, Settings, StepPattern};
 use calib_rollout::Wanted;
-use calib_stats::{Summary, summarise};
+use calib_stats::ClusterSummary;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
     model_files::OpenModel,
     trajectory::Trajectory,
-    truth::{Record, Truth},
+    truth::{Record, Truth, row},
 };
 use crate::{cli::STEP_PATTERNS, exit::Interrupted, output::Printer};
 
-pub(super) use files::{remove, write};
+pub(super) use files::{FILES, read, remove, write};
 use measures::MEASURES;
+pub(super) use pair::Pair;
+pub(super) use paired::{ComparedModel, PairedModels, all_pairs};
 pub(super) use pooled::pool;
-pub(super) use show::{report_tables, show};
+pub(super) use show::{show, show_pairs};
+use summary::{Counts, summary};
+pub(super) use tables::report_tables;
 
 /// Fewest recorded steps that a rollout is compared with; with fewer it is left out.
 const FEWEST_STEPS: usize = 20;
@@ -38,6 +46,11 @@ pub(super) fn settings() -> impl Serialize {
 pub(super) struct Comparison {
     /// Rollouts that were compared, of all members.
     pub(super) rollouts: usize,
+    /// States that they were to start from. Members share them, so intervals are over these.
+    pub(super) start_states: usize,
+    /// Those after which what was recorded shares steps with what was recorded after another: less independent than they
+    /// are counted.
+    pub(super) overlapping: usize,
     /// Rollouts that were left out, because what was recorded after their start ends too soon.
     pub(super) left_out: usize,
     /// Rollouts that were left out, because they ended (their next state would not have been finite) before the
@@ -61,7 +74,7 @@ pub(super) enum Against {
     Deployment,
 }
 
-/// Means over rollouts of all members, on the normalised sensor.
+/// Means over start states of the means over members, on the normalised sensor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct SensorComparison {
     pub(super) sensor: String,
@@ -73,8 +86,8 @@ pub(super) struct SensorComparison {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct PatternSummary {
     pub(super) step_pattern: String,
-    pub(super) distance: Summary,
-    pub(super) normalized_distance: Option<Summary>,
+    pub(super) distance: ClusterSummary,
+    pub(super) normalized_distance: Option<ClusterSummary>,
 }
 
 /// Another distance.
@@ -83,19 +96,7 @@ pub(super) struct MeasureSummary {
     /// Its column in `measures.parquet`.
     pub(super) measure: String,
     /// `None` if it is defined for no rollout.
-    pub(super) value: Option<Summary>,
-}
-
-/// A rollout and what was recorded, on one sensor.
-pub(super) struct Pair {
-    member: usize,
-    rollout: usize,
-    sensor: usize,
-    /// Steps that are compared.
-    steps: usize,
-    distances: ByPattern,
-    /// In the order of [`MEASURES`]; `None` where a measure is not defined.
-    measures: Vec<Option<f64>>,
+    pub(super) value: Option<ClusterSummary>,
 }
 
 /// All pairs, and their summary.
@@ -108,6 +109,8 @@ pub(super) struct Compared {
 struct Job<'a> {
     member: usize,
     rollout: usize,
+    wanted: Wanted,
+    start: Timestamp,
     trajectory: &'a Trajectory,
     recorded: Truth<'a>,
 }
@@ -138,12 +141,22 @@ pub(super) fn compare(
             let reference: Vec<f64> = job.recorded.values(column).map(f64::from).collect();
             let query = job.trajectory.values(states, column, reference.len());
             let query: Vec<f64> = query.into_iter().map(f64::from).collect();
-            let distances = set.distances(&query, &reference)?;
+            let warping = set.distances(&query, &reference)?.into_iter();
+            let warping = warping.map(|of| of.map(|of| (of.raw, of.normalised)));
             let measures = MEASURES.iter().map(|measure| (measure.of)(&query, &reference));
-            let measures = measures.collect::<anyhow::Result<_>>()?;
+            let pair = Pair {
+                member: job.member as u32,
+                rollout: job.rollout as u32,
+                wanted: row(job.wanted).0,
+                start: job.start,
+                sensor: sensors[sensor].0.clone(),
+                steps: query.len() as u32 - 1,
+                // Series of equal length have a path in each of these patterns.
+                warping: warping.collect::<Result<_, _>>()?,
+                measures: measures.collect::<anyhow::Result<_>>()?,
+            };
             progress.advance(1);
-            let Job { member, rollout, .. } = *job;
-            Ok(Pair { member, rollout, sensor, steps: query.len() - 1, distances, measures })
+            Ok(pair)
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
     let rollouts: usize = all.iter().map(Vec::len).sum();
@@ -153,7 +166,8 @@ pub(super) fn compare(
     } else {
         Against::Model
     };
-    let summary = summary(&pairs, sensors, jobs.len(), [left_out, ended_early], against)?;
+    let counts = Counts { rollouts: jobs.len(), left_out, ended_early };
+    let summary = summary(&pairs, counts, against)?;
     Ok(Compared { pairs, summary })
 }
 
@@ -171,66 +185,19 @@ fn jobs<'a>(record: Record<'a>, all: &'a [Vec<Trajectory>], steps: usize) -> (Ve
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
             // The same stretch for every model, however far its own rollout gets.
-            let recorded = record.after(rollout.start().0, steps);
+            let wanted = rollout.start().0;
+            let recorded = record.after(wanted, steps);
+            let Some(start) = record.time(wanted) else { continue };
             if recorded.len() <= FEWEST_STEPS.min(steps) {
                 continue;
             }
             if rollout.steps() + 1 < recorded.len() {
                 ended_early += 1;
-            } else {
-                jobs.push(Job { member, rollout: number, trajectory: rollout, recorded });
+                continue;
             }
+            let trajectory = rollout;
+            jobs.push(Job { member, rollout: number, wanted, start, trajectory, recorded });
         }
     }
     (jobs, ended_early)
-}
-
-fn summary(
-    pairs: &[Pair],
-    sensors: &[(String, usize)],
-    rollouts: usize,
-    [left_out, ended_early]: [usize; 2],
-    against: Against,
-) -> anyhow::Result<Comparison> {
-    let steps = || pairs.iter().map(|pair| pair.steps);
-    let of_sensor = |(sensor, (name, _)): (usize, &(String, usize))| {
-        let own: Vec<&Pair> = pairs.iter().filter(|pair| pair.sensor == sensor).collect();
-        sensor_summary(name, &own)
-    };
-    let sensors = if pairs.is_empty() { &[] } else { sensors };
-    Ok(Comparison {
-        rollouts,
-        left_out,
-        ended_early,
-        fewest_steps: steps().min().unwrap_or(0),
-        most_steps: steps().max().unwrap_or(0),
-        against,
-        sensors: sensors.iter().enumerate().map(of_sensor).collect::<anyhow::Result<_>>()?,
-    })
-}
-
-fn sensor_summary(name: &str, pairs: &[&Pair]) -> anyhow::Result<SensorComparison> {
-    let dtw = STEP_PATTERNS.iter().enumerate().map(|(number, pattern)| {
-        // Series of equal length have a path in each of these patterns.
-        let distances = pairs.iter().map(|pair| pair.distances[number].clone());
-        let distances = distances.collect::<Result<Vec<_>, _>>()?;
-        let raw: Vec<f64> = distances.iter().map(|distance| distance.raw).collect();
-        let normalised: Option<Vec<f64>> =
-            distances.iter().map(|distance| distance.normalised).collect();
-        Ok(PatternSummary {
-            step_pattern: (*pattern).to_owned(),
-            distance: summarise(&raw)?,
-            normalized_distance: normalised.map(|values| summarise(&values)).transpose()?,
-        })
-    });
-    let measures = MEASURES.iter().enumerate().map(|(number, measure)| {
-        let values: Vec<f64> = pairs.iter().filter_map(|pair| pair.measures[number]).collect();
-        let value = if values.is_empty() { None } else { Some(summarise(&values)?) };
-        Ok(MeasureSummary { measure: measure.column.to_owned(), value })
-    });
-    Ok(SensorComparison {
-        sensor: name.to_owned(),
-        dtw: dtw.collect::<anyhow::Result<_>>()?,
-        measures: measures.collect::<anyhow::Result<_>>()?,
-    })
 }

@@ -178,7 +178,8 @@ pub(in crate::commands) fn report_table(manifest: &RepresentationManifest) -> Re
         title: "Representations".to_owned(),
         caption: format!(
             "Scored on the last {} training states{}. Of those with a uniqueness \
-             above {LEAST_UNIQUENESS} the one with the highest dynamics awareness is used.",
+             above {LEAST_UNIQUENESS} the one with the highest dynamics awareness is used. Bold: the largest of a column; \
+             scores have no intervals, so small differences may be chance.",
             calib_report::count(manifest.validation_rows as u64),
             // What an imported one was trained on is not known.
             if imported { "" } else { ", which they were not trained on" },

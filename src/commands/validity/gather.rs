@@ -1,7 +1,7 @@
 //! What a study says about its sensors.
 
 use anyhow::bail;
-use calib_sweep::{Candidate, EnvironmentScores, Role, SensorVerdict};
+use calib_sweep::{Baseline, Candidate, EnvironmentScores, SensorVerdict};
 use calib_validity::{ModelPair, Pair};
 
 use super::{
@@ -45,8 +45,7 @@ pub(super) fn gather(
             bail!("{}: no model of it can be made here", study.path.display());
         };
         let candidates = &first.judged.manifest.candidates;
-        let grid = candidates.iter().filter(|candidate| candidate.role == Role::Grid);
-        gathered.values = grid.map(Candidate::label).collect();
+        gathered.values = candidates.iter().map(Candidate::label).collect();
         for verdict in &first.judged.summary.verdicts {
             let mut own = pair(study, verdict, candidates, &of, printer)?;
             if let Some(deployment) = deployment {
@@ -79,13 +78,13 @@ fn pair(
     models: &[OfModel],
     printer: &Printer,
 ) -> anyhow::Result<Pair> {
-    let Some(online) = &verdict.online else {
+    let Some(online) = verdict.truth.as_ref().map(|truth| &truth.scores) else {
         bail!(
             "{} has no held-out data, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
             study.path.display()
         );
     };
-    let values = candidates.iter().filter(|candidate| candidate.role == Role::Grid).count();
+    let values = candidates.len();
     let mut of_models = Vec::with_capacity(models.len());
     for model in models {
         match model_pair(model, &verdict.sensor) {
@@ -100,7 +99,9 @@ fn pair(
         }
     }
     let default = candidates.iter().find(|candidate| candidate.is_default);
-    let log_replay = verdict.log_replay_agreement.as_ref().map(|agreement| agreement.chosen);
+    let log_replay = verdict.truth.iter().flat_map(|truth| &truth.baselines);
+    let log_replay =
+        log_replay.filter(|of| of.baseline == Baseline::LogReplay).find_map(|of| of.chosen);
     Ok(Pair {
         plant: study.plant.clone(),
         sensor: verdict.sensor.clone(),
@@ -129,7 +130,7 @@ fn model_pair(model: &OfModel, sensor: &str) -> Option<ModelPair> {
     Some(ModelPair {
         model: model.name.clone(),
         selection: verdict.selection.clone(),
-        spearman: verdict.model_agreement.as_ref().and_then(|agreement| agreement.spearman),
+        spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
         one_step: of_sensor.and_then(|of| of.error.rmse),
         one_step_relative: of_sensor.and_then(|of| of.error.relative),
         one_step_all: one_step.and_then(|of| of.all_columns.rmse),

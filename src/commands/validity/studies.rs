@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use calib_core::Seed;
 use calib_knn::ModelKind;
-use calib_sweep::{Candidate, Role, candidates};
+use calib_sweep::{Candidate, candidates};
 
 use super::super::{artefact::MANIFEST, chain, evaluate, load_study};
 use crate::{
@@ -65,8 +65,7 @@ pub(super) fn check(studies: &[Listed], args: &ValidityArgs) -> anyhow::Result<(
         let seed = Seed::new(settings.seed).child("sweep");
         let candidates = candidates(&settings.sweep, &settings.agent, seed)
             .with_context(|| study.path.display().to_string())?;
-        let grid = candidates.iter().filter(|candidate| candidate.role == Role::Grid);
-        let values: Vec<String> = grid.map(Candidate::label).collect();
+        let values: Vec<String> = candidates.iter().map(Candidate::label).collect();
         match &first {
             None => first = Some((study, values)),
             Some((other, theirs)) if *theirs != values => bail!(

@@ -3,7 +3,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use calib_core::{Rng, RowIndex, RowStream, Segments, Silent, States};
 
 use super::*;
-use crate::{OptimiserKind, ReplayKind, ValueFunction, discounted_returns, truncation_horizon};
+use crate::{
+    OptimiserKind, Part, PartScore, ReplayKind, ValueFunction, discounted_returns,
+    truncation_horizon,
+};
 
 fn unbroken(values: Vec<f32>, width: usize, order: impl IntoIterator<Item = usize>) -> RowStream {
     let rows = values.len() / width;
@@ -22,9 +25,18 @@ pub(super) fn waves(steps: usize) -> RowStream {
     unbroken(values.collect(), 2, 0..steps)
 }
 
-fn run(stream: &RowStream, agents: &[AgentConfig], scoring: Scoring) -> Vec<RunOutcome> {
+fn run(stream: &RowStream, agents: &[AgentConfig]) -> Vec<RunOutcome> {
     let curve = CurveRule { windows: 20 };
-    train(stream, 0, agents, scoring, curve, Seed::new(5), &Silent).expect("trains")
+    train(stream, 0, agents, curve, Seed::new(5), &Silent).expect("trains")
+}
+
+fn whole(outcome: &RunOutcome) -> PartScore {
+    outcome.scores.of(Part::WholeRun).expect("scored")
+}
+
+/// Once the agent has settled.
+fn settled(outcome: &RunOutcome) -> PartScore {
+    outcome.scores.of(Part::FinalQuarter).expect("scored")
 }
 
 pub(super) fn linear() -> AgentConfig {
@@ -46,12 +58,13 @@ pub(super) fn mlp() -> AgentConfig {
 fn a_constant_sensor_is_worth_its_value_over_one_minus_gamma() {
     let stream = unbroken(vec![0.3, 0.7], 2, vec![0; 6_000]);
     let agents = [linear(), AgentConfig { learning_rate: 1e-2, ..mlp() }];
-    for outcome in run(&stream, &agents, Scoring::Final(0.25)) {
-        assert!((outcome.mean_return - 0.3 / 0.1).abs() < 0.01, "{outcome:?}");
+    for outcome in run(&stream, &agents) {
+        let score = settled(&outcome);
+        assert!((score.mean_return - 0.3 / 0.1).abs() < 0.01, "{outcome:?}");
         // Returns next to the horizon lack up to 1 %.
-        assert!(outcome.nrmse < 0.003, "{outcome:?}");
-        assert_eq!(outcome.steps, 6_000);
-        assert_eq!(outcome.scored_steps, 1_500 - truncation_horizon(0.9));
+        assert!(score.rmse < 0.003 * score.mean_return, "{outcome:?}");
+        assert_eq!(outcome.steps, 5_999);
+        assert_eq!(score.scored_steps, 1_501 - truncation_horizon(0.9));
         assert_eq!(outcome.updates, 6_000 - 1 - 15);
     }
 }
@@ -62,10 +75,11 @@ fn a_ring_of_states_gets_its_true_values() {
     let states: Vec<f32> =
         (0..width * width).map(|i| if i % (width + 1) == 0 { 1.0 } else { 0.0 }).collect();
     let stream = unbroken(states, width, (0..8_000).map(|t| t % width));
-    for outcome in run(&stream, &[linear()], Scoring::Final(0.25)) {
+    for outcome in run(&stream, &[linear()]) {
         // o = 1 every fifth step: mean return 1/5 / (1 − γ) = 2, spread known.
-        assert!((outcome.mean_return - 2.0).abs() < 0.01, "{outcome:?}");
-        assert!(outcome.rmse_over_std < 0.05, "{outcome:?}");
+        let score = settled(&outcome);
+        assert!((score.mean_return - 2.0).abs() < 0.01, "{outcome:?}");
+        assert!(score.rmse < 0.05 * score.return_std, "{outcome:?}");
         let curve = &outcome.curve;
         assert_eq!(curve.len(), 20);
         assert!(curve[0].rmse > 10.0 * curve[19].rmse, "{curve:?}");
@@ -75,8 +89,9 @@ fn a_ring_of_states_gets_its_true_values() {
 #[test]
 fn a_network_predicts_a_wave() {
     let stream = waves(6_000);
-    let outcome = &run(&stream, &[mlp()], Scoring::Final(0.25))[0];
-    assert!(outcome.rmse_over_std < 0.2, "{outcome:?}");
+    let outcome = &run(&stream, &[mlp()])[0];
+    let score = settled(outcome);
+    assert!(score.rmse < 0.2 * score.return_std, "{outcome:?}");
 }
 
 /// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.
@@ -88,7 +103,7 @@ fn the_online_agent_is_the_textbooks() {
     let segments = Segments::from_lengths([50, 1, 30, 39]).expect("valid");
     let stream = RowStream::replay(states, &segments);
     let config = AgentConfig { replay: ReplayKind::None, gamma: 0.6, ..linear() };
-    let outcome = &run(&stream, std::slice::from_ref(&config), Scoring::Final(0.5))[0];
+    let outcome = &run(&stream, std::slice::from_ref(&config))[0];
 
     let initial = calib_nn::Mlp::new(&[2, 1], Seed::new(5).child("parameters"));
     let mut w: Vec<f64> = initial.parameters().iter().map(|&p| f64::from(p)).collect();
@@ -103,7 +118,7 @@ fn the_online_agent_is_the_textbooks() {
     let (mut sum, mut count, mut updates) = (0.0, 0, 0);
     for piece in [0..50, 50..51, 51..81, 81..120] {
         for t in piece.start..piece.end - 1 {
-            if t >= 60 && t < piece.end - horizon {
+            if t >= 89 && t < piece.end - horizon {
                 sum += (value(&w, x(t)) - g(t)).powi(2);
                 count += 1;
             }
@@ -114,10 +129,11 @@ fn the_online_agent_is_the_textbooks() {
             updates += 1;
         }
     }
-    assert_eq!(outcome.scored_steps, count);
+    let score = settled(outcome);
+    assert_eq!(score.scored_steps, count);
     assert_eq!(outcome.updates, updates);
     let expected = (sum / f64::from(count as u32)).sqrt();
-    assert!((outcome.rmse - expected).abs() < 1e-5, "{} {expected}", outcome.rmse);
+    assert!((score.rmse - expected).abs() < 1e-5, "{} {expected}", score.rmse);
 }
 
 #[test]
@@ -150,13 +166,13 @@ fn a_population_changes_nothing_about_its_agents() {
     ];
     let learners = agents.each_ref().map(|config| Learner { config, cumulant: 0, start: None });
     assert_eq!(populations(&learners)[0], [0, 2, 3, 14, 15, 16, 17]);
-    let together = run(&stream, &agents, Scoring::WholeRun);
+    let together = run(&stream, &agents);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
     for (agent, outcome) in agents.iter().zip(&together) {
-        let alone = run(&stream, std::slice::from_ref(agent), Scoring::WholeRun);
+        let alone = run(&stream, std::slice::from_ref(agent));
         assert_eq!(&alone[0], outcome, "{agent:?}");
     }
-    let mut errors: Vec<f64> = together.iter().map(|outcome| outcome.rmse).collect();
+    let mut errors: Vec<f64> = together.iter().map(|outcome| whole(outcome).rmse).collect();
     errors.dedup();
     assert_eq!(errors.len(), agents.len(), "every field has an effect");
 }
@@ -165,9 +181,9 @@ fn a_population_changes_nothing_about_its_agents() {
 fn threads_beside_it_change_nothing_about_a_run() {
     let stream = waves(200);
     let agents = [linear(), mlp()];
-    let alone = run(&stream, &agents, Scoring::WholeRun);
+    let alone = run(&stream, &agents);
     std::thread::scope(|scope| {
-        let start = || run(&stream, &agents, Scoring::WholeRun);
+        let start = || run(&stream, &agents);
         let runs: Vec<_> = (0..3).map(|_| scope.spawn(start)).collect();
         for beside in runs {
             assert_eq!(beside.join().expect("finishes"), alone);
@@ -179,16 +195,20 @@ fn threads_beside_it_change_nothing_about_a_run() {
 fn divergence_is_an_outcome() {
     let stream = waves(500);
     let agents = [AgentConfig { learning_rate: 50.0, ..linear() }, linear()];
-    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    let outcomes = run(&stream, &agents);
     let diverged = &outcomes[0];
     let step = diverged.diverged.expect("diverges");
     assert!((16..200).contains(&step), "{step}");
-    assert_eq!((diverged.rmse, diverged.nrmse), (f64::INFINITY, f64::INFINITY));
-    assert_eq!(diverged.scored_steps, outcomes[1].scored_steps);
+    assert!(
+        Part::ALL
+            .iter()
+            .all(|&part| diverged.scores.of(part).expect("scored").rmse == f64::INFINITY)
+    );
+    assert_eq!(whole(diverged).scored_steps, whole(&outcomes[1]).scored_steps);
     assert_eq!(diverged.curve.len(), step / 25);
     assert!(diverged.updates < 200);
     assert_eq!(outcomes[1].diverged, None);
-    assert!(outcomes[1].rmse.is_finite());
+    assert!(whole(&outcomes[1]).rmse.is_finite());
 }
 
 #[test]
@@ -196,11 +216,11 @@ fn extreme_learning_rates_are_harmless() {
     let stream = waves(300);
     let agents =
         [1e-40, 1e-43, 1e-6, 1.0].map(|learning_rate| AgentConfig { learning_rate, ..mlp() });
-    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    let outcomes = run(&stream, &agents);
     // Too small to move any parameter: predictions stay those of the initial network.
     assert_eq!(outcomes[0], outcomes[1]);
-    assert!(outcomes[2].rmse < outcomes[0].rmse);
-    assert!(outcomes.iter().all(|outcome| outcome.rmse.is_finite()));
+    assert!(whole(&outcomes[2]).rmse < whole(&outcomes[0]).rmse);
+    assert!(outcomes.iter().all(|outcome| whole(outcome).rmse.is_finite()));
 }
 
 #[test]
@@ -208,10 +228,10 @@ fn a_target_copied_after_every_update_is_no_target() {
     let stream = waves(300);
     let agents = [0, 1, 1_000_000]
         .map(|target_network_period| AgentConfig { target_network_period, ..linear() });
-    let outcomes = run(&stream, &agents, Scoring::WholeRun);
+    let outcomes = run(&stream, &agents);
     // Sums run in another order.
-    assert!((outcomes[0].rmse - outcomes[1].rmse).abs() < 1e-5);
-    assert!((outcomes[0].rmse - outcomes[2].rmse).abs() > 1e-2);
+    assert!((whole(&outcomes[0]).rmse - whole(&outcomes[1]).rmse).abs() < 1e-5);
+    assert!((whole(&outcomes[0]).rmse - whole(&outcomes[2]).rmse).abs() > 1e-2);
 }
 
 /// Three states, the last of which is not a number.
@@ -239,8 +259,8 @@ impl Stream for Broken {
 fn bad_requests_are_refused() {
     let stream = waves(30);
     let attempt = |stream: &RowStream, cumulant, agent: AgentConfig| {
-        let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
-        train(stream, cumulant, &[agent], scoring, curve, Seed::new(1), &Silent)
+        let curve = CurveRule::default();
+        train(stream, cumulant, &[agent], curve, Seed::new(1), &Silent)
             .expect_err("refused")
             .to_string()
     };
@@ -253,8 +273,8 @@ fn bad_requests_are_refused() {
             .starts_with("no step can be scored: with gamma = 0.9 the last 44")
     );
     assert!(attempt(&stream, 0, AgentConfig { gamma: 1.0, ..linear() }).contains("`gamma`"));
-    let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
-    let broken = train(&Broken, 0, &[linear()], scoring, curve, Seed::new(1), &Silent);
+    let curve = CurveRule::default();
+    let broken = train(&Broken, 0, &[linear()], curve, Seed::new(1), &Silent);
     assert_eq!(
         broken.expect_err("refused").to_string(),
         "cumulant column 0 is NaN at step 2: expected finite states"
@@ -285,15 +305,15 @@ impl Monitor for Impatient {
 fn the_monitor_sees_the_stream_once_and_can_stop() {
     let stream = waves(1_000);
     let agents = [linear(), mlp(), AgentConfig { gamma: 0.5, ..linear() }];
-    let (scoring, curve) = (Scoring::WholeRun, CurveRule::default());
+    let curve = CurveRule::default();
     let seen = |patience| {
         let monitor = Impatient { patience, ..Impatient::default() };
-        let result = train(&stream, 0, &agents, scoring, curve, Seed::new(1), &monitor);
+        let result = train(&stream, 0, &agents, curve, Seed::new(1), &monitor);
         (result, monitor.advanced.into_inner())
     };
     let (finished, advanced) = seen(u64::MAX);
     assert!(finished.is_ok());
-    assert_eq!(advanced, 1_000);
+    assert_eq!(advanced, 999);
     let (stopped, advanced) = seen(500);
     assert_eq!(stopped, Err(AgentError::Interrupted));
     assert!((500..600).contains(&advanced), "{advanced}");
@@ -306,7 +326,9 @@ fn a_trace_predicts_what_the_state_alone_cannot() {
     let stream = unbroken(values.collect(), 1, 0..6_000);
     let agent = AgentConfig { gamma: 0.5, learning_rate: 0.5, ..linear() };
     let agents = [agent.clone(), AgentConfig { traces: vec![0.5], ..agent }];
-    let outcomes = run(&stream, &agents, Scoring::Final(0.25));
-    assert!(outcomes[0].rmse_over_std > 0.3, "{:?}", outcomes[0]);
-    assert!(outcomes[1].rmse_over_std < 0.05, "{:?}", outcomes[1]);
+    let outcomes = run(&stream, &agents);
+    let relative =
+        |agent: usize| settled(&outcomes[agent]).rmse / settled(&outcomes[agent]).return_std;
+    assert!(relative(0) > 0.3, "{:?}", outcomes[0]);
+    assert!(relative(1) < 0.05, "{:?}", outcomes[1]);
 }

@@ -33,6 +33,12 @@ fn main() -> Result<(), Box<dyn error::Error>> {
         fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
         fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
     }
+    for recorded in sample::recorded() {
+        let name = format!("recorded-{}", recorded.sensor);
+        let figure = recorded.figure()?;
+        fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
+        fs::write(folder.join(format!("{name}.png")), figure.png()?)?;
+    }
     let panels = Sensitivity::panels(&sample::sensitivities())?;
     fs::write(folder.join("sensitivity.svg"), panels.svg())?;
     fs::write(folder.join("sensitivity.png"), panels.png()?)?;

@@ -2,12 +2,13 @@
 
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
-    ErrorSource, JumpStatistics, LearningCurve, LearningCurves, RankCurve, Report, Reproduction,
-    RolloutFigure, RolloutGrid, RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory,
-    Verdict,
+    ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse, RankCurve,
+    Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure, RolloutGrid,
+    RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory, Verdict, Way,
 };
 use calib_stats::{
-    Direction, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise, top_k_hit,
+    Direction, Estimate, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise,
+    top_k_hit,
 };
 
 const MEMBERS: usize = 5;
@@ -125,8 +126,12 @@ impl Sensor {
         let argmin =
             |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
         let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
-        let alternative =
-            |index: usize| Some(Alternative { value: RATES[index].into(), regret: cost(index) });
+        let estimate = |index: usize| Some(Estimate { value: cost(index)?, interval: None });
+        let alternative = |way, index: usize| Alternative {
+            way,
+            value: Some(RATES[index].into()),
+            regret: estimate(index),
+        };
         self.models()
             .into_iter()
             .map(|(model, selection)| {
@@ -138,15 +143,27 @@ impl Sensor {
                     field: "learning_rate".to_owned(),
                     model: model.to_owned(),
                     chosen: RATES[chosen].into(),
+                    grade: Grade::Fair,
+                    reason: Reason::WorstRank,
                     tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
                     worst_rank: selection.worst_ranks[chosen],
                     values: RATES.len(),
                     members: MEMBERS,
+                    stability: vec![(RATES[chosen].into(), 0.9), (RATES[best].into(), 0.1)],
                     online: Some(Agreement {
+                        part: "whole runs".to_owned(),
+                        windows: 1,
+                        runs: 5,
                         chosen_error: online[chosen],
+                        chosen_skill: Some(1.0 - online[chosen]),
                         best: RATES[best].into(),
                         best_error: online[best],
-                        regret: cost(chosen),
+                        best_skill: Some(1.0 - online[best]),
+                        regret: estimate(chosen),
+                        against_default: Some(Estimate {
+                            value: online[chosen] / online[DEFAULT],
+                            interval: None,
+                        }),
                         spearman: spearman(&ranks, &online).expect("equally long"),
                         kendall: kendall_tau_b(&ranks, &online).expect("equally long"),
                         top_k: Some(TopK {
@@ -155,8 +172,11 @@ impl Sensor {
                                 .expect("chosen is in the grid"),
                         }),
                     }),
-                    default: alternative(DEFAULT),
-                    log_replay: alternative(replayed),
+                    alternatives: vec![
+                        alternative(Way::Default, DEFAULT),
+                        alternative(Way::LogReplay, replayed),
+                        alternative(Way::Hindsight, best),
+                    ],
                     notes: vec![],
                 }
             })
@@ -211,6 +231,28 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
         Some(RolloutGrid { sensor: figure.sensor, unit: figure.unit, models, rows })
     };
     rollouts().into_iter().filter_map(grid).collect()
+}
+
+/// The sensors in training, and a week later.
+pub(crate) fn recorded() -> Vec<RecordedFigure> {
+    let period = |name: &str, used_for, first: f64, values: Vec<f64>| RecordedPeriod {
+        name: name.to_owned(),
+        used_for,
+        times: ["first value", "last value"].map(str::to_owned),
+        points: values.iter().enumerate().map(|(at, &y)| (first + 300.0 * at as f64, y)).collect(),
+    };
+    let figure = |(sensor, unit, level, size): (&str, &str, f64, f64)| {
+        let of = |steps, level, shape| trajectory("", steps, level, size, shape).values;
+        RecordedFigure {
+            sensor: sensor.to_owned(),
+            unit: Some(unit.to_owned()),
+            periods: vec![
+                period("training", PeriodUse::Learning, 1.667_26e9, of(1_200, level, 0)),
+                period("held out", PeriodUse::Deployment, 1.668_2e9, of(600, level + size, 1)),
+            ],
+        }
+    };
+    [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)].into_iter().map(figure).collect()
 }
 
 pub(crate) fn rollouts() -> Vec<RolloutFigure> {
@@ -277,6 +319,7 @@ pub(crate) fn report() -> Report {
         sensitivities: sensitivities(),
         learning: learning(),
         decision: None,
+        recorded: recorded(),
         rollouts: rollouts(),
         rollout_grids: grids(),
         jumps: jumps(),
@@ -298,7 +341,8 @@ pub(crate) fn report() -> Report {
 pub(crate) fn without_online(report: &mut Report) {
     for verdict in &mut report.verdicts {
         verdict.online = None;
-        for alternative in [&mut verdict.default, &mut verdict.log_replay].into_iter().flatten() {
+        verdict.grade = Grade::Unchecked;
+        for alternative in &mut verdict.alternatives {
             alternative.regret = None;
         }
     }

@@ -65,7 +65,7 @@ pub(crate) fn chart_data(chart: &Chart, scene: &Scene, details: &[Detail<'_>]) -
 fn axis(axis: &Axis) -> Value {
     let scale = &axis.scale;
     let (kind, names) = match &scale.kind {
-        ScaleKind::Linear => ("linear", None),
+        ScaleKind::Linear | ScaleKind::Time => ("linear", None),
         ScaleKind::Whole => ("whole", None),
         ScaleKind::Log => ("log", None),
         ScaleKind::Names(names) => ("names", Some(names)),

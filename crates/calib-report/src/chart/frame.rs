@@ -38,7 +38,7 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
         let length = if label.is_some() { 6.0 } else { 3.0 };
         marks.push(rule((x, plot.bottom()), (x, plot.bottom() + length), Colour::Muted));
         if let Some(label) = label {
-            if axis.scale.kind == ScaleKind::Linear || axis.scale.kind == ScaleKind::Log {
+            if matches!(axis.scale.kind, ScaleKind::Linear | ScaleKind::Log | ScaleKind::Time) {
                 marks.extend(grid_line(
                     (x, plot.y),
                     (x, plot.bottom()),

@@ -6,6 +6,7 @@
 //! never covers the curves; the drawing library only turns marks into pixels.
 
 mod data;
+mod dates;
 mod frame;
 mod grid;
 mod layout;

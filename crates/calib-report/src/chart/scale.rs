@@ -9,6 +9,8 @@ pub enum ScaleKind {
     Whole,
     /// By their logarithm.
     Log,
+    /// Evenly; values are instants in seconds since 1970, with ticks at dates.
+    Time,
     /// Value i stands for name i.
     Names(Vec<String>),
 }
@@ -32,6 +34,12 @@ impl Scale {
     pub fn linear(min: f64, max: f64) -> Self {
         let (min, max) = if min < max { (min, max) } else { widened(min) };
         Self { kind: ScaleKind::Linear, min, max }
+    }
+
+    /// A scale of instants, in seconds since 1970, from `first` to `last` exactly, widened by a second if they are equal.
+    pub fn time(first: f64, last: f64) -> Self {
+        let max = if first < last { last } else { first + 1.0 };
+        Self { kind: ScaleKind::Time, min: first, max }
     }
 
     /// A logarithmic scale that holds `values` with a margin; linear if any of them is not positive.
@@ -153,6 +161,7 @@ mod tests {
             Scale::log_around(&[1e-4]),
             Scale::log_around(&[0.0, 0.0]),
             Scale::ranks(1),
+            Scale::time(1e9, 1e9),
             Scale::names(vec![]),
         ] {
             assert!(scale.min < scale.max, "{scale:?}");

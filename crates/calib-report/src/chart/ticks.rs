@@ -1,6 +1,6 @@
 //! Where an axis is marked, and with what.
 
-use super::{Scale, ScaleKind};
+use super::{Scale, ScaleKind, dates::dates};
 use crate::number::{count, number, setting};
 
 /// One mark on an axis; minor ones have no label.
@@ -17,6 +17,7 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
         // Up to ten ranks are all named.
         ScaleKind::Whole => linear(scale, wanted.max(10), 1.0),
         ScaleKind::Log => log(scale, wanted),
+        ScaleKind::Time => dates(scale.min, scale.max, wanted),
         ScaleKind::Names(names) => names
             .iter()
             .enumerate()

@@ -2,12 +2,14 @@
 
 mod figure;
 mod learning;
+mod recorded;
 mod rollout;
 mod rollout_grid;
 mod sensitivity;
 
 pub use figure::Figure;
 pub use learning::{LearningCurve, LearningCurves};
+pub use recorded::{PeriodUse, RecordedFigure, RecordedPeriod};
 pub use rollout::{MAX_POINTS, RolloutFigure, Trajectory};
 pub use rollout_grid::{RolloutGrid, RolloutRow};
 pub use sensitivity::{ErrorCurve, ErrorSource, RankCurve, Score, Sensitivity};

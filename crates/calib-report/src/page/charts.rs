@@ -12,6 +12,9 @@ use crate::{Cell, Chart, Report, ReportError, RolloutFigure, Sensitivity, Table,
 /// Rows of a rollout's data table; copying gives every point drawn.
 const ROLLOUT_ROWS: usize = 40;
 
+/// How to read small plots of rollouts.
+const GRID_CAPTION: &str = "All plots have the same axes. The left column is what the plant did; each other one a model's walk from there.";
+
 /// More dense curves than this hide each other.
 const MANY_CURVES: usize = 3;
 
@@ -102,7 +105,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let mut stills = Vec::new();
     for (index, grid) in report.rollout_grids.iter().enumerate() {
         let id = format!("grid-{index}");
-        stills.push(still(&grid.figure()?, &id));
+        stills.push(still(&grid.figure()?, &id, GRID_CAPTION));
         parts.push(Part { id, title: format!("{}, start by start", grid.sensor) });
     }
     let body = html! {

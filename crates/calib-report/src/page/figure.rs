@@ -71,15 +71,15 @@ impl Drawn<'_> {
     }
 }
 
-/// A figure that is only looked at: many small plots, with the same scales.
-pub(super) fn still(figure: &Figure, id: &str) -> Markup {
+/// A figure that is only looked at: many small plots, with a `caption` that says how to read them.
+pub(super) fn still(figure: &Figure, id: &str, caption: &str) -> Markup {
     let title = &figure.chart().title;
     html! {
         figure.still id=(id) {
             div.figure-head {
                 figcaption {
                     h3 { (title) }
-                    p { "All plots have the same axes. The left column is what the plant did; each other one a model's walk from there." }
+                    p { (caption) }
                 }
                 div.tools role="group" aria-label={ "Tools of " (title) } {
                     @for format in ["svg", "png"] { (save(format)) }

@@ -4,6 +4,7 @@ mod charts;
 mod figure;
 mod learning;
 mod overview;
+mod recorded;
 mod tables;
 mod verdicts;
 
@@ -107,6 +108,9 @@ fn sections(report: &Report) -> Result<Vec<Section>, ReportError> {
     let mut sections = vec![verdicts::verdicts(report)];
     if !report.sensitivities.is_empty() {
         sections.push(charts::sensitivities(report)?);
+    }
+    if !report.recorded.is_empty() {
+        sections.push(recorded::recorded(report)?);
     }
     if !report.rollouts.is_empty() || !report.rollout_grids.is_empty() {
         sections.push(charts::rollouts(report)?);

@@ -6,7 +6,9 @@ use super::Section;
 use super::tables::table;
 use crate::number::{number, percent};
 use crate::report::{are_of_several_models, summary};
-use crate::{Alternative, Cell, Report, Setting, Table, Verdict};
+use calib_stats::Estimate;
+
+use crate::{Cell, Report, Setting, Table, Verdict, Way};
 
 /// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
 const MANY_CARDS: usize = 9;
@@ -37,8 +39,9 @@ pub(super) fn verdicts(report: &Report) -> Section {
         }
         @if judged {
             p.caption {
-                "Regret: how much larger the prediction error on held-out data is than with the best value. \
-                 A bar is full at 50 %."
+                "Regret: how much larger the prediction error on held-out data is than with the best value of each window. \
+                 A bar is full at 50 %; the line in it is the 95 % interval. Another held-out window: what a chooser would cost \
+                 that sees the deployment itself at another time; less than that is luck."
             }
         }
         @if !report.warnings.is_empty() {
@@ -79,7 +82,7 @@ fn unbroken(text: &str) -> Markup {
 
 /// The advice and what it would have cost; how it came about is behind a line.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
-    let grade = verdict.grade();
+    let grade = verdict.grade;
     html! {
         article class={ "card " (grade.class()) } {
             p.badge { (grade.label()) }
@@ -89,11 +92,14 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
             }
             p.plain { (unbroken(&verdict.plain())) }
             dl.costs {
-                @if let Some(regret) = verdict.online.as_ref().and_then(|online| online.regret) {
-                    (cost("This choice", &verdict.chosen, Some(regret)))
+                @if let Some(online) = &verdict.online {
+                    (cost("This choice", Some(&verdict.chosen), online.regret))
                 }
-                @if let Some(Alternative { value, regret }) = &verdict.default { (cost("Default", value, *regret)) }
-                @if let Some(Alternative { value, regret }) = &verdict.log_replay { (cost("Log replay", value, *regret)) }
+                @for way in [Way::Default, Way::LogReplay, Way::AnotherWindow, Way::Random] {
+                    @if let Some(other) = verdict.alternative(way) {
+                        (cost(name(way), other.value.as_ref(), other.regret))
+                    }
+                }
             }
             details.why open[report.verdicts.len() == 1] {
                 summary { "Why" }
@@ -103,21 +109,42 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
     }
 }
 
+/// What a way to choose is called on a card.
+const fn name(way: Way) -> &'static str {
+    match way {
+        Way::Default => "Default",
+        Way::LogReplay => "Log replay",
+        Way::LatestWindow => "Latest window of the log",
+        Way::Random => "Any value",
+        Way::Hindsight => "Best in hindsight",
+        Way::AnotherWindow => "Another held-out window",
+    }
+}
+
 /// One way to choose, with its cost as a number and as a bar that is full at 50 %.
-fn cost(name: &str, value: &Setting, regret: Option<f64>) -> Markup {
-    let width = regret.map(|regret| (regret / 0.5).clamp(0.0, 1.0) * 100.0);
+fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>) -> Markup {
+    let place = |regret: f64| (regret / 0.5).clamp(0.0, 1.0) * 100.0;
+    let interval = regret.and_then(|regret| regret.interval).filter(|of| of.low < of.high);
     html! {
         div {
-            dt { (name) " " code { (value) } }
+            dt { (name) @if let Some(value) = value { " " code { (value) } } }
             dd {
-                @match regret {
+                @match regret.map(|regret| regret.value) {
                     Some(regret) if regret.is_finite() => { (percent(regret)) " regret" }
                     Some(_) => { "diverged" }
                     None => { "not checked" }
                 }
             }
-            @if let Some(width) = width {
-                span.bar aria-hidden="true" { span style={ "width:" (format!("{width:.0}")) "%" } {} }
+            @if let Some(regret) = regret {
+                span.bar aria-hidden="true" {
+                    span style={ "width:" (format!("{:.0}", place(regret.value))) "%" } {}
+                    @if let Some(of) = interval {
+                        i style={
+                            "left:" (format!("{:.1}", place(of.low))) "%;width:"
+                            (format!("{:.1}", place(of.high) - place(of.low))) "%"
+                        } {}
+                    }
+                }
             }
         }
     }
@@ -140,9 +167,16 @@ fn comparison(report: &Report) -> Table {
         "Worst rank",
         "Online",
         "Best Online",
+        "Skill",
         "Regret",
+        "95 %",
         "Default",
         "Log replay",
+        "Latest window",
+        "Any value",
+        "Hindsight",
+        "Another window",
+        "Stability",
         "Spearman",
         "Kendall",
         "Top k",
@@ -150,8 +184,10 @@ fn comparison(report: &Report) -> Table {
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
-            "Online is the mean {} of the choice on held-out data. Regret is how much worse that is than the best value \
-             of the grid; the columns Default and Log replay show it for these two other ways to choose.",
+            "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
+             the mean return. Regret is how much worse the choice is than the best value of each window, with its interval over \
+             windows and runs; the columns after it show it for other ways to choose. Stability is the share of other draws of \
+             members, runs and windows of the log that would choose the same.",
             report.score.name
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),
@@ -181,8 +217,11 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
     let correlation =
         |value: Option<f64>| value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")));
-    let alternative =
-        |other: &Option<Alternative>| share(other.as_ref().and_then(|other| other.regret));
+    let alternative = |way: Way| share(verdict.regret_of(way));
+    let interval = online
+        .and_then(|online| online.regret?.interval)
+        .map(|of| Cell::Text(format!("{} to {}", percent(of.low), percent(of.high))));
+    let same = verdict.stability.iter().find(|(value, _)| *value == verdict.chosen);
     vec![
         Cell::Text(verdict.sensor.clone()),
         Cell::Text(verdict.model.clone()),
@@ -196,9 +235,16 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         online.map_or(Cell::Missing, |online| {
             Cell::Text(format!("{} ({})", number(online.best_error), online.best))
         }),
-        share(online.and_then(|online| online.regret)),
-        alternative(&verdict.default),
-        alternative(&verdict.log_replay),
+        correlation(online.and_then(|online| online.chosen_skill)),
+        share(verdict.regret()),
+        interval.unwrap_or(Cell::Missing),
+        alternative(Way::Default),
+        alternative(Way::LogReplay),
+        alternative(Way::LatestWindow),
+        alternative(Way::Random),
+        alternative(Way::Hindsight),
+        alternative(Way::AnotherWindow),
+        share(same.map(|&(_, share)| share)),
         correlation(online.and_then(|online| online.spearman)),
         correlation(online.and_then(|online| online.kendall)),
         online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {

@@ -10,9 +10,12 @@ mod verdict;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, Grade, TopK, Verdict};
+pub use verdict::{Agreement, Alternative, Grade, Reason, TopK, Verdict, Way};
 
-use crate::{LearningCurves, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity, page};
+use crate::{
+    LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,
+    page,
+};
 
 /// Everything the report shows. Empty lists and `None` leave their section out.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +37,8 @@ pub struct Report {
     pub sensitivities: Vec<Sensitivity>,
     /// Learning curves; those of one sensor follow one another, Online first.
     pub learning: Vec<LearningCurves>,
+    /// What was recorded of each sensor while it was learned from, and in each deployment.
+    pub recorded: Vec<RecordedFigure>,
     /// Rollouts over the true trajectory.
     pub rollouts: Vec<RolloutFigure>,
     /// Rollouts of all models from the same starts, beside what was recorded.
@@ -53,8 +58,8 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`], [`RolloutFigure::figure`] and
-    /// [`RolloutGrid::figure`].
+    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`], [`RecordedFigure::figure`],
+    /// [`RolloutFigure::figure`] and [`RolloutGrid::figure`].
     pub fn html(&self) -> Result<String, ReportError> {
         page::html(self)
     }

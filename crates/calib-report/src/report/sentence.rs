@@ -1,19 +1,30 @@
 //! A verdict in sentences that need no statistics to be understood.
 
-use std::cmp::Ordering;
+use calib_stats::Estimate;
 
-use super::{Agreement, Alternative, Grade, Verdict};
+use super::{Agreement, Alternative, Grade, Reason, Verdict, Way};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
+
+/// Choices that differ more often than this from draw to draw are told as uncertain.
+const STABLE: f64 = 0.8;
 
 impl Verdict {
     /// The verdict in one sentence.
     pub fn headline(&self) -> String {
         let Self { sensor, field, chosen, .. } = self;
-        match self.grade() {
+        match self.grade {
             Grade::Good | Grade::Fair => format!("Use {field} = {chosen} for {sensor}."),
-            Grade::Poor => {
-                format!("Do not deploy {field} = {chosen} for {sensor} on this evidence.")
+            Grade::Poor => match self.better_default() {
+                Some(default) => {
+                    format!(
+                        "Keep the default, {field} = {default}, for {sensor}: {chosen} is worse."
+                    )
+                }
+                None => format!("Do not deploy {field} = {chosen} for {sensor} on this evidence."),
+            },
+            Grade::NotLearnt => {
+                format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
             }
             Grade::Unchecked => {
                 format!("Use {field} = {chosen} for {sensor}, as far as the logs can tell.")
@@ -21,10 +32,22 @@ impl Verdict {
         }
     }
 
-    /// The reasons, one sentence each: worst rank and ties, Online, alternatives, agreement.
+    /// The default, if held-out data says that it is better than the choice.
+    pub(super) fn better_default(&self) -> Option<&Setting> {
+        let against = self.online.as_ref()?.against_default?;
+        let better = against.interval.map_or(against.value > 1.0, |interval| interval.low > 1.0);
+        self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
+    }
+
+    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
-        let mut reasons = vec![self.worst_rank_sentence()];
-        reasons.extend(self.tie_sentence(score));
+        let mut reasons = vec![self.reason_sentence()];
+        if self.reason == Reason::WorstRank {
+            reasons.extend(self.tie_sentence(score));
+        } else {
+            reasons.push(self.worst_rank_sentence());
+        }
+        reasons.extend(self.stability_sentence());
         match &self.online {
             None => reasons.push(
                 "No held-out data was given: regret and agreement with Online are unknown."
@@ -32,17 +55,45 @@ impl Verdict {
             ),
             Some(online) => {
                 reasons.push(online_sentence(&self.chosen, online, score));
-                let alternatives =
-                    [("The default", &self.default), ("Log replay's choice", &self.log_replay)];
-                for (name, alternative) in alternatives {
-                    let Some(alternative) = alternative else { continue };
-                    reasons.extend(self.alternative_sentence(name, alternative, online.regret));
-                }
+                reasons.extend(skill_sentence(online));
+                reasons.extend(self.default_sentence(online));
+                let others = [Way::LogReplay, Way::LatestWindow];
+                reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
+                reasons.push(self.floor_sentence(online));
                 reasons.push(agreement_sentence(online));
             }
         }
         reasons.extend(self.notes.iter().cloned());
         reasons
+    }
+
+    fn reason_sentence(&self) -> String {
+        let model = &self.model;
+        match self.reason {
+            Reason::WorstRank => self.worst_rank_sentence(),
+            Reason::MeanRank => format!("{model} ranks it best on average over its members."),
+            Reason::MeanError => format!("{model} has the smallest mean error with it."),
+            Reason::MeanLogError { streams } => format!(
+                "{model} has the smallest mean logarithm of the error with it, over {streams} streams."
+            ),
+            Reason::Pooled { streams } => format!(
+                "Over {streams} streams, of {model} and of the replayed log, its mean logarithm of the error is the smallest."
+            ),
+            Reason::OneStandardError { streams } => {
+                let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
+                if default == Some(&self.chosen) {
+                    format!(
+                        "It is the default, and no other value is better by more than one standard error over {streams} streams \
+                         of {model} and of the replayed log."
+                    )
+                } else {
+                    format!(
+                        "It is better than the default by more than one standard error, over {streams} streams of {model} and of \
+                         the replayed log."
+                    )
+                }
+            }
+        }
     }
 
     fn worst_rank_sentence(&self) -> String {
@@ -77,62 +128,163 @@ impl Verdict {
         ))
     }
 
-    fn alternative_sentence(
-        &self,
-        name: &str,
-        alternative: &Alternative,
-        chosen_regret: Option<f64>,
-    ) -> Option<String> {
-        let value = &alternative.value;
+    fn stability_sentence(&self) -> Option<String> {
+        let own = self.stability.iter().find(|(value, _)| *value == self.chosen);
+        let share = own.map_or(0.0, |&(_, share)| share);
+        let others: Vec<String> = self
+            .stability
+            .iter()
+            .filter(|(value, _)| *value != self.chosen)
+            .take(2)
+            .map(|(value, share)| format!("{value} in {}", percent(*share)))
+            .collect();
+        if self.stability.is_empty() {
+            return None;
+        }
+        Some(match others.as_slice() {
+            [] => {
+                "Every other draw of members, runs and windows of the log would choose it as well."
+                    .to_owned()
+            }
+            _ => format!(
+                "{} of other draws of members, runs and windows of the log would choose it as well{}: {}.",
+                percent(share),
+                if share < STABLE { ", so the choice is not certain" } else { "" },
+                listed(&others)
+            ),
+        })
+    }
+
+    fn default_sentence(&self, online: &Agreement) -> Option<String> {
+        let default = self.alternative(Way::Default)?;
+        let value = default.value.as_ref()?;
+        if *value == self.chosen {
+            return Some("The default is the same value.".to_owned());
+        }
+        let Some(against) = online.against_default else {
+            return self.alternative_sentence(Way::Default);
+        };
+        if !against.value.is_finite() {
+            return Some(format!("The default ({value}) did not diverge."));
+        }
+        if against.value == 0.0 {
+            return Some(format!("The default ({value}) would have diverged."));
+        }
+        let (less, word) = match against.value {
+            ratio if ratio <= 1.0 => (1.0 - ratio, "less"),
+            ratio => (ratio - 1.0, "more"),
+        };
+        let sure = against.interval.map_or_else(String::new, |interval| {
+            let told = if interval.low <= 1.0 && interval.high >= 1.0 {
+                "; the interval holds equality"
+            } else {
+                ""
+            };
+            format!(
+                " (quotient {:.2}, 95 %: {:.2} to {:.2}{told})",
+                against.value, interval.low, interval.high
+            )
+        });
+        Some(format!("It has {} {word} error than the default, {value}{sure}.", percent(less)))
+    }
+
+    fn alternative_sentence(&self, way: Way) -> Option<String> {
+        let Alternative { value, regret, .. } = self.alternative(way)?;
+        let value = value.as_ref()?;
+        let name = match way {
+            Way::Default => "The default",
+            Way::LogReplay => "Log replay's choice",
+            _ => "The choice of the log's latest window",
+        };
         if *value == self.chosen {
             return Some(format!("{name} is the same value."));
         }
-        let regret = alternative.regret?;
-        if !regret.is_finite() {
+        let regret = (*regret)?;
+        if regret.value.is_infinite() {
             return Some(format!("{name} ({value}) would have diverged."));
         }
-        let cost = percent(regret);
-        Some(match regret.partial_cmp(&chosen_regret?)? {
-            Ordering::Greater => {
-                format!("{name} ({value}) would have cost {cost} against the best value.")
-            }
-            Ordering::Equal => format!("{name} ({value}) would have been just as good."),
-            Ordering::Less if regret == 0.0 => {
-                format!("{name} ({value}) would have been better: it is the best value.")
-            }
-            Ordering::Less => {
-                format!("{name} ({value}) would have been better: it costs only {cost}.")
-            }
-        })
+        Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
+    }
+
+    fn floor_sentence(&self, online: &Agreement) -> String {
+        let cost = |way| self.regret_of(way).map(percent);
+        let Some(floor) = cost(Way::AnotherWindow) else {
+            let reason = match online.windows {
+                0 | 1 => "only one window was held out",
+                _ => "too few windows can be compared",
+            };
+            return format!(
+                "How much of that regret is the luck of a window cannot be told: {reason}."
+            );
+        };
+        let hindsight = cost(Way::Hindsight)
+            .map_or_else(String::new, |cost| format!(", and the best constant value {cost}"));
+        let random = cost(Way::Random)
+            .map_or_else(String::new, |cost| format!("; any value costs {cost} on average"));
+        format!("Choosing by another held-out window would have cost {floor}{hindsight}{random}.")
+    }
+}
+
+/// "2.5 % (95 %: 1 to 4 %)".
+pub(super) fn with_interval(estimate: Estimate) -> String {
+    let value = percent(estimate.value);
+    match estimate.interval {
+        Some(of) if of.low < of.high => {
+            format!("{value} (95 %: {} to {})", percent(of.low), percent(of.high))
+        }
+        _ => value,
     }
 }
 
 fn online_sentence(chosen: &Setting, online: &Agreement, score: &Score) -> String {
     let error = number(online.chosen_error);
     let name = &score.name;
+    let on = format!("{} of {}", online.part, windows(online));
     match online.regret {
-        Some(0.0) => {
-            format!("On held-out data it is the best value of the grid ({name} {error}).")
+        None => format!("On held-out data ({on}) every value diverged, so there is no best one."),
+        Some(regret) if regret.value.is_infinite() => format!(
+            "On held-out data ({on}) it diverged; the best value was {} ({name} {}).",
+            online.best,
+            number(online.best_error)
+        ),
+        Some(regret) if regret.value == 0.0 => {
+            format!(
+                "On held-out data ({on}) it is the best value in every window ({name} {error})."
+            )
         }
-        // An alternative outside the grid can be better than all of it.
         Some(regret) if online.best == *chosen => format!(
-            "On held-out data it is the best value of the grid ({name} {error}), yet {} worse than the best \
-             alternative outside it.",
-            percent(regret)
+            "On held-out data ({on}) it is the best value over all windows ({name} {error}); its regret against the best of \
+             each is {}.",
+            with_interval(regret)
         ),
-        Some(regret) if regret.is_finite() => format!(
-            "On held-out data it is {} worse than the best value, {} ({name} {error} against {}).",
-            percent(regret),
+        Some(regret) => format!(
+            "On held-out data ({on}) its regret is {}; the best value over all windows is {} ({name} {} against {error}).",
+            with_interval(regret),
             online.best,
             number(online.best_error)
         ),
-        Some(_) => format!(
-            "On held-out data it diverged; the best value was {} ({name} {}).",
-            online.best,
-            number(online.best_error)
-        ),
-        None => "On held-out data every value diverged, so there is no best one.".to_owned(),
     }
+}
+
+/// "4 windows, 16 runs".
+fn windows(online: &Agreement) -> String {
+    let plural =
+        |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
+    format!("{}, {}", plural(online.windows, "window"), plural(online.runs, "run"))
+}
+
+fn skill_sentence(online: &Agreement) -> Option<String> {
+    let skill = online.chosen_skill?;
+    let best = online.best_skill.filter(|best| best - skill > 0.005);
+    let best = best.map_or_else(String::new, |best| format!(" The best value's is {best:.2}."));
+    Some(if skill > 0.0 {
+        format!(
+            "Its skill is {skill:.2}: {} less error than predicting the mean return.{best}",
+            percent(skill)
+        )
+    } else {
+        format!("Its skill is {skill:.2}: it predicts no better than the mean return.{best}")
+    })
 }
 
 fn agreement_sentence(online: &Agreement) -> String {
@@ -177,140 +329,4 @@ pub(super) fn listed(items: &[String]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::TopK;
-
-    fn verdict() -> Verdict {
-        Verdict {
-            sensor: "PIT300".to_owned(),
-            field: "learning_rate".to_owned(),
-            model: "kNN".to_owned(),
-            chosen: Setting::from(1e-4),
-            tie_set: [3e-5, 1e-4, 3e-4].map(Setting::from).to_vec(),
-            worst_rank: 2,
-            values: 9,
-            members: 5,
-            online: Some(Agreement {
-                chosen_error: 0.123,
-                best: Setting::from(3e-4),
-                best_error: 0.12,
-                regret: Some(0.025),
-                spearman: Some(0.93),
-                kendall: Some(0.83),
-                top_k: Some(TopK { k: 3, hit: true }),
-            }),
-            default: Some(Alternative { value: Setting::from(1e-3), regret: Some(0.54) }),
-            log_replay: Some(Alternative { value: Setting::from(3e-4), regret: Some(0.0) }),
-            notes: vec![],
-        }
-    }
-
-    fn text(verdict: &Verdict) -> String {
-        let mut lines = vec![verdict.headline()];
-        lines.extend(verdict.reasons(&Score::nrmse()));
-        lines.join("\n")
-    }
-
-    #[test]
-    fn a_good_verdict() {
-        insta::assert_snapshot!(text(&verdict()), @r"
-Use learning_rate = 1e-4 for PIT300.
-kNN ranks it never below 2nd of 9 values in its 5 members.
-It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-On held-out data it is 2.5 % worse than the best value, 3e-4 (NRMSE 0.123 against 0.12).
-The default (1e-3) would have cost 54 % against the best value.
-Log replay's choice (3e-4) would have been better: it is the best value.
-The ranking of all values agrees closely with Online's (Spearman 0.93, Kendall 0.83). The choice is among the 3 best Online.
-");
-    }
-
-    #[test]
-    fn a_verdict_without_online() {
-        let verdict = Verdict {
-            online: None,
-            tie_set: vec![Setting::from(1e-4)],
-            worst_rank: 1,
-            ..verdict()
-        };
-        assert_eq!(verdict.grade(), Grade::Unchecked);
-        insta::assert_snapshot!(text(&verdict), @r"
-Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
-kNN ranks it best of 9 values in all 5 members.
-No held-out data was given: regret and agreement with Online are unknown.
-");
-    }
-
-    #[test]
-    fn a_choice_that_diverged() {
-        let mut verdict = verdict();
-        let online = verdict.online.as_mut().unwrap();
-        online.chosen_error = f64::INFINITY;
-        online.regret = Some(f64::INFINITY);
-        online.spearman = Some(-0.4);
-        online.top_k = Some(TopK { k: 3, hit: false });
-        verdict.default.as_mut().unwrap().regret = Some(f64::INFINITY);
-        assert_eq!(verdict.grade(), Grade::Poor);
-        insta::assert_snapshot!(text(&verdict), @r"
-Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
-kNN ranks it never below 2nd of 9 values in its 5 members.
-It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-On held-out data it diverged; the best value was 3e-4 (NRMSE 0.12).
-The default (1e-3) would have diverged.
-Log replay's choice (3e-4) would have been better: it is the best value.
-The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
-");
-    }
-
-    #[test]
-    fn a_default_outside_the_grid_can_be_best() {
-        let mut verdict = verdict();
-        let online = verdict.online.as_mut().unwrap();
-        online.best = verdict.chosen.clone();
-        let reasons = verdict.reasons(&Score::nrmse()).join("\n");
-        assert!(
-            reasons.contains("the best value of the grid (NRMSE 0.123), yet 2.5 % worse"),
-            "{reasons}"
-        );
-    }
-
-    #[test]
-    fn everything_diverged() {
-        let mut verdict = verdict();
-        let online = verdict.online.as_mut().unwrap();
-        online.regret = None;
-        online.spearman = None;
-        online.top_k = None;
-        verdict.default = None;
-        verdict.log_replay = Some(Alternative { value: Setting::from(1e-4), regret: None });
-        insta::assert_snapshot!(text(&verdict), @r"
-Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
-kNN ranks it never below 2nd of 9 values in its 5 members.
-It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-On held-out data every value diverged, so there is no best one.
-Log replay's choice is the same value.
-Agreement with Online's ranking is undefined, because one of the two ranks all values alike.
-");
-    }
-
-    #[test]
-    fn grades_follow_regret() {
-        let graded = |regret| {
-            let mut verdict = verdict();
-            verdict.online.as_mut().unwrap().regret = Some(regret);
-            verdict.grade()
-        };
-        assert_eq!(
-            (graded(0.05), graded(0.2), graded(0.21)),
-            (Grade::Good, Grade::Fair, Grade::Poor)
-        );
-    }
-
-    #[test]
-    fn ordinals() {
-        assert_eq!(
-            [1, 2, 3, 4, 11, 12, 13, 21, 112].map(ordinal).join(" "),
-            "1st 2nd 3rd 4th 11th 12th 13th 21st 112th"
-        );
-    }
-}
+mod tests;

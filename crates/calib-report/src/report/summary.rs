@@ -1,7 +1,7 @@
 //! All verdicts in a few sentences.
 
 use super::sentence::listed;
-use super::{Grade, Report, Verdict};
+use super::{Grade, Report, Verdict, Way};
 use crate::number::percent;
 
 /// Whether there are verdicts of several models on the same sensor.
@@ -22,14 +22,21 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     if verdicts.len() < 2 {
         return Vec::new();
     }
-    let (poor, usable): (Vec<&Verdict>, Vec<&Verdict>) =
-        verdicts.iter().partition(|verdict| verdict.grade() == Grade::Poor);
+    let of = |grades: &[Grade]| -> Vec<&Verdict> {
+        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
+    };
+    let (poor, not_learnt) = (of(&[Grade::Poor]), of(&[Grade::NotLearnt]));
+    let usable = of(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
     let mut sentences = Vec::new();
     if !usable.is_empty() {
         sentences.push(format!("Use {}.", choices(&usable)));
     }
     if !poor.is_empty() {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
+    }
+    if !not_learnt.is_empty() {
+        let sensors: Vec<String> = not_learnt.iter().map(|of| of.sensor.clone()).collect();
+        sentences.push(format!("No value learns {}.", listed(&sensors)));
     }
     let online: Vec<&Verdict> =
         verdicts.into_iter().filter(|verdict| verdict.online.is_some()).collect();
@@ -99,7 +106,7 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
 }
 
 fn regret(verdict: &Verdict) -> Option<f64> {
-    verdict.online.as_ref().and_then(|online| online.regret)
+    verdict.regret()
 }
 
 /// "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".
@@ -117,7 +124,7 @@ fn costs(verdicts: &[&Verdict]) -> Option<String> {
     let largest = |regret: fn(&Verdict) -> Option<f64>| {
         verdicts.iter().filter_map(|verdict| regret(verdict)).reduce(f64::max)
     };
-    let chosen = largest(|verdict| verdict.online.as_ref().and_then(|online| online.regret))?;
+    let chosen = largest(Verdict::regret)?;
     let mut text = match chosen {
         0.0 => "On held-out data these are the best values of the grid".to_owned(),
         regret if regret.is_finite() => {
@@ -129,11 +136,8 @@ fn costs(verdicts: &[&Verdict]) -> Option<String> {
         _ => "On held-out data at least one choice diverged".to_owned(),
     };
     let alternatives = [
-        ("the default", largest(|verdict| verdict.default.as_ref().and_then(|other| other.regret))),
-        (
-            "choosing by log replay",
-            largest(|verdict| verdict.log_replay.as_ref().and_then(|other| other.regret)),
-        ),
+        ("the default", largest(|verdict| verdict.regret_of(Way::Default))),
+        ("choosing by log replay", largest(|verdict| verdict.regret_of(Way::LogReplay))),
     ];
     let compared: Vec<String> = alternatives
         .into_iter()

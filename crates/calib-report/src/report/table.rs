@@ -35,8 +35,11 @@ pub enum Cell {
 }
 
 /// Where to look for the best number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Best {
+    /// These cells are bold, as (row, column): the best ones and those that cannot be told apart from them, say. The caption
+    /// says what bold means.
+    Cells(Vec<(usize, usize)>),
     /// The best number of each row is bold.
     OfRow(Direction),
     /// The best number of each column is bold.
@@ -54,14 +57,17 @@ impl Cell {
 }
 
 impl Table {
-    /// Whether cell (`row`, `column`) is the best of its row or column; ties are all best.
+    /// Whether cell (`row`, `column`) is bold: the best of its row or column, ties being all best, or one of those listed.
     pub fn is_best(&self, row: usize, column: usize) -> bool {
+        if let Some(Best::Cells(cells)) = &self.best {
+            return cells.contains(&(row, column));
+        }
         let Some(own) = self.cell(row, column).and_then(Cell::score) else { return false };
         let better = |direction: Direction, other: Option<&Cell>| {
             other.and_then(Cell::score).is_some_and(|other| direction.compare(other, own).is_lt())
         };
         match self.best {
-            None => false,
+            None | Some(Best::Cells(_)) => false,
             Some(Best::OfRow(direction)) => {
                 !(0..self.columns.len()).any(|other| better(direction, self.cell(row, other)))
             }
@@ -82,6 +88,12 @@ impl Table {
             })
             .collect();
         let keep = |column: usize| used.get(column).copied().unwrap_or(false);
+        if let Some(Best::Cells(cells)) = &mut self.best {
+            cells.retain(|&(_, column)| keep(column));
+            for (_, column) in cells {
+                *column = (0..*column).filter(|&before| keep(before)).count();
+            }
+        }
         self.columns = retained(self.columns, keep);
         self.rows = self.rows.into_iter().map(|row| retained(row, keep)).collect();
         self
@@ -108,10 +120,12 @@ mod tests {
                 vec![Cell::Count(1), Cell::Missing, Cell::Missing],
                 vec![Cell::Count(2), Cell::Missing, Cell::Count(3)],
             ],
+            best: Some(Best::Cells(vec![(0, 1), (1, 2)])),
             ..Table::default()
         };
         let table = table.without_empty_columns();
         assert_eq!(table.columns, ["a", "c"]);
+        assert_eq!(table.best, Some(Best::Cells(vec![(1, 1)])));
         assert_eq!(table.rows[1], [Cell::Count(2), Cell::Count(3)]);
     }
 
@@ -133,6 +147,8 @@ mod tests {
         assert_eq!(best(&table), [(0, 0), (0, 2), (1, 1)]);
         table.best = Some(Best::OfColumn(Direction::HigherIsBetter));
         assert_eq!(best(&table), [(0, 0), (0, 1), (1, 2)]);
+        table.best = Some(Best::Cells(vec![(1, 0)]));
+        assert_eq!(best(&table), [(1, 0)]);
         table.best = None;
         assert_eq!(best(&table), []);
     }

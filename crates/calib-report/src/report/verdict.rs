@@ -1,10 +1,8 @@
 //! What to deploy, and how well that is supported.
 
-use crate::Setting;
+use calib_stats::Estimate;
 
-/// Up to this regret a choice is called good, and up to the next one fair.
-const GOOD_REGRET: f64 = 0.05;
-const FAIR_REGRET: f64 = 0.20;
+use crate::Setting;
 
 /// The value a calibration model chose for one sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,35 +15,77 @@ pub struct Verdict {
     pub model: String,
     /// Its choice.
     pub chosen: Setting,
-    /// All values that share the smallest worst rank, the choice included, in grid order.
+    /// How well held-out data supports it.
+    pub grade: Grade,
+    /// How it was chosen.
+    pub reason: Reason,
+    /// All values that share the smallest worst rank, in grid order.
     pub tie_set: Vec<Setting>,
-    /// That worst rank; 1 = best in every member.
+    /// The worst rank of the choice; 1 = best in every member.
     pub worst_rank: usize,
-    /// Number of values in the grid.
+    /// Number of values.
     pub values: usize,
     /// Number of members of the ensemble.
     pub members: usize,
+    /// What other draws of members, runs and windows of the log choose, with their shares; the most frequent first.
+    pub stability: Vec<(Setting, f64)>,
     /// How the choice did Online; `None` if no data was held out.
     pub online: Option<Agreement>,
-    /// The value one would use without calib.
-    pub default: Option<Alternative>,
-    /// The value one would choose by replaying the training log.
-    pub log_replay: Option<Alternative>,
+    /// Other ways to choose, and what they would have cost.
+    pub alternatives: Vec<Alternative>,
     /// What else is worth knowing about this verdict.
     pub notes: Vec<String>,
+}
+
+/// What a choice is the best by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// The smallest worst rank over members.
+    WorstRank,
+    /// The smallest mean rank over members.
+    MeanRank,
+    /// The smallest mean error over members.
+    MeanError,
+    /// The smallest mean logarithm of the error over so many streams of the members.
+    MeanLogError {
+        /// Streams.
+        streams: usize,
+    },
+    /// The same over the streams of members and of the replayed log.
+    Pooled {
+        /// Streams.
+        streams: usize,
+    },
+    /// The default is left only for a value that is better by more than a standard error over so many streams.
+    OneStandardError {
+        /// Streams.
+        streams: usize,
+    },
 }
 
 /// The choice, judged by held-out data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Agreement {
+    /// What was judged: "over the whole run".
+    pub part: String,
+    /// Windows of the held-out range that were replayed.
+    pub windows: usize,
+    /// Runs over all of them.
+    pub runs: usize,
     /// Mean Online score of the choice; infinite if it diverged.
     pub chosen_error: f64,
-    /// The best value Online.
+    /// 1 − RMSE / standard deviation of the returns; 0 is the error of predicting the mean.
+    pub chosen_skill: Option<f64>,
+    /// The best value over all windows.
     pub best: Setting,
     /// Its mean Online score.
     pub best_error: f64,
-    /// (score of the choice − best) / best; `None` where it is undefined.
-    pub regret: Option<f64>,
+    /// Its skill.
+    pub best_skill: Option<f64>,
+    /// exp(mean over windows of ln(error / best error of the window)) − 1; `None` where it is undefined.
+    pub regret: Option<Estimate>,
+    /// Error of the choice by that of the default, geometric mean over windows; `None` where it is the default.
+    pub against_default: Option<Estimate>,
     /// Spearman correlation between the model's ranking and Online's; `None` where it is undefined.
     pub spearman: Option<f64>,
     /// Kendall's τ-b between them.
@@ -63,37 +103,77 @@ pub struct TopK {
     pub hit: bool,
 }
 
+/// A way to choose that the verdict is compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Keep the value one would use without calib.
+    Default,
+    /// Replay the training log.
+    LogReplay,
+    /// Replay its latest window.
+    LatestWindow,
+    /// Take any value.
+    Random,
+    /// The one best value over all held-out windows.
+    Hindsight,
+    /// The best value of another held-out window.
+    AnotherWindow,
+}
+
+impl Way {
+    /// What it is called.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Default => "the default",
+            Self::LogReplay => "log replay",
+            Self::LatestWindow => "the latest window of the log",
+            Self::Random => "any value",
+            Self::Hindsight => "the best value, in hindsight",
+            Self::AnotherWindow => "another held-out window",
+        }
+    }
+}
+
 /// Another way to choose, and what it would have cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
-    /// The value it would have chosen.
-    pub value: Setting,
+    /// Which way.
+    pub way: Way,
+    /// The value it would have chosen, where it is one.
+    pub value: Option<Setting>,
     /// Its regret Online; `None` without Online.
-    pub regret: Option<f64>,
+    pub regret: Option<Estimate>,
 }
 
 /// How well a verdict is supported by held-out data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grade {
-    /// Regret up to 5 %.
+    /// As good as choosing by another held-out window.
     Good,
-    /// Regret up to 20 %.
+    /// Not worse than the default.
     Fair,
-    /// Larger regret, or the choice, or every value, diverged.
+    /// Worse than the default, or the choice, or every value, diverged.
     Poor,
+    /// No value predicts better than the mean.
+    NotLearnt,
     /// No held-out data.
     Unchecked,
 }
 
 impl Verdict {
-    /// How well held-out data supports the choice. The limits are our choice.
-    pub fn grade(&self) -> Grade {
-        match self.online.as_ref().map(|online| online.regret) {
-            None => Grade::Unchecked,
-            Some(Some(regret)) if regret <= GOOD_REGRET => Grade::Good,
-            Some(Some(regret)) if regret <= FAIR_REGRET => Grade::Fair,
-            Some(_) => Grade::Poor,
-        }
+    /// Another way to choose.
+    pub fn alternative(&self, way: Way) -> Option<&Alternative> {
+        self.alternatives.iter().find(|alternative| alternative.way == way)
+    }
+
+    /// The regret of the choice, where it is known.
+    pub(crate) fn regret(&self) -> Option<f64> {
+        Some(self.online.as_ref()?.regret?.value)
+    }
+
+    /// The regret of another way to choose, where it is known.
+    pub(crate) fn regret_of(&self, way: Way) -> Option<f64> {
+        Some(self.alternative(way)?.regret?.value)
     }
 }
 
@@ -101,9 +181,10 @@ impl Grade {
     /// The grade in a few words.
     pub const fn label(self) -> &'static str {
         match self {
-            Self::Good => "Good: within 5 % of the best",
-            Self::Fair => "Fair: within 20 % of the best",
+            Self::Good => "Good: as good as choosing by the deployment itself",
+            Self::Fair => "Fair: not worse than the default",
             Self::Poor => "Poor: do not rely on it",
+            Self::NotLearnt => "Not learnt: no value beats predicting the mean",
             Self::Unchecked => "Not checked on held-out data",
         }
     }
@@ -113,7 +194,7 @@ impl Grade {
         match self {
             Self::Good => "good",
             Self::Fair => "fair",
-            Self::Poor => "poor",
+            Self::Poor | Self::NotLearnt => "poor",
             Self::Unchecked => "unchecked",
         }
     }

@@ -19,7 +19,7 @@ pub struct Score {
 }
 
 impl Score {
-    /// The paper's error: RMSE relative to the mean return; lower is better.
+    /// RMSE relative to the standard deviation of the training returns; lower is better.
     pub fn nrmse() -> Self {
         Self { name: "NRMSE".to_owned(), direction: Direction::LowerIsBetter }
     }

@@ -1,9 +1,10 @@
-//! Values that halving dropped, in the verdict.
+//! Values that a race dropped, in the verdict.
 
 use calib_stats::{Selection, StatsError, select};
 use serde::{Deserialize, Serialize};
 
-use crate::{EnvironmentId, UnitResult, unit::infinite, verdict::LOWER};
+use super::LOWER;
+use crate::{EnvironmentId, UnitResult, unit::infinite};
 
 /// A value that was dropped before all runs were made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,7 +22,7 @@ pub struct Dropped {
 
 /// The dropped ones among `grid` candidates, best first: those that went on for longer, then those with the lower
 /// error. `mean_errors` is `[members, candidates]`.
-pub(crate) fn dropped(
+pub(super) fn dropped(
     results: &[&UnitResult],
     grid: usize,
     mean_errors: &[Vec<f64>],
@@ -53,7 +54,7 @@ pub(crate) fn dropped(
 
 /// The worst-rank rule among those that made all runs; the dropped ones rank behind them in every member,
 /// in their order. Ranks of the others are ranks among themselves.
-pub(crate) fn select_among(
+pub(super) fn select_among(
     mean_errors: &[Vec<f64>],
     dropped: &[Dropped],
 ) -> Result<Selection, StatsError> {

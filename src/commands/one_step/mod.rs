@@ -1,12 +1,14 @@
 //! How well a model predicts the next state on held-out data.
 
+mod steps;
+mod tables;
+
 use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
 use calib_files::{Fingerprint, read_json, write_json};
-use calib_report::{Best, Cell, Table};
-use calib_stats::{Direction, StepErrors};
+use calib_stats::{Interval, StepErrors};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -15,9 +17,12 @@ use super::{
     model_files::OpenModel,
 };
 use crate::{
-    output::{Printer, count, significant, table},
+    output::Printer,
     study::{Study, StudyPaths},
 };
+
+use steps::Steps;
+pub(super) use tables::{PairedErrors, Predicting, all_pairs, report_tables, show};
 
 /// Transitions that are predicted at most, evenly spaced over the held-out range: more would hardly change the error.
 const MOST_TRANSITIONS: usize = 4000;
@@ -25,7 +30,7 @@ const MOST_TRANSITIONS: usize = 4000;
 /// Its file, in the directory of rollouts.
 const FILE: &str = "one_step.json";
 
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// `one_step.json`: errors of predictions one step ahead, of all members taken together.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -63,13 +68,22 @@ pub(super) struct StepError {
     pub(super) no_change_rmse: f64,
     /// One divided by the other; none if nothing ever changes.
     pub(super) relative: Option<f64>,
+    /// 95 % interval of the quotient, over stretches of time.
+    pub(super) relative_interval: Option<Interval>,
 }
 
 impl StepError {
-    fn new((rmse, no_change_rmse): (f64, f64)) -> Self {
+    /// Of a sensor, or of all columns.
+    fn new(
+        (rmse, no_change_rmse): (f64, f64),
+        steps: &Steps,
+        sensor: Option<&str>,
+    ) -> anyhow::Result<Self> {
         let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
         let relative = rmse.filter(|_| no_change_rmse > 0.0).map(|rmse| rmse / no_change_rmse);
-        Self { rmse, no_change_rmse, relative }
+        let beside = steps.beside_no_change(sensor)?.filter(|_| relative.is_some());
+        let relative_interval = beside.and_then(|of| of.interval);
+        Ok(Self { rmse, no_change_rmse, relative, relative_interval })
     }
 }
 
@@ -82,13 +96,15 @@ pub(super) fn read(study: &Study, paths: &StudyPaths, model: &str) -> Option<One
 
 /// Nothing is known one step ahead.
 pub(super) fn remove(paths: &StudyPaths) -> anyhow::Result<()> {
-    let path = paths.rollout().join(FILE);
-    match std::fs::remove_file(&path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+    for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(error).with_context(|| format!("cannot remove {}", path.display()));
+            }
+            _ => {}
         }
-        _ => Ok(()),
     }
+    Ok(())
 }
 
 /// The one-step errors on `held_out`: those that are stored if they are up to date, else new ones, stored.
@@ -105,7 +121,8 @@ pub(super) fn ensure(
     let inputs = (FORMAT, MOST_TRANSITIONS, &model.manifest.key, weights, fingerprint, sensors);
     let key = artefact::key(&inputs)?;
     let stored = read(study, paths, &model.manifest.key);
-    if let Some(stored) = stored.filter(|stored| stored.key == key && !force) {
+    let complete = Steps::file(&paths.rollout()).is_file() && !force;
+    if let Some(stored) = stored.filter(|stored| stored.key == key && complete) {
         return Ok(Some(stored));
     }
     if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
@@ -115,7 +132,11 @@ pub(super) fn ensure(
     let transitions = Transitions::new(held_out.segments().clone());
     let rows = spaced(&transitions);
     let progress = printer.progress();
-    let errors = errors((study, paths), model, held_out, &rows, &progress)?;
+    let (errors, steps) = errors((study, paths), model, held_out, &rows, sensors, &progress)?;
+    let of_sensor = |(sensor, column): &(String, usize)| {
+        let error = StepError::new(errors.of_column(*column), &steps, Some(sensor))?;
+        Ok(SensorError { sensor: sensor.clone(), error })
+    };
     let one_step = OneStep {
         format: FORMAT,
         tool: TOOL.to_owned(),
@@ -125,15 +146,10 @@ pub(super) fn ensure(
         held_out: transitions.len(),
         transitions: rows.len(),
         members: model.model.members(),
-        all_columns: StepError::new(errors.of_all()),
-        sensors: sensors
-            .iter()
-            .map(|(sensor, column)| SensorError {
-                sensor: sensor.clone(),
-                error: StepError::new(errors.of_column(*column)),
-            })
-            .collect(),
+        all_columns: StepError::new(errors.of_all(), &steps, None)?,
+        sensors: sensors.iter().map(of_sensor).collect::<anyhow::Result<_>>()?,
     };
+    steps.write(&paths.rollout())?;
     write_json(&paths.rollout().join(FILE), &one_step)?;
     Ok(Some(one_step))
 }
@@ -150,13 +166,20 @@ fn errors(
     model: &OpenModel,
     held_out: &Frames,
     rows: &[RowIndex],
+    sensors: &[(String, usize)],
     monitor: &dyn Monitor,
-) -> anyhow::Result<StepErrors> {
+) -> anyhow::Result<(StepErrors, Steps)> {
     let states = held_out.states();
     let columns = states.columns();
     let mut errors = StepErrors::new(columns);
-    let mut add = |predicted: &[f64], row: RowIndex| {
-        errors.add(predicted, states.row(row.get()), states.row(row.get() + 1));
+    let times = rows.iter().map(|row| held_out.timestamps()[row.get()]).collect();
+    let mut steps = Steps::new(times, sensors.iter().map(|(name, _)| name));
+    let of_sensors: Vec<usize> = sensors.iter().map(|(_, column)| *column).collect();
+    let members = model.model.members();
+    let mut add = |predicted: &[f64], (step, row): (usize, &RowIndex)| {
+        let [from, to] = [0, 1].map(|after| states.row(row.get() + after));
+        errors.add(predicted, from, to);
+        steps.add(step, members, predicted, [from, to], &of_sensors);
     };
     match &model.model {
         Model::Knn(knn) => {
@@ -165,7 +188,8 @@ fn errors(
             let place = search_place(&model.model, &paths.rollout());
             let recorded = model.frames.states();
             for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
-                for (predicted, &row) in expected.chunks_exact(columns).zip(rows) {
+                for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate())
+                {
                     add(predicted, row);
                 }
             }
@@ -173,7 +197,7 @@ fn errors(
         Model::Parametric(network) => {
             monitor.begin("one-step errors", 1);
             let all = predict(&**network, states, held_out.segments(), rows, 1, monitor)?;
-            for (prediction, &row) in all.iter().zip(rows) {
+            for (prediction, row) in all.iter().zip(rows.iter().enumerate()) {
                 let predicted: Vec<f64> = match prediction.steps() {
                     0 => vec![f64::INFINITY; columns],
                     _ => prediction.state(1).iter().copied().map(f64::from).collect(),
@@ -182,71 +206,11 @@ fn errors(
             }
         }
     }
-    Ok(errors)
+    Ok((errors, steps))
 }
 
 /// Some rows of the states.
 fn rows_of(states: &States, rows: &[RowIndex]) -> anyhow::Result<States> {
     let values: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
     States::new(values, rows.len(), states.columns()).context("held-out states")
-}
-
-/// The columns of the sensors, as far as the model has them.
-pub(super) fn show(one_step: &OneStep, printer: &Printer) -> anyhow::Result<()> {
-    printer.result("")?;
-    printer.result(&format!(
-        "one-step error on held-out data, RMSE of {} transitions, normalised",
-        count(one_step.transitions)
-    ))?;
-    let rows: Vec<Vec<String>> = named(one_step)
-        .map(|(name, error)| {
-            let or_none = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
-            let no_change = significant(error.no_change_rmse);
-            vec![name.to_owned(), or_none(error.rmse), no_change, or_none(error.relative)]
-        })
-        .collect();
-    printer.result(&table(&["sensor", "model", "no change", "model / no change"], &rows))
-}
-
-/// All columns together, then sensors.
-fn named(one_step: &OneStep) -> impl Iterator<Item = (&str, &StepError)> {
-    let sensors = one_step.sensors.iter().map(|of| (of.sensor.as_str(), &of.error));
-    sensors.chain([("all columns", &one_step.all_columns)])
-}
-
-/// A table for the report: the models side by side, the best of a row in bold where there are several.
-pub(super) fn report_table(models: &[(&str, &OneStep)]) -> Option<Table> {
-    let (_, first) = models.first()?;
-    let several = models.len() > 1;
-    let own = |of: &StepError| {
-        let cell = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-        [cell(of.rmse), cell(of.relative)]
-    };
-    let rows = named(first).map(|(name, error)| {
-        let mut row = vec![Cell::Text(name.to_owned())];
-        for (_, of) in models {
-            let found = named(of).find(|(other, _)| *other == name);
-            row.extend(found.map_or([Cell::Missing, Cell::Missing], |(_, error)| own(error)));
-        }
-        row.push(Cell::Text(significant(error.no_change_rmse)));
-        row
-    });
-    let mut columns = vec!["sensor".to_owned()];
-    for (name, _) in models {
-        columns.extend([name.to_string(), format!("{name} / no change")]);
-    }
-    columns.push("no change".to_owned());
-    Some(Table {
-        title: "One-step error".to_owned(),
-        caption: format!(
-            "RMSE of predictions of the next state, normalised units, over {} of {} held-out transitions in each member. \
-             Neighbours predict the mean of what a step would draw. No change predicts that the plant stays as it is; \
-             a model above 1 beside it predicts worse than that, and may recombine the log well all the same.",
-            count(first.transitions),
-            count(first.held_out)
-        ),
-        columns,
-        rows: rows.collect(),
-        best: several.then_some(Best::OfRow(Direction::LowerIsBetter)),
-    })
 }

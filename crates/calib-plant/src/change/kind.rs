@@ -1,0 +1,202 @@
+use std::fmt;
+
+use calib_core::Timestamp;
+use serde::Serialize;
+
+/// A change of the plant, and when it was made.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// When: membranes and pumps are exchanged when the plant next stands still, within hours.
+    pub at: Timestamp,
+    /// What.
+    #[serde(flatten)]
+    pub kind: ChangeKind,
+}
+
+/// What was changed, and what it is from then on. Factors and offsets are from the plant as it was at first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum ChangeKind {
+    /// New membranes.
+    Membranes(Membranes),
+    /// Another feed.
+    Feed(Feed),
+    /// A sensor that was moved, exchanged or calibrated again.
+    Sensor {
+        /// Its tag.
+        tag: String,
+        /// What it shows from then on.
+        #[serde(flatten)]
+        sensor: Sensor,
+    },
+    /// Other control settings.
+    Settings(Settings),
+    /// A new pump.
+    Pump(Pump),
+}
+
+/// Membranes as they are when new.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Membranes {
+    /// Factor on the resistance of the clean membrane: the inverse of that on its permeability.
+    pub resistance: f64,
+    /// Factor on the rates at which cake and pores build up.
+    pub fouling: f64,
+}
+
+/// What flows to the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Feed {
+    /// Days over which it is blended in.
+    pub blending_days: f64,
+    /// Offset of the temperature, °C.
+    pub temperature_offset: f64,
+    /// Factor on the size of the temperature's season.
+    pub season: f64,
+    /// Days by which the season comes later.
+    pub season_delay_days: f64,
+    /// Factor on the turbidity in calm: the mean.
+    pub turbidity: f64,
+    /// Factor on the turbidity of storms: the spread.
+    pub storms: f64,
+    /// Offset of the conductivity, µS/cm.
+    pub conductivity_offset: f64,
+    /// Offset of the pH.
+    pub acidity_offset: f64,
+    /// Factor on organic matter (TOC), and so on fouling and on the dose of hypochlorite.
+    pub organics: f64,
+}
+
+/// What a sensor makes of the true value x: it follows `gain · x + offset` with a time constant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sensor {
+    /// Offset, in the unit of the sensor.
+    pub offset: f64,
+    /// Gain.
+    pub gain: f64,
+    /// Time constant, s.
+    pub time_constant_secs: f64,
+    /// Factor on the white noise.
+    pub noise: f64,
+}
+
+/// Control settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Factor on the target of production.
+    pub production: f64,
+    /// Factor on the time of production up to a back-pulse.
+    pub back_pulse_interval: f64,
+}
+
+/// What a pump is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PumpDuty {
+    /// It draws permeate through the membrane.
+    Permeate,
+    /// It feeds the membrane tank.
+    Feed,
+}
+
+/// A pump.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pump {
+    /// What it is for.
+    pub duty: PumpDuty,
+    /// Factor on the speed for the same flow.
+    pub speed: f64,
+    /// Factor on the pulsation: of the membrane pressure, or of the feed flow.
+    pub pulsation: f64,
+    /// Factor on the time in which it answers to its set point.
+    pub response: f64,
+}
+
+impl Feed {
+    /// The feed that the plant begins with.
+    pub(crate) const FIRST: Self = Self {
+        blending_days: 0.0,
+        temperature_offset: 0.0,
+        season: 1.0,
+        season_delay_days: 0.0,
+        turbidity: 1.0,
+        storms: 1.0,
+        conductivity_offset: 0.0,
+        acidity_offset: 0.0,
+        organics: 1.0,
+    };
+
+    /// `share` of the way to `other`, field by field.
+    pub(crate) fn blended(&self, other: &Self, share: f64) -> Self {
+        let of = |field: fn(&Self) -> f64| field(self) + share * (field(other) - field(self));
+        Self {
+            blending_days: other.blending_days,
+            temperature_offset: of(|feed| feed.temperature_offset),
+            season: of(|feed| feed.season),
+            season_delay_days: of(|feed| feed.season_delay_days),
+            turbidity: of(|feed| feed.turbidity),
+            storms: of(|feed| feed.storms),
+            conductivity_offset: of(|feed| feed.conductivity_offset),
+            acidity_offset: of(|feed| feed.acidity_offset),
+            organics: of(|feed| feed.organics),
+        }
+    }
+}
+
+impl Pump {
+    /// The pump that the plant begins with.
+    pub(crate) const fn first(duty: PumpDuty) -> Self {
+        Self { duty, speed: 1.0, pulsation: 1.0, response: 1.0 }
+    }
+}
+
+impl fmt::Display for ChangeKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Membranes(Membranes { resistance, fouling }) => {
+                write!(f, "new membranes: resistance × {resistance:.2}, fouling × {fouling:.2}")
+            }
+            Self::Feed(feed) => feed.fmt(f),
+            Self::Sensor { tag, sensor } => {
+                let Sensor { offset, gain, time_constant_secs, noise } = sensor;
+                write!(
+                    f,
+                    "{tag}: reads {gain:.3} x {offset:+.3}, behind {time_constant_secs:.0} s, noise × {noise:.2}"
+                )
+            }
+            Self::Settings(Settings { production, back_pulse_interval }) => write!(
+                f,
+                "settings: production × {production:.2}, back-pulse interval × {back_pulse_interval:.2}"
+            ),
+            Self::Pump(Pump { duty, speed, pulsation, response }) => {
+                let duty = match duty {
+                    PumpDuty::Permeate => "permeate",
+                    PumpDuty::Feed => "feed",
+                };
+                write!(
+                    f,
+                    "new {duty} pump: speed × {speed:.2}, pulsation × {pulsation:.2}, response × {response:.2}"
+                )
+            }
+        }
+    }
+}
+
+impl fmt::Display for Feed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "another feed over {:.1} d: {:+.1} °C, season × {:.2} and {:+.0} d, turbidity × {:.2}, \
+             storms × {:.2}, {:+.0} µS/cm, pH {:+.2}, organics × {:.2}",
+            self.blending_days,
+            self.temperature_offset,
+            self.season,
+            self.season_delay_days,
+            self.turbidity,
+            self.storms,
+            self.conductivity_offset,
+            self.acidity_offset,
+            self.organics
+        )
+    }
+}

@@ -1,0 +1,71 @@
+use super::{Changes, Dated, Sensor, Timeline};
+use crate::{
+    fluctuation::Follower,
+    signal::{Frame, Signal},
+};
+
+/// The sensors that change: what they show instead of the true values.
+#[derive(Clone, Debug)]
+pub(crate) struct Sensors {
+    lines: Vec<Line>,
+    period_secs: f64,
+}
+
+/// One sensor on its way through time.
+#[derive(Clone, Debug)]
+struct Line {
+    signal: Signal,
+    timeline: Timeline<Sensor>,
+    /// Since when it is as it is now, and what it shows; nothing as long as it shows the truth.
+    now: Option<(f64, Follower)>,
+}
+
+impl Sensors {
+    pub(crate) fn new(changes: &Changes, period_secs: f64) -> Self {
+        let line = |(info, timeline): &(&'static crate::signal::SignalInfo, Timeline<Sensor>)| {
+            Line { signal: info.signal, timeline: timeline.clone(), now: None }
+        };
+        Self { lines: changes.sensors.iter().map(line).collect(), period_secs }
+    }
+
+    /// What is shown `t` seconds after the start, a period after what was shown before.
+    pub(crate) fn read(&mut self, t: f64, frame: &mut Frame) {
+        for line in &mut self.lines {
+            let Some(Dated { at, value: sensor }) = line.timeline.at(t) else { continue };
+            let shown = sensor.gain * frame[line.signal] + sensor.offset;
+            // A sensor that is put in place shows what it sees at once: it has had its time while it was fitted.
+            let fitted = || Follower::new(shown, sensor.time_constant_secs, self.period_secs);
+            let (since, follower) = line.now.get_or_insert_with(|| (at, fitted()));
+            if *since < at {
+                (*since, *follower) = (at, fitted());
+            }
+            frame[line.signal] = follower.step(shown);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::SIGNALS;
+
+    #[test]
+    fn a_sensor_shows_the_truth_until_it_is_changed_and_follows_it_then() {
+        let sensor = Sensor { offset: 2.0, gain: 1.5, time_constant_secs: 10.0, noise: 1.0 };
+        let events = vec![Dated { at: 5.0, value: sensor }];
+        let sensors = vec![(&SIGNALS[Signal::Temperature as usize], Timeline::new(events))];
+        let changes = Changes { sensors, ..Changes::default() };
+        let mut sensors = Sensors::new(&changes, 1.0);
+        let mut shown = |t: f64, truth: f64| {
+            let mut frame = Frame::zero();
+            frame[Signal::Temperature] = truth;
+            sensors.read(t, &mut frame);
+            assert!(frame[Signal::Pressure] == 0.0, "other sensors are as they were");
+            frame[Signal::Temperature]
+        };
+        assert_eq!([shown(0.0, 4.0), shown(4.0, 4.0)], [4.0, 4.0]);
+        assert_eq!([shown(5.0, 4.0), shown(6.0, 4.0)], [8.0, 8.0]);
+        // A step of the truth by 2 is one of 3 here, of which 1 − exp(−1/10) is seen after a second.
+        assert!((shown(7.0, 6.0) - (8.0 + 3.0 * (1.0 - (-0.1_f64).exp()))).abs() < 1e-12);
+    }
+}

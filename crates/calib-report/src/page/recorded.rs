@@ -1,0 +1,29 @@
+//! The section of what was recorded, period by period.
+
+use maud::html;
+
+use super::figure::still;
+use super::{Part, Section};
+use crate::{Report, ReportError};
+
+/// How to read the plots of a sensor.
+const CAPTION: &str = "In the unit of the log. Of each short stretch of time the smallest and the largest value are shown, so that every peak is.";
+
+/// One figure a sensor.
+pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
+    let (mut stills, mut parts) = (Vec::new(), Vec::new());
+    for (index, recorded) in report.recorded.iter().enumerate() {
+        let figure = recorded.figure()?;
+        let id = format!("recorded-{index}");
+        stills.push(still(&figure, &id, CAPTION));
+        parts.push(Part { id, title: recorded.sensor.clone() });
+    }
+    let body = html! {
+        p.lead {
+            "What the plant showed while it was learned from, and in each deployment. All plots of a sensor have the same \
+             vertical axis. What a deployment shows beyond what was learned from is new to the models."
+        }
+        @for still in stills { (still) }
+    };
+    Ok(Section { id: "recorded", title: "Recorded", parts, body })
+}

@@ -1,0 +1,217 @@
+use calib_stats::Interval;
+
+use super::*;
+use crate::TopK;
+
+fn estimate(value: f64, low: f64, high: f64) -> Estimate {
+    Estimate { value, interval: Some(Interval { low, high }) }
+}
+
+fn alternative(way: Way, value: Option<f64>, regret: f64) -> Alternative {
+    let regret = Some(Estimate { value: regret, interval: None });
+    Alternative { way, value: value.map(Setting::from), regret }
+}
+
+fn verdict() -> Verdict {
+    Verdict {
+        sensor: "PIT300".to_owned(),
+        field: "learning_rate".to_owned(),
+        model: "kNN".to_owned(),
+        chosen: Setting::from(1e-4),
+        grade: Grade::Good,
+        reason: Reason::WorstRank,
+        tie_set: [3e-5, 1e-4, 3e-4].map(Setting::from).to_vec(),
+        worst_rank: 2,
+        values: 9,
+        members: 5,
+        stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
+        online: Some(Agreement {
+            part: "whole runs".to_owned(),
+            windows: 4,
+            runs: 8,
+            chosen_error: 0.423,
+            chosen_skill: Some(0.55),
+            best: Setting::from(3e-4),
+            best_error: 0.42,
+            best_skill: Some(0.57),
+            regret: Some(estimate(0.025, 0.0, 0.05)),
+            against_default: Some(estimate(0.8, 0.7, 0.9)),
+            spearman: Some(0.93),
+            kendall: Some(0.83),
+            top_k: Some(TopK { k: 3, hit: true }),
+        }),
+        alternatives: vec![
+            alternative(Way::Default, Some(1e-3), 0.28),
+            alternative(Way::LogReplay, Some(3e-4), 0.01),
+            alternative(Way::LatestWindow, Some(1e-4), 0.025),
+            alternative(Way::Random, None, 1.2),
+            alternative(Way::Hindsight, Some(3e-4), 0.01),
+            alternative(Way::AnotherWindow, None, 0.03),
+        ],
+        notes: vec![],
+    }
+}
+
+fn text(verdict: &Verdict) -> String {
+    let mut lines = vec![verdict.headline()];
+    lines.extend(verdict.reasons(&Score::nrmse()));
+    lines.join("\n")
+}
+
+#[test]
+fn a_good_verdict() {
+    insta::assert_snapshot!(text(&verdict()), @r"
+Use learning_rate = 1e-4 for PIT300.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: 0 % to 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
+Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
+Log replay's choice (3e-4) would have had a regret of 1 %.
+The choice of the log's latest window is the same value.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+The ranking of all values agrees closely with Online's (Spearman 0.93, Kendall 0.83). The choice is among the 3 best Online.
+");
+}
+
+#[test]
+fn a_pooled_choice() {
+    let verdict =
+        Verdict { reason: Reason::Pooled { streams: 25 }, stability: vec![], ..verdict() };
+    insta::assert_snapshot!(text(&verdict).lines().take(3).collect::<Vec<_>>().join("\n"), @r"
+Use learning_rate = 1e-4 for PIT300.
+Over 25 streams, of kNN and of the replayed log, its mean logarithm of the error is the smallest.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+");
+}
+
+#[test]
+fn a_default_that_stays() {
+    let mut verdict = Verdict {
+        reason: Reason::OneStandardError { streams: 25 },
+        chosen: Setting::from(1e-3),
+        ..verdict()
+    };
+    verdict.online.as_mut().unwrap().against_default = None;
+    insta::assert_snapshot!(text(&verdict).lines().take(2).collect::<Vec<_>>().join("\n"), @r"
+Use learning_rate = 1e-3 for PIT300.
+It is the default, and no other value is better by more than one standard error over 25 streams of kNN and of the replayed log.
+");
+    assert!(text(&verdict).contains("The default is the same value."));
+}
+
+#[test]
+fn a_verdict_without_online() {
+    let verdict = Verdict {
+        online: None,
+        grade: Grade::Unchecked,
+        tie_set: vec![Setting::from(1e-4)],
+        worst_rank: 1,
+        stability: vec![(Setting::from(1e-4), 1.0)],
+        ..verdict()
+    };
+    insta::assert_snapshot!(text(&verdict), @r"
+Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
+kNN ranks it best of 9 values in all 5 members.
+Every other draw of members, runs and windows of the log would choose it as well.
+No held-out data was given: regret and agreement with Online are unknown.
+");
+}
+
+#[test]
+fn a_choice_that_diverged() {
+    let mut verdict = Verdict { grade: Grade::Poor, ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    let infinite = Estimate { value: f64::INFINITY, interval: None };
+    online.chosen_error = f64::INFINITY;
+    online.chosen_skill = None;
+    online.regret = Some(infinite);
+    online.against_default = None;
+    online.spearman = Some(-0.4);
+    online.top_k = Some(TopK { k: 3, hit: false });
+    verdict.alternatives[0].regret = Some(infinite);
+    insta::assert_snapshot!(text(&verdict), @r"
+Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) it diverged; the best value was 3e-4 (NRMSE 0.42).
+The default (1e-3) would have diverged.
+Log replay's choice (3e-4) would have had a regret of 1 %.
+The choice of the log's latest window is the same value.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
+");
+}
+
+#[test]
+fn a_default_that_is_better_is_kept() {
+    let mut verdict = Verdict { grade: Grade::Poor, ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    online.against_default = Some(estimate(1.1, 1.05, 1.2));
+    assert_eq!(
+        verdict.headline(),
+        "Keep the default, learning_rate = 1e-3, for PIT300: 1e-4 is worse."
+    );
+    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    assert!(
+        reasons.contains(
+            "10 % more error than the default, 1e-3 (quotient 1.10, 95 %: 1.05 to 1.20)."
+        ),
+        "{reasons}"
+    );
+}
+
+#[test]
+fn nothing_learnt_is_said() {
+    let mut verdict = Verdict { grade: Grade::NotLearnt, ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
+    assert_eq!(
+        verdict.headline(),
+        "No value of learning_rate learns PIT300: do not deploy on this evidence."
+    );
+    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    assert!(
+        reasons.contains("it predicts no better than the mean return. The best value's is -0.02."),
+        "{reasons}"
+    );
+}
+
+#[test]
+fn everything_diverged() {
+    let mut verdict = Verdict { grade: Grade::Poor, ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    (online.regret, online.spearman, online.top_k) = (None, None, None);
+    (online.against_default, online.chosen_skill) = (None, None);
+    verdict.alternatives =
+        vec![Alternative { way: Way::LogReplay, value: Some(Setting::from(1e-4)), regret: None }];
+    insta::assert_snapshot!(text(&verdict), @r"
+Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so there is no best one.
+Log replay's choice is the same value.
+How much of that regret is the luck of a window cannot be told: too few windows can be compared.
+Agreement with Online's ranking is undefined, because one of the two ranks all values alike.
+");
+}
+
+#[test]
+fn one_window_has_no_floor() {
+    let mut verdict = Verdict { grade: Grade::Fair, ..verdict() };
+    verdict.online.as_mut().unwrap().windows = 1;
+    verdict.alternatives.retain(|of| of.way != Way::AnotherWindow);
+    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    assert!(reasons.contains("cannot be told: only one window was held out."), "{reasons}");
+}
+
+#[test]
+fn ordinals() {
+    assert_eq!(
+        [1, 2, 3, 4, 11, 12, 13, 21, 112].map(ordinal).join(" "),
+        "1st 2nd 3rd 4th 11th 12th 13th 21st 112th"
+    );
+}

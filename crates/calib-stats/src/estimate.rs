@@ -1,0 +1,15 @@
+//! A number, and how sure it is.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Interval;
+
+/// A number with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The number; may be infinite (`null` in files for +∞).
+    #[serde(with = "crate::diverged")]
+    pub value: f64,
+    /// Its interval; none where it cannot be said.
+    pub interval: Option<Interval>,
+}

@@ -1,0 +1,182 @@
+//! Scores in two levels: units, such as windows or members, and the runs in each.
+
+use serde::{Deserialize, Serialize};
+
+use crate::StatsError;
+use crate::error::check;
+
+/// Scores of the candidates in the runs of units: `[unit][run][candidate]`. Units may have different numbers of runs.
+///
+/// A unit is what others would be drawn like: a held-out window, a member of the ensemble. A run of it is one stream,
+/// on which all candidates are trained, so its scores stay together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Nested {
+    units: Vec<Vec<Vec<f64>>>,
+    candidates: usize,
+}
+
+impl Nested {
+    /// Scores `[unit][run][candidate]`; infinite where a run diverged.
+    ///
+    /// # Errors
+    ///
+    /// There are no units, a unit has no runs or a run no candidates, runs differ in their number of candidates, or a
+    /// score is NaN.
+    pub fn new(units: Vec<Vec<Vec<f64>>>) -> Result<Self, StatsError> {
+        const RUNS: &str = "runs of a unit";
+        let first = units.first().ok_or(StatsError::Empty { what: "the units" })?;
+        let candidates = first.first().ok_or(StatsError::Empty { what: RUNS })?.len();
+        for runs in &units {
+            if runs.is_empty() {
+                return Err(StatsError::Empty { what: RUNS });
+            }
+            for (row, run) in runs.iter().enumerate() {
+                check("scores of a run", run)?;
+                if run.len() != candidates {
+                    let (expected, got) = (candidates, run.len());
+                    return Err(StatsError::Ragged { what: RUNS, row, expected, got });
+                }
+            }
+        }
+        Ok(Self { units, candidates })
+    }
+
+    /// Number of candidates.
+    pub const fn candidates(&self) -> usize {
+        self.candidates
+    }
+
+    /// All units and runs, once each: what a statistic is of the data themselves.
+    pub fn whole(&self) -> Drawn<'_> {
+        let units = self.units.iter().enumerate();
+        Drawn {
+            of: self,
+            units: units.map(|(unit, runs)| (unit, (0..runs.len()).collect())).collect(),
+        }
+    }
+
+    /// What a resample varies.
+    pub(crate) fn varies(&self) -> Varies {
+        let several_runs = self.units.iter().any(|runs| runs.len() > 1);
+        match (self.units.len() > 1, several_runs) {
+            (true, true) => Varies::UnitsAndRuns,
+            (true, false) => Varies::Units,
+            (false, true) => Varies::Runs,
+            (false, false) => Varies::Nothing,
+        }
+    }
+
+    /// As many units as there are, and in each as many runs as it has, with replacement.
+    pub(crate) fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
+        let one = |_| {
+            let unit = if self.units.len() > 1 { draw(self.units.len()) } else { 0 };
+            let runs = self.units[unit].len();
+            let of_unit = (0..runs).map(|_| if runs > 1 { draw(runs) } else { 0 });
+            (unit, of_unit.collect())
+        };
+        Drawn { of: self, units: (0..self.units.len()).map(one).collect() }
+    }
+}
+
+/// Units and runs of a [`Nested`], some of them several times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn<'a> {
+    of: &'a Nested,
+    units: Vec<(usize, Vec<usize>)>,
+}
+
+impl<'a> Drawn<'a> {
+    /// The drawn units by their numbers, each with the scores of its drawn runs, `[run][candidate]`.
+    pub fn units(&self) -> impl Iterator<Item = (usize, impl Iterator<Item = &'a [f64]>)> {
+        self.units.iter().map(|(unit, runs)| {
+            let scores = &self.of.units[*unit];
+            (*unit, runs.iter().map(|&run| scores[run].as_slice()))
+        })
+    }
+
+    /// The scores of all drawn runs, whatever their unit: `[run][candidate]`.
+    pub fn runs(&self) -> Vec<&'a [f64]> {
+        self.units().flat_map(|(_, runs)| runs).collect()
+    }
+
+    /// Arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
+    pub fn means(&self) -> Vec<Vec<f64>> {
+        let mean = |(unit, runs): &(usize, Vec<usize>)| {
+            let mut sums = vec![0.0; self.of.candidates];
+            for &run in runs {
+                for (sum, score) in sums.iter_mut().zip(&self.of.units[*unit][run]) {
+                    *sum += score;
+                }
+            }
+            sums.into_iter().map(|sum| sum / runs.len() as f64).collect()
+        };
+        self.units.iter().map(mean).collect()
+    }
+}
+
+/// What resamples of a [`Nested`] differ in. What they do not vary, an interval knows nothing of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Varies {
+    /// Both.
+    UnitsAndRuns,
+    /// No unit has two runs.
+    Units,
+    /// There is one unit: nothing is said about others.
+    Runs,
+    /// There is one run.
+    Nothing,
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Numbers that any generator could have drawn, the same each time.
+    pub(crate) fn draws(seed: u64) -> impl FnMut(usize) -> usize {
+        let mut state = seed;
+        move |n| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            ((u128::from(state) * n as u128) >> 64) as usize
+        }
+    }
+
+    #[test]
+    fn bad_tables_are_errors() {
+        assert!(matches!(Nested::new(Vec::new()), Err(StatsError::Empty { .. })));
+        assert!(matches!(Nested::new(vec![Vec::new()]), Err(StatsError::Empty { .. })));
+        assert!(matches!(Nested::new(vec![vec![Vec::new()]]), Err(StatsError::Empty { .. })));
+        let ragged = Nested::new(vec![vec![vec![1.0]], vec![vec![1.0], vec![1.0, 2.0]]]);
+        assert!(matches!(ragged, Err(StatsError::Ragged { row: 1, expected: 1, got: 2, .. })));
+        assert!(Nested::new(vec![vec![vec![f64::NAN]]]).is_err());
+    }
+
+    proptest! {
+        /// Whatever is drawn is there, as many units and runs as there are.
+        #[test]
+        fn draws_are_of_the_data(
+            table in prop::collection::vec(prop::collection::vec(prop::collection::vec(-9.0f64..9.0, 2), 1..4), 1..5),
+            seed in 0u64..1000
+        ) {
+            let nested = Nested::new(table.clone()).unwrap();
+            let drawn = nested.draw(&mut draws(seed));
+            prop_assert_eq!(drawn.units().count(), table.len());
+            for ((unit, runs), mean) in drawn.units().zip(drawn.means()) {
+                let runs: Vec<&[f64]> = runs.collect();
+                prop_assert_eq!(runs.len(), table[unit].len());
+                for run in &runs {
+                    prop_assert!(table[unit].iter().any(|of| of == run));
+                }
+                let sum: f64 = runs.iter().map(|run| run[1]).sum();
+                prop_assert!((mean[1] - sum / runs.len() as f64).abs() < 1e-12);
+            }
+            let whole = nested.whole();
+            prop_assert_eq!(whole.runs().len(), table.iter().map(Vec::len).sum::<usize>());
+            prop_assert_eq!(nested.candidates(), 2);
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Random numbers for simulations.
+
+use rand_pcg::{
+    Pcg64,
+    rand_core::{Rng as _, SeedableRng as _},
+};
+
+pub(crate) struct Random(Pcg64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Pcg64::seed_from_u64(seed))
+    }
+
+    /// Uniform in (0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    /// Standard normal (Box & Muller, one of the pair).
+    pub(crate) fn normal(&mut self) -> f64 {
+        let (radius, angle) = ((-2.0 * self.unit().ln()).sqrt(), self.unit());
+        radius * (std::f64::consts::TAU * angle).cos()
+    }
+}

@@ -1,0 +1,34 @@
+use calib_agent::ReturnMoments;
+use serde::{Deserialize, Serialize};
+
+use crate::Candidate;
+
+/// The scale of a sensor's errors: NRMSE = RMSE / standard deviation of its return over the training range.
+///
+/// The paper divides by the mean return of the run, which is near zero for some sensors: errors are then infinite, or decided by
+/// the runs with the smallest mean. The standard deviation over the training range is known before the deployment, is that of
+/// *all* runs, so that no run weighs more than another, and is zero only for a sensor that never moves. 1 is about the error of
+/// predicting the mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorScale {
+    /// The sensor.
+    pub sensor: String,
+    /// The discount factor of the return.
+    pub gamma: f64,
+    /// Its return over the training range; none if that is too short to know one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub returns: Option<ReturnMoments>,
+}
+
+impl ErrorScale {
+    /// What errors are divided by, in normalised units: 1 where the standard deviation is unknown or zero.
+    pub fn unit(&self) -> f64 {
+        self.returns.map(|returns| returns.std).filter(|&std| std > 0.0).unwrap_or(1.0)
+    }
+
+    /// The scale of a candidate's errors.
+    pub fn find(scales: &[Self], sensor: &str, candidate: &Candidate) -> f64 {
+        let own = |of: &&Self| of.sensor == sensor && of.gamma == candidate.agent.gamma;
+        scales.iter().find(own).map_or(1.0, Self::unit)
+    }
+}

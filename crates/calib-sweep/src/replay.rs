@@ -1,0 +1,66 @@
+use calib_core::{Frames, RowIndex, RowStream};
+use calib_files::{Fingerprint, Fingerprinter};
+
+use crate::{Environment, EnvironmentId, RunStream, SweepError, Windows};
+
+/// Recorded rows in time order, across segments but never through a gap.
+#[derive(Debug)]
+pub struct ReplayEnvironment<'a> {
+    id: EnvironmentId,
+    frames: &'a Frames,
+    windows: Windows,
+    runs: usize,
+    inputs: Fingerprint,
+}
+
+impl<'a> ReplayEnvironment<'a> {
+    /// Online: `runs` runs over `windows` of the held-out `frames`, dealt to them in turn. Runs of one window differ in the agents'
+    /// seeds only. `inputs` is the fingerprint of the data.
+    pub fn online(
+        held_out: &'a Frames,
+        windows: Windows,
+        runs: usize,
+        inputs: Fingerprint,
+    ) -> Self {
+        Self { id: EnvironmentId::Online, frames: held_out, windows, runs, inputs }
+    }
+
+    /// Log replay: one run for each of `windows` of the training `frames`.
+    pub fn log_replay(train: &'a Frames, windows: Windows, inputs: Fingerprint) -> Self {
+        let runs = windows.starts.len();
+        Self { id: EnvironmentId::LogReplay, frames: train, windows, runs, inputs }
+    }
+
+    fn start(&self, run: usize) -> usize {
+        self.windows.starts[self.windows.of_run(run)]
+    }
+}
+
+impl Environment for ReplayEnvironment<'_> {
+    fn id(&self) -> EnvironmentId {
+        self.id
+    }
+
+    fn runs(&self) -> usize {
+        if self.windows.starts.is_empty() { 0 } else { self.runs }
+    }
+
+    fn inputs(&self, run: usize) -> Fingerprint {
+        let mut of = Fingerprinter::default();
+        of.add(self.inputs.to_string().as_bytes());
+        for number in [self.start(run), self.windows.states] {
+            of.add(&(number as u64).to_le_bytes());
+        }
+        of.finish()
+    }
+
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
+        if self.windows.states < 2 {
+            return Err(SweepError::TooShort { steps: self.windows.states.saturating_sub(1) });
+        }
+        let start = self.start(run);
+        let (states, segments) = (self.frames.states().clone(), self.frames.segments());
+        let stream = RowStream::looped(states, segments, start, self.windows.states);
+        Ok(RunStream::complete(stream, RowIndex::new(start)))
+    }
+}

@@ -1,0 +1,51 @@
+use calib_agent::truncation_horizon;
+use serde::{Deserialize, Serialize};
+
+/// How long the streams of a sweep are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Span {
+    /// Steps that agents make.
+    pub steps: usize,
+    /// States that follow them, one at least, so that the returns of the last steps are complete. Nothing is learnt from them.
+    pub tail: usize,
+}
+
+impl Span {
+    /// `steps` steps whose returns are complete for every one of these discount factors.
+    ///
+    /// # Panics
+    /// As [`truncation_horizon`].
+    pub fn new(steps: usize, gammas: impl IntoIterator<Item = f64>) -> Self {
+        let horizons = gammas.into_iter().map(truncation_horizon);
+        Self { steps, tail: horizons.max().unwrap_or(0).max(1) }
+    }
+
+    /// States of an unbroken stream.
+    pub fn states(self) -> usize {
+        self.steps + self.tail
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_agent::Part;
+
+    use super::*;
+
+    #[test]
+    fn every_step_can_be_scored() {
+        for gammas in [[0.0, 0.0], [0.5, 0.0], [0.9, 0.99]] {
+            let span = Span::new(100, gammas);
+            let unbroken = 0..span.states();
+            let scored = |gamma| {
+                Part::WholeRun.scored_steps(std::slice::from_ref(&unbroken), gamma, span.steps)
+            };
+            assert_eq!(gammas.map(scored), [100, 100]);
+            let shorter = 0..span.states() - 1;
+            let scored = |gamma| {
+                Part::WholeRun.scored_steps(std::slice::from_ref(&shorter), gamma, span.steps)
+            };
+            assert!(gammas.map(scored).contains(&99));
+        }
+    }
+}

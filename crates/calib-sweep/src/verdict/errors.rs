@@ -1,0 +1,155 @@
+use calib_agent::Part;
+use calib_stats::{Summary, summarise};
+use serde::{Deserialize, Serialize};
+
+use crate::{Candidate, EnvironmentId, ErrorScale, RunRow, SweepError, UnitResult};
+
+/// Errors of all candidates in one environment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EnvironmentScores {
+    /// Which environment.
+    pub environment: EnvironmentId,
+    /// Different streams: rollouts, windows of the log, or windows of the held-out range.
+    pub streams: usize,
+    /// Runs over them.
+    pub runs: usize,
+    /// NRMSE, one a candidate: over streams where there are several, each the mean of its runs, else over runs.
+    pub candidates: Vec<Summary>,
+    /// Skill, one a candidate: 1 − (mean RMSE) / (mean standard deviation of the returns); 0 is the error of predicting the mean
+    /// of each run's returns. None if a run diverged, or the returns are constant.
+    pub skill: Vec<Option<f64>>,
+}
+
+/// Runs over one stream.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Stream {
+    /// Row that it begins at.
+    pub(super) start_row: u32,
+    /// Steps that are scored.
+    pub(super) scored_steps: usize,
+    /// NRMSE `[run][candidate]`; +∞ where a value diverged, none where it was dropped before the run.
+    pub(super) runs: Vec<Vec<Option<f64>>>,
+}
+
+impl Stream {
+    /// Mean error of each candidate over the runs that it made: +∞ if one diverged, or if it made none.
+    pub(super) fn means(&self) -> Vec<f64> {
+        let candidates = self.runs.first().map_or(0, Vec::len);
+        (0..candidates).map(|candidate| self.mean(candidate)).collect()
+    }
+
+    fn mean(&self, candidate: usize) -> f64 {
+        let made = self.runs.iter().filter_map(|run| run[candidate]);
+        let (sum, count) = made.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
+        if count == 0 { f64::INFINITY } else { sum / count as f64 }
+    }
+}
+
+/// What was measured in one environment, stream by stream.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Errors {
+    pub(super) environment: EnvironmentId,
+    pub(super) streams: Vec<Stream>,
+    /// Σ RMSE and Σ standard deviation of the returns over all runs, one pair a candidate.
+    totals: Vec<(f64, f64)>,
+}
+
+impl Errors {
+    /// Of the results in one environment, in the order of their runs.
+    ///
+    /// Runs share a stream if they begin at the same row of held-out data; rollouts and windows of the log are streams of their own.
+    pub(super) fn new(
+        environment: EnvironmentId,
+        results: &[&UnitResult],
+        (part, scales): (Part, &[ErrorScale]),
+        candidates: &[Candidate],
+    ) -> Result<Self, SweepError> {
+        let own = results.iter().filter(|result| result.unit.environment == environment);
+        let (mut streams, mut totals) = (Vec::<Stream>::new(), vec![(0.0, 0.0); candidates.len()]);
+        for result in own {
+            let mut run = vec![None; candidates.len()];
+            let mut scored_steps = 0;
+            for row in &result.rows {
+                let scale =
+                    ErrorScale::find(scales, &result.unit.sensor, &candidates[row.candidate]);
+                let rmse = rmse(result, row, part)?;
+                run[row.candidate] = Some(rmse / scale);
+                let score = row.scores.of(part);
+                scored_steps = scored_steps.max(score.map_or(0, |score| score.scored_steps));
+                totals[row.candidate].0 += rmse;
+                totals[row.candidate].1 += score.map_or(0.0, |score| score.return_std);
+            }
+            let place = streams.iter().position(|stream| {
+                environment == EnvironmentId::Online && stream.start_row == result.start_row
+            });
+            match place {
+                Some(place) => streams[place].runs.push(run),
+                None => streams.push(Stream {
+                    start_row: result.start_row,
+                    scored_steps,
+                    runs: vec![run],
+                }),
+            }
+        }
+        streams.sort_by_key(|stream| match environment {
+            EnvironmentId::Online => stream.start_row,
+            _ => 0,
+        });
+        Ok(Self { environment, streams, totals })
+    }
+
+    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online, and one unit with all rollouts for a member. What a
+    /// dropped value did not make is +∞: it cannot be chosen.
+    pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
+        let run = |run: &Vec<Option<f64>>| -> Vec<f64> {
+            run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
+        };
+        let runs = |stream: &Stream| stream.runs.iter().map(run).collect::<Vec<_>>();
+        match self.environment {
+            EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
+            EnvironmentId::Online | EnvironmentId::LogReplay => {
+                self.streams.iter().map(runs).collect()
+            }
+        }
+    }
+
+    /// Mean error of each candidate over the runs that it made, stream by stream.
+    pub(super) fn of_streams(&self, candidate: usize) -> Vec<f64> {
+        let of = |stream: &Stream| {
+            let made = stream.runs.iter().any(|run| run[candidate].is_some());
+            made.then(|| stream.mean(candidate))
+        };
+        self.streams.iter().filter_map(of).collect()
+    }
+
+    /// Mean error of each candidate over the streams that it was trained on.
+    pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
+        let mean = |candidate: usize| Ok(calib_stats::mean(&self.of_streams(candidate))?);
+        (0..self.totals.len()).map(mean).collect()
+    }
+
+    /// What is shown of them.
+    pub(super) fn scores(&self) -> Result<EnvironmentScores, SweepError> {
+        let summary = |candidate: usize| -> Result<Summary, SweepError> {
+            let each = match &self.streams[..] {
+                [one] => one.runs.iter().filter_map(|run| run[candidate]).collect(),
+                _ => self.of_streams(candidate),
+            };
+            Ok(summarise(&each)?)
+        };
+        let skill =
+            |&(rmse, std): &(f64, f64)| (rmse.is_finite() && std > 0.0).then_some(1.0 - rmse / std);
+        Ok(EnvironmentScores {
+            environment: self.environment,
+            streams: self.streams.len(),
+            runs: self.streams.iter().map(|stream| stream.runs.len()).sum(),
+            candidates: (0..self.totals.len()).map(summary).collect::<Result<_, _>>()?,
+            skill: self.totals.iter().map(skill).collect(),
+        })
+    }
+}
+
+/// RMSE of a run over a part.
+fn rmse(result: &UnitResult, row: &RunRow, part: Part) -> Result<f64, SweepError> {
+    row.rmse(part).ok_or_else(|| SweepError::NothingScored { unit: result.unit.clone() })
+}

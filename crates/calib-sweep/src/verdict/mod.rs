@@ -1,0 +1,103 @@
+//! What a sweep says about one sensor.
+
+mod dropped;
+mod errors;
+mod grade;
+mod judge;
+mod rule;
+#[cfg(test)]
+mod tests;
+mod truth;
+mod warnings;
+
+use calib_agent::Part;
+use calib_core::Seed;
+use calib_stats::{Direction, Estimate, Selection};
+use serde::{Deserialize, Serialize};
+
+pub use dropped::Dropped;
+pub use errors::EnvironmentScores;
+pub use grade::Grade;
+pub use judge::verdict;
+pub use rule::Rule;
+pub(crate) use rule::STREAMS_PER_INDEPENDENT;
+pub use truth::{Agreement, Baseline, BaselineRegret, Truth, WindowTruth};
+
+use crate::ErrorScale;
+
+pub(crate) const LOWER: Direction = Direction::LowerIsBetter;
+
+/// How results are judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Judging<'a> {
+    /// The part of a run whose error counts.
+    pub part: Part,
+    /// How a value is chosen.
+    pub rule: Rule,
+    /// The choice counts as a hit among this many best.
+    pub top_k: usize,
+    /// What the errors of each sensor are divided by.
+    pub scales: &'a [ErrorScale],
+    /// Resamples of intervals; 0 gives none.
+    pub resamples: usize,
+    /// Root of the resamples' seeds.
+    pub seed: Seed,
+}
+
+/// How often a value is chosen from other draws of the evidence.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// The candidate.
+    pub candidate: usize,
+    /// Share of the resamples in which the rule chooses it.
+    pub share: f64,
+}
+
+/// What a rule chooses, and what that costs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RuleChoice {
+    /// The rule.
+    pub rule: Rule,
+    /// Its choice.
+    pub chosen: usize,
+    /// The regret of that; none without held-out data.
+    pub regret: Option<Estimate>,
+}
+
+/// What the sweep says about one sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SensorVerdict {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// The part of a run whose error counts.
+    pub part: Part,
+    /// The rule that chose.
+    pub rule: Rule,
+    /// Its choice.
+    pub chosen: usize,
+    /// How well held-out data supports it.
+    pub grade: Grade,
+    /// What is chosen from other draws of members, runs and windows of the log, the most frequent first.
+    pub stability: Vec<Share>,
+    /// What each rule chooses.
+    pub rules: Vec<RuleChoice>,
+    /// Ranks over the members, and the worst-rank selection among them.
+    pub selection: Selection,
+    /// Values that were dropped, best first; they rank behind all others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dropped: Vec<Dropped>,
+    /// Errors in each member, over the runs that were made.
+    pub members: Vec<EnvironmentScores>,
+    /// Errors on replayed training windows.
+    pub log_replay: Option<EnvironmentScores>,
+    /// What held-out data says.
+    pub truth: Option<Truth>,
+    /// What the reader should know: few horizons, divergence, ties with everything.
+    pub warnings: Vec<String>,
+}
+
+/// Whether the members prefer any value to another: by worst rank, or at least by mean rank.
+pub fn told_apart(selection: &Selection) -> bool {
+    let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
+    ranks.len() == 1 || ranks.windows(2).any(|pair| pair[0] != pair[1])
+}

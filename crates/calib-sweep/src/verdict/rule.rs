@@ -1,0 +1,145 @@
+use calib_stats::{Drawn, Selection, StatsError, choose_around_default, choose_by_mean_log};
+use serde::{Deserialize, Serialize};
+
+use super::{Dropped, dropped::select_among, truth::least};
+
+/// How a value is chosen from the evidence: the members' runs, and those on the replayed log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rule {
+    /// The smallest worst rank over members (the paper). Cautious: one member in which a value is bad is enough to lose.
+    WorstRank,
+    /// The smallest mean rank over members.
+    MeanRank,
+    /// The smallest mean error over members.
+    MeanError,
+    /// The smallest mean logarithm of the error over all runs of all members.
+    MeanLogError,
+    /// The same over the runs on the replayed log as well: every stream of the log counts the same.
+    Pooled,
+    /// The default, unless another is better over the same streams by at least one standard error of the mean paired difference of
+    /// logarithms: then the best of these by mean logarithm. See [`choose_around_default`].
+    OneStandardError,
+}
+
+impl Rule {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::WorstRank,
+        Self::MeanRank,
+        Self::MeanError,
+        Self::MeanLogError,
+        Self::Pooled,
+        Self::OneStandardError,
+    ];
+
+    /// Its name in studies and files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WorstRank => "worst_rank",
+            Self::MeanRank => "mean_rank",
+            Self::MeanError => "mean_error",
+            Self::MeanLogError => "mean_log_error",
+            Self::Pooled => "pooled",
+            Self::OneStandardError => "one_standard_error",
+        }
+    }
+}
+
+/// Streams in how many of which one is independent of the others, as far as standard errors go: what was measured of members with
+/// three runs each.
+pub(crate) const STREAMS_PER_INDEPENDENT: f64 = 3.0;
+
+/// What a choice is made from: all runs, or a resample of them.
+#[derive(Clone, Copy)]
+pub(super) struct Evidence<'d, 'a> {
+    /// Members, and rollouts in each.
+    pub(super) members: &'d Drawn<'a>,
+    /// Windows of the replayed log.
+    pub(super) log: Option<&'d Drawn<'a>>,
+}
+
+/// What does not change from resample to resample.
+pub(super) struct Chooser<'a> {
+    pub(super) dropped: &'a [Dropped],
+    pub(super) default: Option<usize>,
+    pub(super) values: usize,
+}
+
+impl Chooser<'_> {
+    /// The worst-rank selection.
+    pub(super) fn selection(&self, evidence: Evidence<'_, '_>) -> Result<Selection, StatsError> {
+        select_among(&evidence.members.means(), self.dropped)
+    }
+
+    /// The choice of a rule.
+    pub(super) fn choose(
+        &self,
+        rule: Rule,
+        evidence: Evidence<'_, '_>,
+    ) -> Result<usize, StatsError> {
+        let by_ranks = |key: fn(&Selection, usize) -> [f64; 2]| -> Result<usize, StatsError> {
+            let selection = self.selection(evidence)?;
+            let keys: Vec<[f64; 2]> = (0..self.values).map(|of| key(&selection, of)).collect();
+            Ok(first_smallest(&keys))
+        };
+        match rule {
+            Rule::WorstRank => Ok(self.selection(evidence)?.chosen),
+            Rule::MeanRank => by_ranks(|of, value| [of.mean_ranks[value], of.mean_errors[value]]),
+            Rule::MeanError => by_ranks(|of, value| [of.mean_errors[value], of.mean_ranks[value]]),
+            Rule::MeanLogError | Rule::Pooled => Ok(least(&self.scores(rule, evidence)?)),
+            Rule::OneStandardError => match self.default {
+                Some(default) => {
+                    let sources = evidence.sources(rule);
+                    Ok(choose_around_default(&sources, default, STREAMS_PER_INDEPENDENT)?.chosen)
+                }
+                None => self.choose(Rule::Pooled, evidence),
+            },
+        }
+    }
+
+    /// How values stand by a rule, small is good: for correlations with the truth.
+    pub(super) fn scores(
+        &self,
+        rule: Rule,
+        evidence: Evidence<'_, '_>,
+    ) -> Result<Vec<f64>, StatsError> {
+        Ok(match rule {
+            Rule::WorstRank => selection_order(&self.selection(evidence)?),
+            Rule::MeanRank => self.selection(evidence)?.mean_ranks,
+            Rule::MeanError => self.selection(evidence)?.mean_errors,
+            Rule::MeanLogError | Rule::Pooled | Rule::OneStandardError => {
+                choose_by_mean_log(&evidence.sources(rule))?.mean_logs
+            }
+        })
+    }
+}
+
+impl<'a> Evidence<'_, 'a> {
+    /// Errors on all streams that count for a rule by logarithms: `[source][stream][value]`.
+    fn sources(&self, rule: Rule) -> Vec<Vec<&'a [f64]>> {
+        let log = self.log.filter(|_| rule != Rule::MeanLogError);
+        [Some(self.members), log].into_iter().flatten().map(Drawn::runs).collect()
+    }
+}
+
+fn first_smallest(keys: &[[f64; 2]]) -> usize {
+    let before = |&a: &usize, &b: &usize| {
+        let [a, b] = [keys[a], keys[b]];
+        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
+    };
+    (0..keys.len()).min_by(before).unwrap_or(0)
+}
+
+/// Position of each value when the worst rank decides, then mean rank, then mean error.
+fn selection_order(selection: &Selection) -> Vec<f64> {
+    let key = |value: usize| {
+        let rank = selection.worst_ranks[value];
+        (rank, selection.mean_ranks[value], selection.mean_errors[value])
+    };
+    let count = selection.worst_ranks.len();
+    let before = |a: usize, b: usize| key(a).partial_cmp(&key(b)) == Some(std::cmp::Ordering::Less);
+    (0..count)
+        .map(|value| (0..count).filter(|&other| before(other, value)).count() as f64)
+        .collect()
+}

@@ -1,0 +1,245 @@
+use calib_agent::{AgentConfig, Part, PartScore, Scores};
+use calib_core::Seed;
+use proptest::prelude::*;
+
+use super::*;
+use crate::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
+
+const INF: f64 = f64::INFINITY;
+
+/// Three values, the last of which is the default.
+fn candidates() -> Vec<Candidate> {
+    let of = |index| Candidate {
+        index,
+        is_default: index == 2,
+        values: vec![("learning_rate".to_owned(), (index + 1).into())],
+        agent: AgentConfig { gamma: 0.9, ..AgentConfig::default() },
+    };
+    (0..3).map(of).collect()
+}
+
+/// One run whose errors are these, over a stream whose returns spread by 1.
+fn run(environment: EnvironmentId, run: usize, start_row: u32, errors: [f64; 3]) -> UnitResult {
+    let row = |(candidate, &rmse): (usize, &f64)| {
+        let score = PartScore { scored_steps: 1000, rmse, mean_return: 0.0, return_std: 1.0 };
+        RunRow {
+            candidate,
+            steps: 1000,
+            updates: 1,
+            scores: Scores { whole_run: Some(score), ..Scores::default() },
+            diverged_at: (rmse == INF).then_some(7),
+            curve: vec![],
+        }
+    };
+    UnitResult {
+        key: String::new(),
+        unit: Unit { sensor: "A".to_owned(), environment, run },
+        seed: 0,
+        start_row,
+        not_finite: None,
+        rows: errors.iter().enumerate().map(row).collect(),
+    }
+}
+
+/// Two members with two rollouts each, in which values 0 and 1 are better than the default in turn.
+fn members() -> Vec<UnitResult> {
+    let member = |number, number_of_run, errors| {
+        run(EnvironmentId::Member(number), number_of_run, 5, errors)
+    };
+    vec![
+        member(0, 0, [0.1, 0.2, 0.4]),
+        member(0, 1, [0.3, 0.2, 0.4]),
+        member(1, 0, [0.2, 0.2, 0.4]),
+        member(1, 1, [0.2, 0.1, 0.4]),
+    ]
+}
+
+fn judge(rule: Rule, results: &[UnitResult]) -> SensorVerdict {
+    let judging = Judging {
+        part: Part::WholeRun,
+        rule,
+        top_k: 1,
+        scales: &[],
+        resamples: 300,
+        seed: Seed::new(3),
+    };
+    verdict("A", &candidates(), results, &judging).expect("judged")
+}
+
+fn with(more: impl IntoIterator<Item = UnitResult>) -> Vec<UnitResult> {
+    members().into_iter().chain(more).collect()
+}
+
+fn near(a: f64, b: f64) {
+    assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
+}
+
+#[test]
+fn rules_choose_by_their_definitions() {
+    // Mean errors: member 0 has 0.2, 0.2, 0.4; member 1 has 0.2, 0.15, 0.4.
+    let chosen = |rule| judge(rule, &members()).chosen;
+    assert_eq!(chosen(Rule::WorstRank), 1, "rank 1 in both; value 0 is second in member 1");
+    assert_eq!(chosen(Rule::MeanRank), 1);
+    assert_eq!(chosen(Rule::MeanError), 1);
+    // ln 0.1 + ln 0.3 + 2 ln 0.2 against 3 ln 0.2 + ln 0.1: 0.0012 against 0.0008.
+    assert_eq!(chosen(Rule::MeanLogError), 1);
+    // The log prefers value 0 by far.
+    let log = |number| run(EnvironmentId::LogReplay, number, 9, [0.05, 0.4, 0.5]);
+    let all = with((0..2).map(log));
+    assert_eq!(judge(Rule::MeanLogError, &all).chosen, 1, "the log does not count");
+    assert_eq!(judge(Rule::Pooled, &all).chosen, 0);
+}
+
+#[test]
+fn the_default_stays_unless_another_is_better_by_a_standard_error() {
+    // Differences of logarithms to the default: ln 1/2 three times and ln 1/4 once: mean -0.866, sd 0.347, SE = sd / sqrt(4/3) = 0.3.
+    assert_eq!(judge(Rule::OneStandardError, &members()).chosen, 1);
+    // Half of the time better by a factor of two, half of the time worse: no difference to speak of.
+    let even = [[0.5, 0.2, 0.4], [0.5, 0.8, 0.4], [0.5, 0.2, 0.4], [0.5, 0.75, 0.4]];
+    let results: Vec<UnitResult> = (0..4)
+        .map(|number| run(EnvironmentId::Member(number / 2), number % 2, 0, even[number]))
+        .collect();
+    assert_eq!(judge(Rule::Pooled, &results).chosen, 1, "better on average");
+    assert_eq!(judge(Rule::OneStandardError, &results).chosen, 2, "but not surely");
+}
+
+#[test]
+fn what_diverges_is_not_chosen() {
+    let mut results = members();
+    results[0] = run(EnvironmentId::Member(0), 0, 5, [0.1, INF, 0.4]);
+    for rule in Rule::ALL {
+        assert_eq!(judge(rule, &results).chosen, 0, "{rule:?}");
+    }
+    // A default that diverges is left for what does not.
+    results[0] = run(EnvironmentId::Member(0), 0, 5, [0.1, 0.2, INF]);
+    assert_eq!(judge(Rule::OneStandardError, &results).chosen, 1);
+}
+
+/// Two windows with two runs each; value 1 is best in the first, value 0 in the second.
+fn online() -> Vec<UnitResult> {
+    let of = |number, window, errors| run(EnvironmentId::Online, number, window, errors);
+    vec![
+        of(0, 100, [0.3, 0.1, 0.4]),
+        of(1, 900, [0.2, 0.4, 0.4]),
+        of(2, 100, [0.5, 0.3, 0.4]),
+        of(3, 900, [0.2, 0.4, 0.4]),
+    ]
+}
+
+#[test]
+fn regrets_are_geometric_over_windows() {
+    let verdict = judge(Rule::WorstRank, &with(online()));
+    let truth = verdict.truth.expect("held out");
+    assert_eq!(truth.windows.iter().map(|of| of.start_row).collect::<Vec<_>>(), [100, 900]);
+    assert_eq!(truth.windows.iter().map(|of| of.best).collect::<Vec<_>>(), [Some(1), Some(0)]);
+    // Mean errors are 0.4, 0.2, 0.4 and 0.2, 0.4, 0.4: by the best 2, 1, 2 and 1, 2, 2.
+    let regrets = truth.regrets.expect("finite");
+    near(regrets[0], 2.0_f64.sqrt() - 1.0);
+    near(regrets[1], 2.0_f64.sqrt() - 1.0);
+    near(regrets[2], 1.0);
+    assert_eq!((truth.best, truth.scores.streams, truth.scores.runs), (Some(0), 2, 4));
+    let cost = |baseline| {
+        let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
+        own.regret.map(|regret| regret.value)
+    };
+    near(cost(Baseline::AnotherWindow).expect("two windows"), 1.0);
+    near(cost(Baseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
+    near(cost(Baseline::Default).expect("known"), 1.0);
+    near(cost(Baseline::Random).expect("known"), (2.0 * (2.0_f64.sqrt() - 1.0) + 1.0) / 3.0);
+    assert_eq!(cost(Baseline::LogReplay), None, "the log was not replayed");
+    let choice = truth.choice;
+    near(choice.against_default.expect("another").value, 0.5_f64.sqrt());
+    // Windows are drawn: both bests of 1 and 2 are seen, and nothing outside them.
+    let interval = choice.regret.expect("known").interval.expect("finite");
+    near(interval.low, 0.0);
+    near(interval.high, 1.0);
+    assert_eq!(verdict.grade, Grade::Good, "what is below another window's cost is noise");
+}
+
+#[test]
+fn one_window_has_no_floor_and_is_not_green() {
+    let results = with(online().into_iter().filter(|result| result.start_row == 100));
+    let truth = judge(Rule::WorstRank, &results).truth.expect("held out");
+    assert_eq!(truth.windows.len(), 1);
+    let floor = truth.baselines.iter().find(|of| of.baseline == Baseline::AnotherWindow);
+    assert_eq!(floor.expect("there").regret, None);
+    assert_eq!(truth.scores.candidates[0].runs, 2, "runs are the sample where there is one window");
+    assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair);
+}
+
+#[test]
+fn a_best_value_without_skill_is_not_learnt() {
+    let bad = |number, window| run(EnvironmentId::Online, number, window, [1.2, 1.1, 1.3]);
+    let verdict = judge(Rule::WorstRank, &with([bad(0, 100), bad(1, 900)]));
+    assert_eq!(verdict.grade, Grade::NotLearnt);
+    near(verdict.truth.expect("held out").scores.skill[1].expect("finite"), -0.1);
+}
+
+#[test]
+fn a_default_that_is_better_is_poor_advice() {
+    let windows = [100, 500, 900].map(|row| run(EnvironmentId::Online, 0, row, [0.5, 0.4, 0.2]));
+    let verdict = judge(Rule::WorstRank, &with(windows));
+    assert_eq!(verdict.grade, Grade::Poor);
+    let diverged = [100, 900].map(|row| run(EnvironmentId::Online, 0, row, [0.5, INF, 0.6]));
+    let verdict = judge(Rule::WorstRank, &with(diverged));
+    assert_eq!((verdict.chosen, verdict.grade), (1, Grade::Poor));
+    assert_eq!(verdict.truth.expect("held out").choice.regret.expect("known").value, INF);
+}
+
+#[test]
+fn windows_in_which_everything_diverges_are_left_out() {
+    let lost = run(EnvironmentId::Online, 4, 2000, [INF, INF, INF]);
+    let truth = judge(Rule::WorstRank, &with(online().into_iter().chain([lost]))).truth;
+    let truth = truth.expect("held out");
+    assert_eq!((truth.windows.len(), truth.windows[2].best), (3, None));
+    near(truth.regrets.expect("of two windows")[0], 2.0_f64.sqrt() - 1.0);
+    let all = [run(EnvironmentId::Online, 0, 100, [INF, INF, INF])];
+    let verdict = judge(Rule::WorstRank, &with(all));
+    assert_eq!(verdict.grade, Grade::Poor);
+    assert_eq!(verdict.truth.expect("held out").choice.regret, None);
+}
+
+#[test]
+fn stability_counts_what_other_draws_choose() {
+    let verdict = judge(Rule::WorstRank, &members());
+    let shares: f64 = verdict.stability.iter().map(|of| of.share).sum();
+    near(shares, 1.0);
+    assert!(verdict.stability.iter().all(|of| of.candidate != 2), "the default is never better");
+    assert!(verdict.stability.len() == 2, "both others are chosen from some draws");
+    assert_eq!(judge(Rule::WorstRank, &members()), verdict, "the same seed, the same draws");
+}
+
+proptest! {
+    /// One window, one run: the geometric regret is the plain one.
+    #[test]
+    fn with_one_window_regret_is_the_quotient(errors in prop::array::uniform3(0.01_f64..5.0)) {
+        let verdict = judge(Rule::WorstRank, &with([run(EnvironmentId::Online, 0, 1, errors)]));
+        let truth = verdict.truth.expect("held out");
+        let best = errors.iter().copied().fold(INF, f64::min);
+        for (error, regret) in errors.iter().zip(truth.regrets.expect("finite")) {
+            prop_assert!((regret - (error / best - 1.0)).abs() < 1e-9);
+        }
+        prop_assert_eq!(truth.choice.regret.expect("known").interval.map(|of| of.low == of.high), Some(true));
+    }
+
+    /// What all values of a window are multiplied by changes no regret.
+    #[test]
+    fn regrets_do_not_depend_on_the_level_of_a_window(factor in 0.01_f64..100.0) {
+        let scaled = online().into_iter().map(|mut result| {
+            if result.start_row == 100 {
+                for row in &mut result.rows {
+                    let score = row.scores.whole_run.as_mut().expect("scored");
+                    score.rmse *= factor;
+                }
+            }
+            result
+        });
+        let regrets = |results: &[UnitResult]| {
+            judge(Rule::WorstRank, results).truth.and_then(|truth| truth.regrets).expect("finite")
+        };
+        let (plain, scaled) = (regrets(&with(online())), regrets(&with(scaled)));
+        for (a, b) in plain.iter().zip(scaled) {
+            prop_assert!((a - b).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+use calib_stats::Selection;
+
+use super::{Dropped, told_apart, truth::Truth};
+use crate::{Candidate, UnitResult};
+
+/// Fewer scored horizons than this say more about the stretch that was scored than about the value.
+const FEW_HORIZONS: f64 = 50.0;
+
+/// What the reader of a verdict should know.
+pub(super) fn all(
+    results: &[&UnitResult],
+    candidates: &[Candidate],
+    (selection, chosen): (&Selection, usize),
+    dropped: &[Dropped],
+    truth: Option<&Truth>,
+) -> Vec<String> {
+    let mut warnings = Vec::new();
+    warnings.extend(truth.and_then(few_horizons));
+    let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
+    if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
+        warnings.push(
+            "some runs made no update: the stream is shorter than batch_size, so nothing was learnt".to_owned(),
+        );
+    }
+    let not_finite = results.iter().filter(|result| result.not_finite.is_some());
+    let (failed, without) =
+        not_finite.fold((0, 0), |(runs, rows), result| (runs + 1, rows + result.rows.len()));
+    if failed > 0 {
+        warnings.push(format!(
+            "the model's rollout diverged to infinity or NaN in {failed} of {} runs: every value has an infinite error \
+             there, so the member cannot tell values apart",
+            results.len()
+        ));
+    }
+    let diverged = rows.iter().filter(|row| row.diverged_at.is_some()).count() - without;
+    if diverged > 0 {
+        warnings.push(format!("{diverged} of {} runs diverged; they rank last", rows.len()));
+    }
+    if !told_apart(selection) {
+        warnings.push("all values tie: the members do not tell them apart".to_owned());
+    } else if candidates.len() > 1 && selection.tie_set.len() == candidates.len() {
+        warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
+    }
+    if selection.mean_errors[chosen].is_infinite() {
+        warnings.push("every value diverged in some member: none can be recommended".to_owned());
+    }
+    warnings.extend(told_dropped(dropped, candidates));
+    if candidates.iter().any(|candidate| candidate.agent.gamma != candidates[0].agent.gamma) {
+        warnings.push(
+            "the grid varies gamma: each value predicts another return, so their errors do not compare".to_owned(),
+        );
+    }
+    warnings
+}
+
+fn few_horizons(truth: &Truth) -> Option<String> {
+    (truth.horizons < FEW_HORIZONS).then(|| {
+        let runs: usize = truth.windows.iter().map(|window| window.runs).sum();
+        format!(
+            "only {:.0} horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
+             regrets say as much about these stretches as about the values; use a larger sweep.steps, a longer held-out \
+             range, or sweep.scored = \"whole_run\"",
+            truth.horizons,
+            truth.windows.len(),
+        )
+    })
+}
+
+/// What was dropped when, for the reader.
+fn told_dropped(dropped: &[Dropped], candidates: &[Candidate]) -> Option<String> {
+    let of_runs = dropped.first()?.of_runs;
+    let each: Vec<String> = dropped
+        .iter()
+        .map(|dropped| format!("{} after {}", candidates[dropped.candidate].label(), dropped.runs))
+        .collect();
+    Some(format!(
+        "the race dropped {} of {} values before they had made all {of_runs} runs of every member ({}): they rank behind \
+         all others, which are ranked among themselves; held-out data, where there is any, has judged all values",
+        dropped.len(),
+        candidates.len(),
+        each.join("; ")
+    ))
+}

@@ -1,0 +1,133 @@
+use calib_agent::Part;
+use calib_core::Segments;
+
+use crate::Span;
+
+/// What a run must have to be scored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// How long streams are.
+    pub span: Span,
+    /// The largest discount factor.
+    pub gamma: f64,
+    /// The part of a run that is scored.
+    pub part: Part,
+}
+
+/// Windows of recorded rows: where the streams of a replay begin.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Windows {
+    /// First row of each, in the order in which runs take them.
+    pub starts: Vec<usize>,
+    /// States of each stream.
+    pub states: usize,
+    /// Windows that were left out because gaps leave no step to score.
+    pub left_out: usize,
+}
+
+impl Windows {
+    /// Windows of the held-out rows of `segments`, in the order of time: at most `most`, as many as fit beside each other, evenly
+    /// spread over all rows.
+    ///
+    /// Windows that do not overlap are as independent as held-out data can be. Where not even one fits, all rows are the
+    /// only one; its last returns are then not complete.
+    pub fn held_out(segments: &Segments, demand: Demand, most: usize) -> Self {
+        let rows = segments.rows();
+        let states = demand.span.states().min(rows);
+        let count = (rows / states.max(1)).min(most).max(1);
+        let spread = (0..count).map(|window| spread(window, count, rows - states));
+        Self::scorable(spread.collect(), states, segments, demand)
+    }
+
+    /// `count` windows of the log of `segments`, the latest first and the others evenly spread over what precedes it. They overlap
+    /// where they must, and where the log is shorter than a stream it is replayed over and over, from as many different rows.
+    pub fn log(segments: &Segments, demand: Demand, count: usize) -> Self {
+        let (rows, states) = (segments.rows(), demand.span.states());
+        let start = |window: usize| match rows.checked_sub(states) {
+            Some(last) => last - spread(window, count, last),
+            // The first of them ends with the log.
+            None => (rows - states % rows.max(1) + window * rows / count) % rows.max(1),
+        };
+        Self::scorable((0..count).map(start).collect(), states, segments, demand)
+    }
+
+    /// Those of `starts` whose streams have a step to score.
+    fn scorable(starts: Vec<usize>, states: usize, segments: &Segments, demand: Demand) -> Self {
+        let all = starts.len();
+        let Demand { span, gamma, part } = demand;
+        let scored = |&start: &usize| {
+            let pieces = segments.looped_pieces(start, states);
+            part.scored_steps(&pieces, gamma, span.steps.min(states.saturating_sub(1))) > 0
+        };
+        let starts: Vec<usize> = starts.into_iter().filter(scored).collect();
+        let left_out = all - starts.len();
+        Self { starts, states, left_out }
+    }
+
+    /// Window that `run` replays.
+    pub fn of_run(&self, run: usize) -> usize {
+        run % self.starts.len()
+    }
+}
+
+/// Where the `number`-th of `count` evenly spread things begins, the first at 0 and the last at `last`.
+fn spread(number: usize, count: usize, last: usize) -> usize {
+    (number as u128 * last as u128 / (count.max(2) - 1) as u128) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segments(lengths: &[usize]) -> Segments {
+        Segments::from_lengths(lengths.iter().copied()).expect("valid")
+    }
+
+    /// Ten steps and two states after them.
+    fn demand() -> Demand {
+        Demand { span: Span { steps: 10, tail: 2 }, gamma: 0.1, part: Part::WholeRun }
+    }
+
+    #[test]
+    fn held_out_windows_do_not_overlap() {
+        for rows in 1..80 {
+            for most in 1..6 {
+                let Windows { starts, states, left_out } =
+                    Windows::held_out(&segments(&[rows]), demand(), most);
+                assert!(starts.windows(2).all(|pair| pair[0] + states <= pair[1]), "{starts:?}");
+                assert!(starts.iter().all(|start| start + states <= rows));
+                assert_eq!(starts.len() + left_out, (rows / 12).clamp(1, most), "{rows} {most}");
+                assert_eq!(states, rows.min(12));
+                let last = starts.last().map_or(rows - states, |&last| last);
+                assert!(starts.len() < 2 || last + states == rows, "they reach to the end");
+            }
+        }
+    }
+
+    #[test]
+    fn windows_that_gaps_leave_nothing_of_are_left_out() {
+        // Two rows at a time: returns of two states are never known with γ = 0.1.
+        let lengths: Vec<usize> = (0..6).map(|_| 2).chain([12]).collect();
+        let windows = Windows::held_out(&segments(&lengths), demand(), 4);
+        assert_eq!((windows.starts, windows.left_out), (vec![12], 1));
+    }
+
+    #[test]
+    fn the_latest_window_of_the_log_comes_first() {
+        let windows = Windows::log(&segments(&[40]), demand(), 3);
+        assert_eq!(windows.starts, [28, 14, 0]);
+        assert_eq!(Windows::log(&segments(&[40]), demand(), 1).starts, [28]);
+        assert_eq!((windows.of_run(0), windows.of_run(4)), (0, 1));
+    }
+
+    #[test]
+    fn a_short_log_is_replayed_over_and_over() {
+        let windows = Windows::log(&segments(&[8]), demand(), 4);
+        assert_eq!(windows.states, 12);
+        assert_eq!(windows.starts[0], 4, "twelve states from row 4 end with the log");
+        let mut different = windows.starts.clone();
+        different.sort_unstable();
+        different.dedup();
+        assert_eq!(different.len(), 4);
+    }
+}

@@ -1,0 +1,238 @@
+//! Scores, choices, regrets and intervals as NumPy has them: `scripts/golden/verdict.py`.
+
+use std::collections::BTreeMap;
+
+use calib_agent::{
+    AgentConfig, Checkpoint, CurveRule, Learner, NoKeeper, OptimiserKind, Part, PartScore,
+    ReplayKind, Run, Scores, ValueFunction, train_learners,
+};
+use calib_core::{RowStream, Seed, Segments, Silent, States};
+use calib_sweep::{
+    Baseline, Candidate, EnvironmentId, Judging, Rule, RunRow, SensorVerdict, Unit, UnitResult,
+    raced, verdict,
+};
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+struct Golden {
+    scores: GoldenScores,
+    verdict: GoldenVerdict,
+    race: GoldenRace,
+}
+
+/// Rounds of one run a member and one window of the log.
+#[derive(Deserialize)]
+struct GoldenRace {
+    /// `[round][stream][value]`; null where a value diverged.
+    streams: Vec<Vec<Vec<Option<f64>>>>,
+    /// What is left after each round, until one value is.
+    after: Vec<Vec<usize>>,
+}
+
+#[derive(Deserialize)]
+struct GoldenScores {
+    states: Vec<Vec<f32>>,
+    lengths: Vec<usize>,
+    gamma: f64,
+    learning_rate: f64,
+    steps: usize,
+    weights: Vec<f32>,
+    scores: Scores,
+}
+
+type Runs = Vec<Vec<f64>>;
+
+#[derive(Deserialize)]
+struct GoldenVerdict {
+    default: usize,
+    members: Vec<Runs>,
+    log: Runs,
+    windows: Vec<Runs>,
+    chosen: BTreeMap<String, usize>,
+    regrets: Vec<f64>,
+    another_window: f64,
+    hindsight: f64,
+    random: f64,
+    log_replay: usize,
+    latest_window: usize,
+    regret_interval: [f64; 2],
+    against_default: f64,
+    against_default_interval: [f64; 2],
+    shares: Vec<f64>,
+}
+
+fn golden() -> Golden {
+    serde_json::from_str(include_str!("golden/verdict.json")).expect("reads")
+}
+
+#[test]
+fn errors_of_every_part_are_numpys() {
+    let GoldenScores { states, lengths, gamma, learning_rate, steps, weights, scores } =
+        golden().scores;
+    let (rows, width) = (states.len(), states[0].len());
+    let states = States::new(states.concat(), rows, width).expect("valid");
+    let stream = RowStream::replay(states, &Segments::from_lengths(lengths).expect("valid"));
+    let config = AgentConfig {
+        value_function: ValueFunction::Linear,
+        optimiser: OptimiserKind::Sgd,
+        replay: ReplayKind::None,
+        learning_rate,
+        gamma,
+        ..AgentConfig::default()
+    };
+    let start = Checkpoint { parameters: weights, moments: None };
+    let learner = Learner { config: &config, cumulant: 0, start: Some(&start) };
+    let run = Run { stream: &stream, steps, curve: CurveRule { windows: 0 }, seed: Seed::new(1) };
+    let outcome = train_learners(run, &[learner], &NoKeeper, &Silent).expect("trains");
+    for part in Part::ALL {
+        let (got, expected) =
+            (outcome[0].scores.of(part).expect("scored"), scores.of(part).expect("scored"));
+        assert_eq!(got.scored_steps, expected.scored_steps, "{part:?}");
+        for (got, expected) in [
+            (got.rmse, expected.rmse),
+            (got.mean_return, expected.mean_return),
+            (got.return_std, expected.return_std),
+        ] {
+            assert!((got - expected).abs() < 2e-6, "{part:?}: {got}, expected {expected}");
+        }
+    }
+}
+
+fn candidates(golden: &GoldenVerdict) -> Vec<Candidate> {
+    let of = |index| Candidate {
+        index,
+        is_default: index == golden.default,
+        values: vec![("learning_rate".to_owned(), (index + 1).into())],
+        agent: AgentConfig::default(),
+    };
+    (0..golden.regrets.len()).map(of).collect()
+}
+
+fn result(environment: EnvironmentId, run: usize, start_row: usize, errors: &[f64]) -> UnitResult {
+    let row = |(candidate, &rmse): (usize, &f64)| {
+        let score = PartScore { scored_steps: 9, rmse, mean_return: 0.0, return_std: 1.0 };
+        RunRow {
+            candidate,
+            steps: 9,
+            updates: 1,
+            scores: Scores { whole_run: Some(score), ..Scores::default() },
+            diverged_at: rmse.is_infinite().then_some(3),
+            curve: vec![],
+        }
+    };
+    UnitResult {
+        key: String::new(),
+        unit: Unit { sensor: "A".to_owned(), environment, run },
+        seed: 0,
+        start_row: start_row as u32,
+        not_finite: None,
+        rows: errors.iter().enumerate().map(row).collect(),
+    }
+}
+
+fn judged(golden: &GoldenVerdict, rule: Rule) -> SensorVerdict {
+    let mut results = Vec::new();
+    for (member, runs) in golden.members.iter().enumerate() {
+        let of = runs.iter().enumerate();
+        results
+            .extend(of.map(|(run, errors)| result(EnvironmentId::Member(member), run, 0, errors)));
+    }
+    let log = golden.log.iter().enumerate();
+    results.extend(log.map(|(run, errors)| result(EnvironmentId::LogReplay, run, run, errors)));
+    for (window, runs) in golden.windows.iter().enumerate() {
+        let of = runs.iter().enumerate();
+        results.extend(of.map(|(run, errors)| {
+            result(EnvironmentId::Online, run * golden.windows.len() + window, window, errors)
+        }));
+    }
+    let judging = Judging {
+        part: Part::WholeRun,
+        rule,
+        top_k: 1,
+        scales: &[],
+        resamples: 20_000,
+        seed: Seed::new(1),
+    };
+    verdict("A", &candidates(golden), &results, &judging).expect("judged")
+}
+
+fn near(what: &str, got: f64, expected: f64, tolerance: f64) {
+    assert!((got - expected).abs() < tolerance, "{what}: {got}, expected {expected}");
+}
+
+#[test]
+fn choices_regrets_and_intervals_are_numpys() {
+    let golden = golden().verdict;
+    let verdict = judged(&golden, Rule::WorstRank);
+    assert_eq!(verdict.rules.len(), golden.chosen.len());
+    for of in &verdict.rules {
+        assert_eq!(of.chosen, golden.chosen[of.rule.name()], "{:?}", of.rule);
+    }
+    let truth = verdict.truth.expect("held out");
+    for (value, (got, expected)) in
+        truth.regrets.expect("finite").into_iter().zip(&golden.regrets).enumerate()
+    {
+        near(&format!("regret of {value}"), got, *expected, 1e-12);
+    }
+    let baseline = |baseline| {
+        truth.baselines.iter().find(|of| of.baseline == baseline).expect("there").clone()
+    };
+    let cost = |of| baseline(of).regret.expect("known").value;
+    near("another window", cost(Baseline::AnotherWindow), golden.another_window, 1e-12);
+    near("hindsight", cost(Baseline::Hindsight), golden.hindsight, 1e-12);
+    near("random", cost(Baseline::Random), golden.random, 1e-12);
+    assert_eq!(baseline(Baseline::LogReplay).chosen, Some(golden.log_replay));
+    assert_eq!(baseline(Baseline::LatestWindow).chosen, Some(golden.latest_window));
+    // Both are estimates: quantiles of 20,000 and 40,000 resamples.
+    let regret = truth.choice.regret.expect("known").interval.expect("finite");
+    near("low", regret.low, golden.regret_interval[0], 0.01);
+    near("high", regret.high, golden.regret_interval[1], 0.01);
+    let quotient = truth.choice.against_default.expect("another");
+    near("quotient", quotient.value, golden.against_default, 1e-12);
+    let quotient = quotient.interval.expect("finite");
+    near("quotient, low", quotient.low, golden.against_default_interval[0], 0.01);
+    near("quotient, high", quotient.high, golden.against_default_interval[1], 0.01);
+    for (value, &expected) in golden.shares.iter().enumerate() {
+        let share = verdict.stability.iter().find(|of| of.candidate == value);
+        near("share", share.map_or(0.0, |of| of.share), expected, 0.015);
+    }
+}
+
+#[test]
+fn each_rule_is_what_it_says_it_is() {
+    let golden = golden().verdict;
+    for rule in Rule::ALL {
+        assert_eq!(judged(&golden, rule).chosen, golden.chosen[rule.name()], "{rule:?}");
+    }
+}
+
+#[test]
+fn a_race_drops_what_numpy_drops() {
+    let GoldenRace { streams, after } = golden().race;
+    let mut results = Vec::new();
+    for (round, of_round) in streams.iter().enumerate() {
+        for (stream, errors) in of_round.iter().enumerate() {
+            let errors: Vec<f64> = errors.iter().map(|of| of.unwrap_or(f64::INFINITY)).collect();
+            let environment = match stream {
+                4 => EnvironmentId::LogReplay,
+                member => EnvironmentId::Member(member),
+            };
+            results.push(result(environment, round, 0, &errors));
+        }
+    }
+    let values = streams[0][0].len();
+    let made = raced(&results, values, Part::WholeRun, 0.05).expect("finite");
+    for (round, left) in after.iter().enumerate() {
+        let next: Vec<&UnitResult> =
+            made.iter().filter(|result| result.unit.run == round + 1).collect();
+        if left.len() < 2 {
+            assert!(next.is_empty(), "nothing is run after round {round}");
+        } else {
+            for result in next {
+                let rows: Vec<usize> = result.rows.iter().map(|row| row.candidate).collect();
+                assert_eq!(&rows, left, "after round {round}");
+            }
+        }
+    }
+    assert!(after.len() > 2 && after.last().is_some_and(|left| left.len() < values), "{after:?}");
+}

@@ -1,0 +1,103 @@
+"""Reference values for crates/calib-stats/tests/choosing.rs, from NumPy: choices by log errors, regret over windows, and both
+under resampling of members, windows and runs. The draws are in the file, in the order in which they are asked for.
+
+    python3 -m pip install numpy==2.4.6
+    python3 scripts/golden/choosing.py > crates/calib-stats/tests/choosing.json
+"""
+
+import json
+import sys
+
+import numpy as np
+
+MEMBERS, WINDOWS, RUNS, CANDIDATES, RESAMPLES = 4, 3, 3, 5, 200
+rng = np.random.default_rng(20261)
+
+
+def errors(units):
+    """Log errors: a candidate's own, a part of the unit, a part of the run; one run in a few diverges for the last candidate."""
+    logs = 0.3 * np.abs(np.arange(CANDIDATES) - 1.7) + 0.2 * rng.normal(size=(units, 1, CANDIDATES))
+    logs = logs + rng.normal(size=(units, RUNS, 1)) + 0.05 * rng.normal(size=(units, RUNS, CANDIDATES))
+    found = np.exp(logs)
+    found[..., -1][rng.random((units, RUNS)) < 0.2] = np.inf
+    return found
+
+
+def plain(values):
+    return [plain(value) for value in values] if np.ndim(values) else ("inf" if np.isinf(values) else float(values))
+
+
+def mean_logs(streams):
+    return np.log(streams).mean(axis=0)
+
+
+def around_default(streams, default, streams_per_independent):
+    chosen, advantages = default, []
+    for candidate in range(CANDIDATES):
+        if candidate == default or np.isinf(streams[:, candidate]).any():
+            advantages.append(None)
+            continue
+        d = np.log(streams[:, default]) - np.log(streams[:, candidate])
+        error = d.std(ddof=1) / np.sqrt(len(d) / streams_per_independent)
+        advantages.append([d.mean(), error])
+    better = [at for at, of in enumerate(advantages) if of is not None and of[0] > 0 and of[0] >= of[1]]
+    if better:
+        chosen = min(better, key=lambda candidate: mean_logs(streams)[candidate])
+    return chosen, advantages
+
+
+def regret(windows, choice):
+    """windows: mean errors, `[window][candidate]`."""
+    quotients = windows[:, choice] / windows.min(axis=1)
+    return np.exp(np.log(quotients).mean()) - 1
+
+
+def drawn(units, draws):
+    """Units with replacement, and in each its runs with replacement; what was drawn is appended to draws."""
+    found = []
+    for _ in range(len(units)):
+        unit = int(rng.integers(len(units)))
+        draws.append(unit)
+        runs = [int(run) for run in rng.integers(RUNS, size=RUNS)]
+        draws.extend(runs)
+        found.append(units[unit][runs])
+    return np.array(found)
+
+
+members, windows = errors(MEMBERS), errors(WINDOWS)
+streams = members.reshape(-1, CANDIDATES)
+chosen = int(mean_logs(streams).argmin())
+defaults = []
+for default in range(CANDIDATES - 1):
+    for streams_per_independent in (1.0, 3.0, 6.0):
+        choice, advantages = around_default(streams, default, streams_per_independent)
+        defaults.append(
+            {"default": default, "streams_per_independent": streams_per_independent, "chosen": choice, "advantages": advantages}
+        )
+
+draws, fixed, of_rule, counts = [], [], [], np.zeros(CANDIDATES, int)
+for _ in range(RESAMPLES):
+    # Members first, then windows.
+    own, others = drawn(members, draws), drawn(windows, draws)
+    choice = int(mean_logs(own.reshape(-1, CANDIDATES)).argmin())
+    counts[choice] += 1
+    fixed.append(regret(others.mean(axis=1), 2))
+    of_rule.append(regret(others.mean(axis=1), choice))
+
+json.dump(
+    {
+        "members": plain(members),
+        "windows": plain(windows),
+        "mean_logs": plain(mean_logs(streams)),
+        "chosen": chosen,
+        "regrets": plain([regret(windows.mean(axis=1), choice) for choice in range(CANDIDATES)]),
+        "defaults": defaults,
+        "resamples": RESAMPLES,
+        "draws": draws,
+        "regret_of_2": plain(np.quantile(fixed, [0.025, 0.975])),
+        "regret_of_rule": plain(np.quantile(of_rule, [0.025, 0.975])),
+        "counts": counts.tolist(),
+    },
+    fp=sys.stdout,
+)
+print()

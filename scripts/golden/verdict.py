@@ -1,0 +1,181 @@
+"""Golden numbers of scores and verdicts: crates/calib-sweep/tests/golden/verdict.json.
+
+    python3 scripts/golden/verdict.py        # wants NumPy and SciPy
+
+Written from docs/metrics.md alone, not from calib's code:
+
+- a linear TD(0) agent without replay on a noisy wave in two pieces, and its errors over the parts of the run;
+- a race over runs of members and windows of the log: which values are left after each round;
+- runs over members, windows of the log and held-out windows: choices of all rules, regrets, floors, shares of choices and intervals
+  of the hierarchical bootstrap, from many more resamples than calib draws.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from sequential import boundaries
+
+OUT = Path(__file__).resolve().parents[2] / "crates/calib-sweep/tests/golden/verdict.json"
+RESAMPLES = 40_000
+
+
+def scores():
+    """Errors of an agent that predicts column 0 from both columns and a bias, from given weights."""
+    rng = np.random.default_rng(5)
+    rows, gamma, rate, steps = 260, 0.7, 0.2, 240
+    phase = np.arange(rows) * 0.13
+    states = np.stack([0.5 + 0.4 * np.sin(phase), 0.5 + 0.4 * np.cos(phase)], axis=1)
+    states = (states + 0.02 * rng.standard_normal(states.shape)).astype(np.float32)
+    pieces = [(0, 90), (90, rows)]
+    weights = np.array([0.25, -0.5, 0.125], dtype=np.float32)
+    features = np.concatenate([states.astype(float), np.ones((rows, 1))], axis=1)
+    w = weights.astype(float)
+    horizon = max(1, math.ceil(math.log(0.01) / math.log(gamma)))
+    returns, known, predicted = np.zeros(rows), np.zeros(rows, bool), np.zeros(rows)
+    for start, end in pieces:
+        for t in range(end - 2, start - 1, -1):
+            returns[t] = features[t + 1, 0] + gamma * (returns[t + 1] if t + 1 < end - 1 else 0.0)
+        known[start : max(start, end - horizon)] = True
+        for t in range(start, end - 1):
+            if t >= steps:
+                continue
+            predicted[t] = features[t] @ w
+            delta = features[t + 1, 0] + gamma * (features[t + 1] @ w) - features[t] @ w
+            w = w + rate * delta * features[t]
+    expected = {}
+    for name, before in [("whole_run", 0.0), ("after_first_quarter", 0.25), ("final_quarter", 0.75)]:
+        first = math.floor(steps * before + 0.5)
+        scored = known & (np.arange(rows) >= first) & (np.arange(rows) < steps)
+        expected[name] = {
+            "scored_steps": int(scored.sum()),
+            "rmse": float(np.sqrt(np.mean((predicted - returns)[scored] ** 2))),
+            "mean_return": float(returns[scored].mean()),
+            "return_std": float(returns[scored].std()),
+        }
+    return {
+        "states": states.tolist(), "lengths": [e - s for s, e in pieces], "gamma": gamma, "learning_rate": rate,
+        "steps": steps, "weights": weights.tolist(), "scores": expected,
+    }
+
+
+def ranks(errors):
+    return np.array([1 + int(np.sum(errors < e)) for e in errors])
+
+
+def lexicographic(*keys):
+    """The first index with the smallest keys."""
+    return min(range(len(keys[0])), key=lambda i: (*[k[i] for k in keys], i))
+
+
+def choose(rule, members, log, default):
+    """members: [member][run][value]; log: [window][value]."""
+    means = np.array([np.mean(runs, axis=0) for runs in members])
+    of_members = np.array([ranks(row) for row in means])
+    worst, mean_rank, mean_error = of_members.max(0), of_members.mean(0), means.mean(0)
+    if rule == "worst_rank":
+        return lexicographic(worst, mean_rank, mean_error)
+    if rule == "mean_rank":
+        return lexicographic(mean_rank, mean_error)
+    if rule == "mean_error":
+        return lexicographic(mean_error, mean_rank)
+    streams = [run for runs in members for run in runs]
+    if rule != "mean_log_error":
+        streams += list(log)
+    logs = np.log(np.array(streams))
+    best = lexicographic(logs.mean(0))
+    if rule != "one_standard_error":
+        return best
+    difference = logs[:, best] - logs[:, default]
+    error = difference.std(ddof=1) / math.sqrt(len(difference) / 3)
+    return best if difference.mean() < -error else default
+
+
+def losses(windows):
+    """Mean over windows of ln(error / best error of the window), one a value."""
+    each = np.array([np.mean(runs, axis=0) for runs in windows])
+    return np.log(each / each.min(1, keepdims=True))
+
+
+def verdict():
+    rng = np.random.default_rng(11)
+    values, default = 5, 1
+    level = np.array([0.45, 0.3, 0.28, 0.31, 0.6])
+    draw = lambda spread: (level * np.exp(spread * rng.standard_normal(values))).round(4)
+    members = [[draw(0.25) for _ in range(3)] for _ in range(4)]
+    log = [draw(0.3) for _ in range(5)]
+    windows = []
+    for _ in range(4):
+        own = np.exp(0.2 * rng.standard_normal(values))
+        windows.append([(draw(0.05) * own).round(4) for _ in range(2)])
+    rules = ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled", "one_standard_error"]
+    chosen = {rule: choose(rule, members, log, default) for rule in rules}
+    loss = losses(windows)
+    regrets = np.expm1(loss.mean(0))
+    others = [loss[v, int(np.argmin(loss[w]))] for w in range(4) for v in range(4) if v != w]
+    choice = chosen["worst_rank"]
+    drawn_regret, drawn_quotient, counts = [], [], np.zeros(values)
+    for _ in range(RESAMPLES):
+        pick = rng.integers(0, 4, 4)
+        of = losses([[windows[w][r] for r in rng.integers(0, 2, 2)] for w in pick]).mean(0)
+        drawn_regret.append(math.expm1(of[choice]))
+        drawn_quotient.append(math.exp(of[choice] - of[default]))
+        own = [[members[m][r] for r in rng.integers(0, 3, 3)] for m in rng.integers(0, 4, 4)]
+        counts[choose("worst_rank", own, [log[i] for i in rng.integers(0, 5, 5)], default)] += 1
+    interval = lambda drawn: np.quantile(drawn, [0.025, 0.975]).tolist()
+    return {
+        "default": default,
+        "members": [[run.tolist() for run in runs] for runs in members],
+        "log": [run.tolist() for run in log],
+        "windows": [[run.tolist() for run in runs] for runs in windows],
+        "chosen": chosen,
+        "regrets": regrets.tolist(),
+        "another_window": math.expm1(np.mean(others)),
+        "hindsight": float(regrets.min()),
+        "random": float(regrets.mean()),
+        "log_replay": int(np.argmin(np.mean(log, axis=0))),
+        "latest_window": int(np.argmin(log[0])),
+        "regret_interval": interval(drawn_regret),
+        "against_default": float(np.exp((loss[:, choice] - loss[:, default]).mean())),
+        "against_default_interval": interval(drawn_quotient),
+        "shares": (counts / RESAMPLES).tolist(),
+    }
+
+
+def race():
+    """Rounds of one run of each of four members and one window of the log; an observation is the mean over three streams."""
+    rng = np.random.default_rng(23)
+    level, rounds, members = np.array([0.5, 0.3, 0.36, 0.28, 0.9]), 6, 4
+    streams = [
+        [(level * np.exp(0.15 * rng.standard_normal(5))).round(4).tolist() for _ in range(members + 1)]
+        for _ in range(rounds)
+    ]
+    # One value diverges in one stream of the third round.
+    streams[2][1][4] = None
+    limits = boundaries(rounds * (members + 1) // 3, 0.05 / 4)
+    logs, left, after = [], list(range(5)), []
+    for of_round in streams:
+        if len(left) < 2:
+            break
+        for errors in of_round:
+            logs.append([math.inf if e is None else math.log(e) for e in errors])
+        table = np.array(logs)
+        leader = min(left, key=lambda v: (table[:, v].mean(), v))
+        for value in [v for v in left if v != leader]:
+            difference = table[:, value] - table[:, leader]
+            if np.isinf(difference).any():
+                left.remove(value)
+                continue
+            count = len(difference) // 3
+            x = difference[: 3 * count].reshape(count, 3).mean(1)
+            if count >= 3 and x.mean() * math.sqrt(count) >= limits[count - 3] * x.std(ddof=1) and x.mean() > 0:
+                left.remove(value)
+        after.append(list(left))
+    return {"streams": streams, "after": after}
+
+
+OUT.parent.mkdir(parents=True, exist_ok=True)
+OUT.write_text(json.dumps({"scores": scores(), "verdict": verdict(), "race": race()}) + "\n")
+print(f"wrote {OUT}")
