@@ -195,7 +195,8 @@ mod tests {
         let values = (0..rows * columns).map(|_| rng.below(3) as f32).collect();
         let states = States::new(values, rows, columns).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([60, rows - 60]).expect("two"));
-        let config = ModelConfig { theiler: 2, members: 3, ..ModelConfig::default() };
+        let config =
+            ModelConfig { theiler: 2, members: 3, recurrent: false, ..ModelConfig::default() };
         KnnModel::build(states, transitions, &config, &calib_core::Silent).expect("built")
     }
 
