@@ -68,11 +68,16 @@ impl MemberRecurrence {
             candidates,
         };
         let left_out = knn.left_out(member);
+        let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
+        if classes.after.count > 1 {
+            // Parts that do not meet do not mix, wherever they lie.
+            walks.mixing_steps = None;
+        }
         Self {
             classes,
             left_out_times: longest(left_out.runs()).into_iter().map(stretch).collect(),
             exit_times: left_out.exits().take(TOLD).map(|(row, _)| time(row)).collect(),
-            walks: WalkStatistics::of(&knn.member(member), ends, weights, seed),
+            walks,
         }
     }
 
@@ -104,19 +109,23 @@ fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
 pub(super) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
     let MemberRecurrence { classes, walks, .. } = of;
     let spread = of.covered(transitions).map_or("an unknown share".to_owned(), percent);
-    let mix = walks
-        .mixing_steps
-        .map_or("do not mix".to_owned(), |steps| format!("mix in about {} steps", count(steps)));
+    let mix = walks.mixing_steps.map_or("do not mix in a million steps".to_owned(), |steps| {
+        format!("mix in about {} steps", count(steps))
+    });
     let end = match walks.steps_to_end {
         Some(steps) if classes.after.traps > 0 => {
-            format!("are trapped after about {} steps", significant(steps))
+            format!(", are trapped after about {} steps", significant(steps))
         }
-        Some(steps) => format!("stay in the closed class after about {}", significant(steps)),
-        None => "did not come to their end in 30,000".to_owned(),
+        // Nearly every start lies there.
+        Some(steps) if steps < 1.0 => String::new(),
+        Some(steps) => {
+            format!(", come to a closed class after about {} steps", significant(steps))
+        }
+        None => ", came to no closed class in 30,000 steps".to_owned(),
     };
     [
         format!("{}{}", closed(&classes.after), done(of)),
-        format!("walks are spread over {spread} of the rows, {mix}, {end}"),
+        format!("walks are spread over {spread} of the rows, {mix}{end}"),
     ]
 }
 
@@ -148,7 +157,8 @@ fn done(of: &MemberRecurrence) -> String {
         text += &format!(", most of them from {first} to {last}");
     }
     if *exits > 0 {
-        text += &format!(", {} dead ends led out of", count(*exits));
+        let noun = if *exits == 1 { "row leads" } else { "rows lead" };
+        text += &format!("; {} {noun} out of one", count(*exits));
     }
     text
 }
