@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use calib_core::{RowIndex, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{
-    Blocks, Exclusion, IndexKind, KnnError, KnnModel, ModelConfig, WeightsKind, verify,
+    Blocks, Built, Exclusion, IndexKind, KnnError, KnnModel, ModelConfig, WeightsKind, Workplace,
+    verify,
 };
 use proptest::prelude::*;
 
@@ -178,7 +179,8 @@ impl Naive<'_> {
         is_trap: &impl Fn(&BTreeSet<u32>) -> bool,
     ) -> Result<BTreeMap<u32, Vec<(f64, u32)>>, KnnError> {
         self.left_out.clear();
-        let short = |candidates| KnnError::TooFewCandidates { member: 9, candidates, k: 0 };
+        // There were enough before anything was left out.
+        let short = |_| KnnError::NeverReturns { member: 9 };
         loop {
             let classes = self.closed(&self.table().map_err(short)?).into_iter();
             let free: Vec<_> =
@@ -255,7 +257,7 @@ impl Case {
             (0..self.config.members).map(|member| self.expected(member)).collect();
         for index in [IndexKind::Scan, IndexKind::Join, IndexKind::KdTree, IndexKind::Auto] {
             let config = ModelConfig { index, ..self.config };
-            let place = calib_knn::Workplace::default();
+            let place = Workplace::default();
             let built =
                 KnnModel::build_in(self.states(), self.transitions(), &config, &place, &Silent);
             match (&expected, built) {
@@ -370,5 +372,37 @@ proptest! {
     #[test]
     fn tables_are_those_of_global_rounds(case in case()) {
         case.check()?;
+    }
+}
+
+fn model_of(values: Vec<f32>, lengths: &[usize]) -> Result<(KnnModel, Built), KnnError> {
+    let states = States::new(values, lengths.iter().sum(), 1).expect("finite");
+    let segments = Segments::from_lengths(lengths.iter().copied()).expect("valid");
+    let (config, place) = (ModelConfig::default(), Workplace::default());
+    KnnModel::build_in(states, Transitions::new(segments), &config, &place, &Silent)
+}
+
+#[test]
+fn a_log_that_never_returns_is_refused() {
+    let ramp = (0..3000_u16).map(f32::from).collect();
+    let counter = model_of(ramp, &[3000]);
+    assert!(matches!(counter, Err(KnnError::NeverReturns { .. })), "{counter:?}");
+    let still = model_of(vec![1.5; 3000], &[3000]);
+    assert!(matches!(still, Err(KnnError::NeverReturns { .. })), "{still:?}");
+}
+
+#[test]
+fn a_long_standstill_is_left_in_a_few_searches() {
+    const ROWS: usize = 120_000;
+    const STILL: std::ops::Range<usize> = 10_000..110_000;
+    let value = |row: usize| (std::f32::consts::TAU * row as f32 / 977.3).sin();
+    let values: Vec<f32> =
+        (0..ROWS).map(|row| value(if STILL.contains(&row) { STILL.start } else { row })).collect();
+    let (model, built) = model_of(values, &[ROWS]).expect("the plant goes on afterwards");
+    for (number, found) in built.recurrence.iter().enumerate() {
+        assert_eq!((found.after.traps, found.exits), (0, 0), "member {number}: {found:?}");
+        // What is left out stands still: nothing of the plant is lost but a dead end.
+        assert!(found.lost < 20, "member {number}: {found:?}");
+        assert_eq!(model.left_out(number).len(), found.left_out);
     }
 }

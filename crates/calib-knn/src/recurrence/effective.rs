@@ -84,7 +84,7 @@ impl<'a> Effective<'a> {
             self.lists.first(&again, &rows, k, &self.left_out)?.to_vec()
         };
         if nearest.len() < k {
-            return Err(Halt::Short { candidates: nearest.len() });
+            return Err(Halt::Lost);
         }
         let Some(states) = again.measured() else {
             return Ok(nearest.into_iter().map(|(to, distance)| (distance, to)).collect());

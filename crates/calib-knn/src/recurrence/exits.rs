@@ -57,7 +57,7 @@ impl Leading<'_> {
             let all = left_out_of(node, &outside, &self.exits);
             best = nearer(best, self.nearest(&[node], all)?);
         }
-        best.map(|(_, node)| node).ok_or(Halt::Short { candidates: 0 })
+        best.map(|(_, node)| node).ok_or(Halt::Lost)
     }
 
     /// Which of these rows is nearest to anything that is not left out, and how far that is.
@@ -80,7 +80,7 @@ impl Leading<'_> {
             found = (to.to_vec(), far.to_vec());
         })?;
         if found.0.len() < k {
-            return Err(Halt::Short { candidates: found.0.len() });
+            return Err(Halt::Lost);
         }
         self.rows.insert(node, found);
         Ok(())

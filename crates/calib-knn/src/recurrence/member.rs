@@ -86,7 +86,7 @@ impl<'a> Member<'a> {
             match all {
                 Ok(more) => left_out = more,
                 Err(Halt::Error(error)) => return Err(error),
-                Err(Halt::Lost | Halt::Short { .. }) => {
+                Err(Halt::Lost) => {
                     left_out = self
                         .leave_out(table, Rule::Still, &left_out, &exits, &anchor)
                         .map_err(|halt| self.error(halt))?;
@@ -209,7 +209,7 @@ impl<'a> Member<'a> {
                 table.1[start..start + k].copy_from_slice(far);
             }
         })?;
-        if fewest < k { Err(self.error(Halt::Short { candidates: fewest })) } else { Ok(()) }
+        if fewest < k { Err(self.error(Halt::Lost)) } else { Ok(()) }
     }
 
     fn never_returns(&self) -> KnnError {
@@ -217,13 +217,9 @@ impl<'a> Member<'a> {
     }
 
     fn error(&self, halt: Halt) -> KnnError {
-        let member = self.again.member;
         match halt {
             Halt::Error(error) => error,
             Halt::Lost => self.never_returns(),
-            Halt::Short { candidates } => {
-                KnnError::TooFewCandidates { member, candidates, k: self.made.k }
-            }
         }
     }
 }

@@ -77,9 +77,7 @@ pub struct Recurrence {
 /// Why closed classes cannot all be dealt with.
 #[derive(Debug)]
 enum Halt {
-    /// Some query has too few candidates left.
-    Short { candidates: usize },
-    /// Too many candidates are lost, or too many exits do not lead out.
+    /// Too many candidates are lost, some query has too few left, or too many exits do not lead out.
     Lost,
     /// Something else.
     Error(KnnError),
@@ -102,7 +100,7 @@ impl Halt {
     fn into_error(self) -> KnnError {
         match self {
             Self::Error(error) => error,
-            Self::Short { .. } | Self::Lost => unreachable!("nothing is left out"),
+            Self::Lost => unreachable!("nothing is left out"),
         }
     }
 }
