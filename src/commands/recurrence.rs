@@ -23,6 +23,9 @@ const MOST: f64 = 0.5;
 /// Walks that are spread over less than this share of them are, too (our choice; members of the studies in `configs/` have 0.03 to 0.5).
 const LITTLE: f64 = 0.02;
 
+/// Members of fewer transitions have few to walk among anyway.
+const MANY: usize = 1000;
+
 /// What is known of the walks of a member; in the manifest of its model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct MemberRecurrence {
@@ -172,13 +175,19 @@ pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer
         });
         which.map(|(number, _)| number.to_string()).collect::<Vec<_>>().join(", ")
     };
-    let warnings: [(&dyn Fn(&MemberRecurrence, usize) -> bool, String); 6] = [
+    let warnings: [(&dyn Fn(&MemberRecurrence, usize) -> bool, String); 7] = [
         (
             &|of, _| of.classes.after.traps > 0,
             format!(
                 "walks of members MEMBERS end in traps of few rows{}",
                 if recurrent { "" } else { "; set model.recurrent = true" }
             ),
+        ),
+        (
+            &|of, all| of.classes.after.traps == 0 && of.walks.trapped > 0 && all >= MANY,
+            "some walks of members MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them, as where a dead end draws \
+             them back; see `trapped` in the manifest; try a larger preprocess.subsample"
+                .to_owned(),
         ),
         (
             &|of, _| of.classes.lost as f64 > MUCH * of.classes.candidates as f64,
