@@ -112,9 +112,12 @@ fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
 pub(super) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
     let MemberRecurrence { classes, walks, .. } = of;
     let spread = of.covered(transitions).map_or("an unknown share".to_owned(), percent);
-    let mix = walks.mixing_steps.map_or("do not mix in a million steps".to_owned(), |steps| {
-        format!("mix in about {} steps", count(steps))
-    });
+    let mix = match walks.mixing_steps {
+        // Walks of a trap are soon anywhere in it.
+        _ if classes.after.traps > 0 => String::new(),
+        Some(steps) => format!(", mix in about {} steps", count(steps)),
+        None => ", do not mix in a million steps".to_owned(),
+    };
     let end = match walks.steps_to_end {
         Some(steps) if classes.after.traps > 0 => {
             format!(", are trapped after about {} steps", significant(steps))
@@ -128,7 +131,7 @@ pub(super) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
     };
     [
         format!("{}{}", closed(&classes.after), done(of)),
-        format!("walks are spread over {spread} of the rows, {mix}{end}"),
+        format!("walks are spread over {spread} of the rows{mix}{end}"),
     ]
 }
 
@@ -146,7 +149,7 @@ fn done(of: &MemberRecurrence) -> String {
     }
     let traps = if before.traps == 1 { "trap" } else { "traps" };
     if after.traps > 0 {
-        return format!(", {} of them {traps}", before.traps);
+        return format!(", with {} {traps}", after.traps);
     }
     let share = *left_out as f64 / (*candidates).max(1) as f64;
     let mut text = format!(

@@ -26,7 +26,6 @@ mod settle;
 
 use calib_core::{Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -187,7 +186,8 @@ impl Made<'_> {
             self.monitor.advance(1);
             Ok((member, survey))
         };
-        tables.par_iter().enumerate().map(survey).collect()
+        // One after the other: where nothing returns, each takes memory for all of its transitions.
+        tables.iter().enumerate().map(survey).collect()
     }
 }
 

@@ -39,7 +39,7 @@ struct Frame {
     /// When it was found.
     found: u32,
     /// Edges that were followed, of those that there were after so many verdicts.
-    followed: usize,
+    followed: u32,
     verdicts: u32,
 }
 
@@ -155,14 +155,14 @@ impl<'a> Search<'a> {
         };
         let slot = self.slot(node);
         let start = if verdicts == self.verdicts { followed } else { 0 };
-        for (number, &to) in edges.iter().enumerate().skip(start) {
+        for (number, &to) in edges.iter().enumerate().skip(start as usize) {
             if settled.contains(to) {
                 return Next::Settled;
             }
             let low = self.low(to);
             if low == 0 {
                 // Looked at again when it is done: it may lead back.
-                self.note(number);
+                self.note(number as u32);
                 return Next::New(to);
             }
             self.low[slot] = self.low[slot].min(low);
@@ -171,7 +171,7 @@ impl<'a> Search<'a> {
     }
 
     /// Note that the last transition of the path has followed so many edges.
-    fn note(&mut self, followed: usize) {
+    fn note(&mut self, followed: u32) {
         if let Some(frame) = self.path.last_mut() {
             (frame.followed, frame.verdicts) = (followed, self.verdicts);
         }
