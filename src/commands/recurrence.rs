@@ -183,7 +183,12 @@ pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer
             &|of, _| of.classes.after.traps > 0,
             format!(
                 "walks of members MEMBERS end in traps of few rows{}",
-                if recurrent { "" } else { "; set model.recurrent = true" }
+                if recurrent {
+                    ", whatever is left out: the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and \
+                     leave totals and counters out with data.exclude"
+                } else {
+                    "; set model.recurrent = true"
+                }
             ),
         ),
         (

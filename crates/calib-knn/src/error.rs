@@ -67,16 +67,6 @@ pub enum KnnError {
         /// Neighbours asked for.
         k: usize,
     },
-    /// A member whose walks cannot return to where they were.
-    #[error(
-        "member {member} never returns to where it was: whatever is left out, and wherever walks are led out of, they end in traps; leave totals, \
-         counters and clocks out with `data.exclude`, raise `preprocess.subsample` or `neighbors`, use more data, or build such a model \
-         all the same with `recurrent = false`"
-    )]
-    NeverReturns {
-        /// The member.
-        member: usize,
-    },
     /// States and transitions disagree about the number of rows.
     #[error(
         "{states} states do not match transitions over {segments} rows; build both from the same frames"

@@ -68,7 +68,7 @@ impl KnnModel {
     /// As [`build`](Self::build), in `workplace`; says also what was found out.
     ///
     /// # Errors
-    /// As [`Blocks::new`] and [`build_tables_in`](crate::build_tables_in); if a member never returns to where it was.
+    /// As [`Blocks::new`] and [`build_tables_in`](crate::build_tables_in).
     pub fn build_in(
         states: States,
         transitions: Transitions,

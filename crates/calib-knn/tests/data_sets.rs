@@ -130,9 +130,7 @@ fn dimensions_that_never_change() {
     let few = changed(&walk(40, 0.01), |_, state, _| state[3..].fill(0.25));
     check("constant dimensions", &few, &[ROWS], &exclusions());
     let none = filled(5, |_, _| 1.5);
-    // It never returns to another state.
-    let as_found = exclusions().map(|config| ModelConfig { recurrent: false, ..config });
-    check("all constant", &none, &[ROWS], &as_found);
+    check("all constant", &none, &[ROWS], &exclusions());
 }
 
 #[test]
@@ -209,7 +207,7 @@ fn states_without_columns() {
     let transitions = Transitions::new(Segments::from_lengths([60, 40]).expect("valid"));
     let states = States::new(Vec::new(), 100, 0).expect("valid");
     for index in [IndexKind::Auto, IndexKind::Join, IndexKind::Scan] {
-        let config = ModelConfig { index, recurrent: false, ..ModelConfig::default() };
+        let config = ModelConfig { index, ..ModelConfig::default() };
         let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
         let verification = verify(&model.expect("built"), 25, Seed::new(7), &Silent);
         assert!(verification.expect("not interrupted").agrees());

@@ -85,7 +85,8 @@ fn statistics_of_walks_estimate_what_linear_algebra_says() {
                 WalkStatistics::of(&model.member(number), &built.ends[number], weights, seed)
             };
             let walks: Vec<WalkStatistics> = (0..TIMES).map(of).collect();
-            assert!(walks.iter().all(|walks| walks.trapped == 0 || expected.after.len() > 1));
+            let few = expected.after.iter().any(|&size| size < 200);
+            assert!(few || walks.iter().all(|walks| walks.trapped == 0));
             let mean = |value: &dyn Fn(&WalkStatistics) -> Option<f64>| {
                 walks.iter().map(|walks| value(walks).expect("a value")).sum::<f64>() / TIMES as f64
             };

@@ -1,5 +1,6 @@
 use std::collections::HashMap;
 
+use calib_files::Scratch;
 use rayon::prelude::*;
 
 use super::{
@@ -62,20 +63,49 @@ impl<'a> Member<'a> {
         closed(graph, anchor, self.enough, self.made.place, self.made.monitor)
     }
 
-    /// Leave traps out of the table, or lead walks out of them.
+    /// Leave traps out of the table, or lead walks out of them. Where neither helps, the table stays as it was found.
     pub(super) fn untrap(
         &self,
         table: &mut Filling,
         survey: Survey,
     ) -> Result<Recurrent, KnnError> {
-        let before = ClosedClasses::of(&survey.classes, self.enough);
-        let (mut anchor, mut classes) = (survey.anchor, survey.classes);
-        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.made.k), Exits::new());
-        let mut rounds = 0..ROUNDS;
-        while classes.traps(self.enough) > 0 {
-            if rounds.next().is_none() {
-                return Err(self.never_returns());
+        if survey.classes.traps(self.enough) == 0 {
+            return Ok(self.as_found(&survey));
+        }
+        let found = self.copy(table)?;
+        match self.without_traps(table, &survey) {
+            Ok(recurrent) => Ok(recurrent),
+            Err(Halt::Error(error)) => Err(error),
+            Err(Halt::Lost) => {
+                table.0.copy_from_slice(&found.0);
+                table.1.copy_from_slice(&found.1);
+                Ok(self.as_found(&survey))
             }
+        }
+    }
+
+    /// What is known of a table that stays as it was found.
+    pub(super) fn as_found(&self, survey: &Survey) -> Recurrent {
+        let classes = ClosedClasses::of(&survey.classes, self.enough);
+        let (before, after) = (classes.clone(), classes);
+        let candidates = self.candidates;
+        let recurrence = Recurrence { candidates, before, after, ..Recurrence::default() };
+        let ends = Ends(survey.classes.ends.clone());
+        Recurrent { left_out: LeftOut::default(), recurrence, ends }
+    }
+
+    fn copy(&self, table: &Filling) -> Result<Filling, KnnError> {
+        let (len, place) = (table.0.len(), self.made.place);
+        let mut copy = (Scratch::zeroed(len, place)?, Scratch::zeroed(len, place)?);
+        copy.0.copy_from_slice(&table.0);
+        copy.1.copy_from_slice(&table.1);
+        Ok(copy)
+    }
+
+    fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<Recurrent, Halt> {
+        let mut anchor = survey.anchor.clone();
+        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.made.k), Exits::new());
+        for _ in 0..ROUNDS {
             // Where hardly anything returns, one trap opens the next one for ever.
             let all = if anchor.component * LOOP < self.candidates {
                 Err(Halt::Lost)
@@ -85,30 +115,30 @@ impl<'a> Member<'a> {
             };
             match all {
                 Ok(more) => left_out = more,
-                Err(Halt::Error(error)) => return Err(error),
+                Err(Halt::Error(error)) => return Err(error.into()),
                 Err(Halt::Lost) => {
-                    left_out = self
-                        .leave_out(table, Rule::Still, &left_out, &exits, &anchor)
-                        .map_err(|halt| self.error(halt))?;
+                    left_out = self.leave_out(table, Rule::Still, &left_out, &exits, &anchor)?;
                     self.search_again(table, &left_out, &exits)?;
-                    exits = self
-                        .lead_out(table, &left_out, exits, &anchor)
-                        .map_err(|halt| self.error(halt))?;
+                    exits = self.lead_out(table, &left_out, exits, &anchor)?;
                 }
             }
             self.search_again(table, &left_out, &exits)?;
+            let classes;
             (anchor, classes) = self.survey_again(table, anchor)?;
+            if classes.traps(self.enough) == 0 {
+                let recurrence = Recurrence {
+                    candidates: self.candidates,
+                    before: ClosedClasses::of(&survey.classes, self.enough),
+                    after: ClosedClasses::of(&classes, self.enough),
+                    left_out: left_out.count(),
+                    lost: self.again.lost(left_out.iter()),
+                    exits: exits.len(),
+                };
+                let left_out = LeftOut::new(left_out, exits);
+                return Ok(Recurrent { left_out, recurrence, ends: Ends(classes.ends) });
+            }
         }
-        let recurrence = Recurrence {
-            candidates: self.candidates,
-            before,
-            after: ClosedClasses::of(&classes, self.enough),
-            left_out: left_out.count(),
-            lost: self.again.lost(left_out.iter()),
-            exits: exits.len(),
-        };
-        let left_out = LeftOut::new(left_out, exits);
-        Ok(Recurrent { left_out, recurrence, ends: Ends(classes.ends) })
+        Err(Halt::Lost)
     }
 
     fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
@@ -177,7 +207,7 @@ impl<'a> Member<'a> {
         table: &mut Filling,
         left_out: &Bits,
         exits: &Exits,
-    ) -> Result<(), KnnError> {
+    ) -> Result<(), Halt> {
         let holds = |row: &[u32]| row.iter().any(|&to| left_out.contains(to));
         let rows = table.0.par_chunks_exact(self.made.k).enumerate();
         let rows: Vec<u32> =
@@ -196,7 +226,7 @@ impl<'a> Member<'a> {
     }
 
     /// Put the nearest of what is not left out into these rows of the table.
-    fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), KnnError> {
+    fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
         let rows: Vec<_> = nodes.iter().map(|&node| self.again.next(node)).collect();
         let left_out = self.again.of_member(left_out);
         let (k, mut fewest) = (self.made.k, usize::MAX);
@@ -209,17 +239,6 @@ impl<'a> Member<'a> {
                 table.1[start..start + k].copy_from_slice(far);
             }
         })?;
-        if fewest < k { Err(self.error(Halt::Lost)) } else { Ok(()) }
-    }
-
-    fn never_returns(&self) -> KnnError {
-        KnnError::NeverReturns { member: self.again.member }
-    }
-
-    fn error(&self, halt: Halt) -> KnnError {
-        match halt {
-            Halt::Error(error) => error,
-            Halt::Lost => self.never_returns(),
-        }
+        if fewest < k { Err(Halt::Lost) } else { Ok(()) }
     }
 }

@@ -13,7 +13,7 @@
 //! If more than a tenth of the candidates would be lost so, or there is hardly a loop to begin with, only traps in a standstill are left out (its first rows are everybody's
 //! neighbours, and lead to each other; the last ones, which lead on, take their place), and all others are given exits instead: one row
 //! of each, a dead end if there is one, is searched again among what lies outside; again and again, until none is a trap. Rows of a
-//! standstill but its last do not count as lost.
+//! standstill but its last do not count as lost. Where that takes too many exits, the table stays as it was found.
 
 mod again;
 mod classes;
@@ -154,8 +154,7 @@ impl Made<'_> {
     /// Progress counts members, then rows that are searched again.
     ///
     /// # Errors
-    /// [`KnnError::NeverReturns`] for a member in which nearly nothing can be returned to; if there is no place for the
-    /// arrays, or the monitor interrupts.
+    /// If there is no place for the arrays, or the monitor interrupts.
     pub(crate) fn without_traps(self, tables: &mut [Filling]) -> Result<Vec<Recurrent>, KnnError> {
         let untrap = |((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
             member.untrap(table, survey)
@@ -168,13 +167,7 @@ impl Made<'_> {
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
     pub(crate) fn as_found(self, tables: &[Filling]) -> Result<Vec<Recurrent>, KnnError> {
-        let as_found = |(member, survey): (Member<'_>, Survey)| {
-            let classes = ClosedClasses::of(&survey.classes, member.enough);
-            let (before, after) = (classes.clone(), classes);
-            let candidates = member.candidates;
-            let recurrence = Recurrence { candidates, before, after, ..Recurrence::default() };
-            Recurrent { left_out: LeftOut::default(), recurrence, ends: Ends(survey.classes.ends) }
-        };
+        let as_found = |(member, survey): (Member<'_>, Survey)| member.as_found(&survey);
         Ok(self.survey(tables)?.into_iter().map(as_found).collect())
     }
 
