@@ -22,7 +22,7 @@ use super::{
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
     one_step::{self, Predicting},
-    recorded,
+    recorded, recurrence,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -115,7 +115,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, rollouts.as_ref())?,
+        tables: tables(study, paths, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
@@ -125,6 +125,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
 fn tables(
     study: &Study,
     paths: &StudyPaths,
+    model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
     let name = study.model_name();
@@ -140,6 +141,7 @@ fn tables(
         tables.extend(comparison::report_tables(compared.as_slice())?);
         tables.extend(starts_table(name, rollouts));
     }
+    tables.extend(recurrence::report_table(model));
     tables.extend(representation_table(study, paths));
     Ok(tables)
 }

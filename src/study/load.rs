@@ -122,6 +122,7 @@ impl Study {
             ("pretrain.epochs", self.pretrain.epochs, 0, MANY_RUNS),
             ("rollout.steps", self.rollout.steps, 1, MANY_STEPS),
             ("rollout.rollouts", self.rollout.rollouts, 1, MANY_RUNS),
+            ("rollout.recent_window", self.rollout.recent_window.unwrap_or(1), 1, usize::MAX),
             ("evaluate.top_k", self.evaluate.top_k, 1, MANY_RUNS),
             ("evaluate.resamples", self.evaluate.resamples, 0, MANY_RUNS),
         ];
