@@ -139,11 +139,15 @@ class Member:
         dense = steps.toarray()
         ends = np.isin(np.arange(len(dense)), np.concatenate(classes))
         inner = dense[~ends][:, ~ends]
-        expected = np.linalg.solve(np.eye(len(inner)) - inner, np.ones(len(inner)))
+        left = np.eye(len(inner)) - inner
+        expected = np.linalg.solve(left, np.ones(len(inner)))
+        squared = np.linalg.solve(left, 1 + 2 * inner @ expected)
+        mean = expected.sum() / len(dense)
         # The mean of very many steps from anywhere, periodic or not: half steps have the same stationary distribution.
         lazy = np.linalg.matrix_power((dense + np.eye(len(dense))) / 2, 1 << 24)
         stationary = lazy.mean(axis=0)
-        return {"steps_to_end": expected.sum() / len(dense), "effective_rows": 1 / (stationary**2).sum()}
+        deviation = np.sqrt(squared.sum() / len(dense) - mean**2)
+        return {"steps_to_end": mean, "deviation": deviation, "effective_rows": 1 / (stationary**2).sum()}
 
 
 cases = []
