@@ -1,11 +1,12 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
-use calib_core::{Seed, States, Transitions};
+use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
-use calib_knn::{KnnModel, ModelConfig, Parts, Workplace};
+use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{
@@ -17,6 +18,7 @@ use super::{
     model_files::{self, MemberSummary, ModelManifest, model_key},
     partition::{self, span},
     plant_of_study,
+    recurrence::{self, MemberRecurrence},
     represent::{self, Representation},
 };
 use crate::{
@@ -186,15 +188,21 @@ fn build(
     let kept = clock.elapsed();
     let states = metric(&dataset, representation);
     let progress = printer.progress();
-    let (knn, choice) =
-        KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
+    let (knn, built) = KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
     drop(progress);
-    printer.say(&format!("search structure: {choice}"));
+    printer.say(&format!("search structure: {}", built.choice));
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
-    let members =
-        (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    let summarised = |member: usize| {
+        let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
+        let weights = study.model.weights()?;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    let members: Vec<MemberSummary> =
+        (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
     let manifest = ModelManifest {
         format: <ModelManifest as artefact::Manifest>::FORMAT,
@@ -208,7 +216,7 @@ fn build(
         segments: dataset.train.segments().len(),
         times: model_files::first_and_last(&dataset.train),
         normaliser: dataset.normaliser.clone(),
-        search: Some(choice.without_share()),
+        search: Some(built.choice.without_share()),
         recall,
         members,
         training: None,
@@ -247,8 +255,24 @@ fn refresh(
         study.model.members,
         study.model.exclusion(),
     )?;
-    manifest.members =
-        (0..knn.members()).map(|member| summary(study, &knn, member)).collect::<Result<_, _>>()?;
+    let weights = study.model.weights()?;
+    let refreshed = |(member, old): (usize, &MemberSummary)| {
+        let mut classes = old.recurrence.as_ref().map(|of| of.classes.clone()).unwrap_or_default();
+        let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
+        if !study.model.recurrent {
+            classes.before = now.clone();
+        }
+        classes.after = now;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    manifest.members = manifest
+        .members
+        .par_iter()
+        .enumerate()
+        .map(refreshed)
+        .collect::<anyhow::Result<Vec<MemberSummary>>>()?;
     manifest.study = study.clone();
     let claim = Claim::new(directory, Below::Ours)?;
     model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
@@ -270,12 +294,18 @@ struct Timings {
     writing_secs: f64,
 }
 
-fn summary(study: &Study, knn: &KnnModel, member: usize) -> anyhow::Result<MemberSummary> {
+fn summary(
+    study: &Study,
+    knn: &KnnModel,
+    member: usize,
+    recurrence: MemberRecurrence,
+) -> anyhow::Result<MemberSummary> {
     let of = knn.member(member);
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
     let starts = start_states(&of, StartSource::Random, 1, seed)?;
     let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
-    Ok(MemberSummary { transitions: of.len(), jumps: Some(JumpStatistics::of([probe.rows()])) })
+    let jumps = Some(JumpStatistics::of([probe.rows()]));
+    Ok(MemberSummary { transitions: of.len(), jumps, recurrence: Some(recurrence) })
 }
 
 /// Fingerprints of a model's files: those of every kind, the tables of its members, and `further` ones.
@@ -289,6 +319,7 @@ pub(super) fn fingerprints(
     for member in 0..members {
         names.push(format!("members/{member}/neighbors.npy"));
         names.push(format!("members/{member}/distances.npy"));
+        names.push(format!("members/{member}/left_out.npy"));
     }
     let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
     names.into_iter().map(fingerprint).collect()
@@ -310,7 +341,13 @@ fn summarise(
         let transitions = count(member.transitions);
         let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();
         printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
+        for line in
+            member.recurrence.iter().flat_map(|of| recurrence::lines(of, member.transitions))
+        {
+            printer.result(&format!("    {line}"))?;
+        }
     }
+    recurrence::warn(&manifest.members, manifest.study.model.recurrent, printer);
     let members = manifest.members.iter();
     jumps::warn(
         members.map(|member| (member.jumps.as_ref(), member.transitions)),

@@ -117,7 +117,7 @@ fn build(
         normaliser: dataset.normaliser.clone(),
         search: None,
         recall: None,
-        members: vec![MemberSummary { transitions, jumps: None }],
+        members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
         training,
         files: fingerprints(directory, 0, train_model::files(study.model.kind))?,
     };

@@ -31,6 +31,7 @@ mod pretrain;
 mod pretrain_files;
 mod quickstart;
 mod recorded;
+mod recurrence;
 mod report;
 mod report_data;
 mod represent;

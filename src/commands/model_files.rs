@@ -11,7 +11,7 @@ use calib_data::{
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
-use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts};
+use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     artefact::{self, Files, Manifest},
     model::Model,
+    recurrence::MemberRecurrence,
     represent::{self, Representation},
     train_model::{self, TrainingSummary},
 };
@@ -77,6 +78,9 @@ pub(super) struct MemberSummary {
     /// Of one rollout from a random start; none for models that leave the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) jumps: Option<JumpStatistics>,
+    /// Whether its walks are trapped, and how far they get; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) recurrence: Option<MemberRecurrence>,
 }
 
 impl ModelManifest {
@@ -105,7 +109,8 @@ impl ModelManifest {
 }
 
 impl Manifest for ModelManifest {
-    const FORMAT: u32 = 2;
+    /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -128,9 +133,11 @@ fn key_of(
     model: &ModelConfig,
     representation: Option<&Representation>,
 ) -> anyhow::Result<String> {
-    // The search structure does not change the tables, and the weights only what is drawn from them.
+    // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
-    let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler);
+    let softmax = model.weights == WeightsKind::Softmax;
+    let drawn = model.recurrent.then(|| (model.weights, softmax.then_some(model.temperature)));
+    let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
     let exact = match representation {
         None => artefact::key(&tables)?,
         Some(representation) => artefact::key(&(tables, &representation.key))?,
@@ -351,6 +358,32 @@ fn sensor_column(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tables_without_traps_are_those_of_the_weights() {
+        let data = Fingerprint::of(b"states");
+        let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
+        let drawn = |weights, temperature, recurrent| ModelConfig {
+            weights,
+            temperature,
+            recurrent,
+            ..ModelConfig::default()
+        };
+        let linear = drawn(WeightsKind::Linear, 1.0, true);
+        assert_eq!(key(&linear), key(&drawn(WeightsKind::Linear, 2.0, true)));
+        for other in [
+            drawn(WeightsKind::Uniform, 1.0, true),
+            drawn(WeightsKind::Softmax, 1.0, true),
+            drawn(WeightsKind::Softmax, 2.0, true),
+            drawn(WeightsKind::Linear, 1.0, false),
+        ] {
+            assert_ne!(key(&linear), key(&other), "{other:?}");
+        }
+        let as_found = |weights, temperature| key(&drawn(weights, temperature, false));
+        assert_eq!(as_found(WeightsKind::Linear, 1.0), as_found(WeightsKind::Softmax, 2.0));
+        let soft = |temperature| key(&drawn(WeightsKind::Softmax, temperature, true));
+        assert_ne!(soft(1.0), soft(2.0));
+    }
 
     #[test]
     fn approximate_tables_are_those_of_one_version_of_the_search() {

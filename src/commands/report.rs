@@ -2,6 +2,7 @@
 
 use std::{io::Write as _, path::Path};
 
+use anyhow::ensure;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
@@ -22,7 +23,7 @@ use super::{
     jumps as jump_text, learning,
     model_files::{self, ModelManifest},
     one_step::{self, Predicting},
-    recorded,
+    recorded, recurrence,
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
@@ -95,6 +96,12 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
+    ensure!(
+        model.has_profile(&paths.model()),
+        "profile.json of the model in {} is not what was written; run `{}` to make it again",
+        paths.model().display(),
+        paths.command("build-model")
+    );
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = rollout::finished(study, paths, &model.content()?)?;
     let (shown, starts) = match &rollouts {
@@ -124,7 +131,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, rollouts.as_ref())?,
+        tables: tables(study, paths, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
     })
@@ -134,6 +141,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
 fn tables(
     study: &Study,
     paths: &StudyPaths,
+    model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
     let name = study.model_name();
@@ -149,6 +157,7 @@ fn tables(
         tables.extend(comparison::report_tables(compared.as_slice())?);
         tables.extend(starts_table(name, rollouts));
     }
+    tables.extend(recurrence::report_table(model));
     tables.extend(representation_table(study, paths));
     Ok(tables)
 }

@@ -119,7 +119,10 @@ impl<'a> Starts<'a> {
         let (timestamps, before) = (self.model.frames.timestamps(), self.deployed);
         Ok(match self.config.start {
             StartKind::Random => StartSource::Random,
-            StartKind::Recent => StartSource::Recent { timestamps, before },
+            StartKind::Recent => {
+                let window = self.config.recent_window;
+                StartSource::Recent { timestamps, before, window }
+            }
             StartKind::Rows => {
                 StartSource::Rows { rows: &self.listed, absent: self.config.absent }
             }

@@ -15,6 +15,7 @@ mod paper;
 mod pretrain;
 mod real_data;
 mod recorded;
+mod recurrent;
 mod represent;
 mod studies;
 mod sweeps;

@@ -3,11 +3,13 @@
 //! ```text
 //! plant_tables simulate ROWS PERIOD_SECS STATES.npy
 //! plant_tables build STATES.npy [memory | disk [VERIFY [PARTS]]]
+//! plant_tables as-found STATES.npy …
 //! ```
 //!
 //! `simulate` streams the 142 live channels of a 480-channel plant, scaled to the range that they have over the
 //! whole time, so that logs longer than the memory can be made. `build` maps the file, builds the
 //! tables of five members with k = 3, checks VERIFY rows of each member (20) against brute force, and prints one line of JSON.
+//! `as-found` does the same with `recurrent = false`.
 //! `disk` puts images and tables in files beside the states, and PARTS is a folder for partial results.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
@@ -44,8 +46,10 @@ fn main() -> Outcome<()> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
         ["simulate", rows, period, path] => simulate(rows.parse()?, period.parse()?, path.as_ref()),
-        ["build", path] => build(path.as_ref(), &Workplace::default(), 20),
-        ["build", path, place, ref rest @ ..] => {
+        [how @ ("build" | "as-found"), path] => {
+            build(how, path.as_ref(), &Workplace::default(), 20)
+        }
+        [how @ ("build" | "as-found"), path, place, ref rest @ ..] => {
             let path: &Path = path.as_ref();
             let scratch = match place {
                 "disk" => ScratchPlace::Disk(path.parent().ok_or("no folder")?.to_owned()),
@@ -53,12 +57,12 @@ fn main() -> Outcome<()> {
             };
             let sample = rest.first().map_or(Ok(20), |sample| sample.parse())?;
             let parts = rest.get(1).map(|folder| Parts::new(folder.into(), "plant"));
-            build(path, &Workplace { scratch, parts }, sample)
+            build(how, path, &Workplace { scratch, parts }, sample)
         }
         // `cargo test` and `cargo bench` run examples without arguments.
         _ => {
             println!(
-                "plant_tables simulate ROWS PERIOD_SECS STATES.npy | build STATES.npy [memory | disk [VERIFY [PARTS]]]"
+                "plant_tables simulate ROWS PERIOD_SECS STATES.npy | build STATES.npy [memory | disk [VERIFY [PARTS]]] | as-found STATES.npy …"
             );
             Ok(())
         }
@@ -153,7 +157,7 @@ fn processor_secs() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-fn build(path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
+fn build(how: &str, path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
     let mapped = map_npy::<f32>(path)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     let watch = Watch {
@@ -167,21 +171,22 @@ fn build(path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
             let states = States::from_shared(Arc::new(mapped), rows, columns)?;
             let transitions = Transitions::new(Segments::from_lengths([rows])?);
             let (clock, processor) = (Instant::now(), processor_secs());
-            let config = ModelConfig::default();
+            let config = ModelConfig { recurrent: how == "build", ..ModelConfig::default() };
             let need = MemoryNeed::predict(rows, columns, &config, rayon::current_num_threads());
-            let (model, choice) =
+            let (model, built) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
             let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);
             let verification = verify(&model, sample, Seed::new(0), &Silent)?;
             println!(
                 "{{\"rows\": {rows}, \"columns\": {columns}, \"wall_secs\": {wall:.2}, \"processor_secs\": {processor:.2}, \
-                 \"peak_kib\": {}, \"peak_anonymous_kib\": {}, \"peak_mapped_kib\": {}, \"verified\": {}, \"different\": {}, \"predicted_kib\": {}, \"index\": \"{choice}\"}}",
+                 \"peak_kib\": {}, \"peak_anonymous_kib\": {}, \"peak_mapped_kib\": {}, \"verified\": {}, \"different\": {}, \"predicted_kib\": {}, \"index\": \"{}\"}}",
                 status_kib("VmHWM"),
                 watch.peak_anonymous_kib.load(Ordering::Relaxed),
                 watch.peak_mapped_kib.load(Ordering::Relaxed),
                 verification.rows,
                 verification.different.len(),
                 need.peak() / 1024,
+                built.choice,
             );
             Ok(())
         })();

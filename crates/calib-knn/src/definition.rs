@@ -59,6 +59,8 @@ pub(crate) fn by_definition(
 /// The search for the list of one cell.
 struct Search {
     member: usize,
+    /// The row of the table.
+    row: u32,
     /// The state whose neighbours are wanted.
     state: Vec<f64>,
     forbidden: std::ops::Range<u32>,
@@ -72,6 +74,7 @@ impl Search {
         let state = model.states().row(query.get());
         Self {
             member,
+            row: transition.0,
             state: state.iter().copied().map(f64::from).collect(),
             forbidden: model.exclusion().forbidden(model.transitions(), query),
             k: model.k(),
@@ -94,6 +97,7 @@ impl Search {
         if place < self.k
             && !self.forbidden.contains(&transition)
             && model.blocks().contains(self.member, TransitionIndex(transition))
+            && !model.left_out(self.member).bars(self.row, transition)
         {
             self.nearest.truncate(self.k - 1);
             self.nearest.insert(place, (squared, transition));
@@ -191,7 +195,8 @@ mod tests {
         let values = (0..rows * columns).map(|_| rng.below(3) as f32).collect();
         let states = States::new(values, rows, columns).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([60, rows - 60]).expect("two"));
-        let config = ModelConfig { theiler: 2, members: 3, ..ModelConfig::default() };
+        let config =
+            ModelConfig { theiler: 2, members: 3, recurrent: false, ..ModelConfig::default() };
         KnnModel::build(states, transitions, &config, &calib_core::Silent).expect("built")
     }
 

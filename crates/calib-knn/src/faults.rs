@@ -26,6 +26,12 @@ pub enum Fault {
         /// The neighbour.
         neighbor: u32,
     },
+    /// A neighbour that is left out, so that no rollout is trapped.
+    #[error("neighbour {neighbor} is left out, so that no rollout is trapped there")]
+    LeftOut {
+        /// The neighbour.
+        neighbor: u32,
+    },
     /// A neighbour that is no prototype.
     #[error("neighbour {neighbor} is none of the prototypes, which are every {prototypes}-th")]
     NoPrototype {
@@ -57,7 +63,7 @@ pub enum Fault {
 /// The faults of `sample` random rows of every member, or of all if there are no more: the first of each row, as
 /// (member, transition, fault).
 ///
-/// Neighbours must be in the member, allowed by the exclusion, and prototypes if only these can be neighbours (those that
+/// Neighbours must be in the member, allowed by the exclusion, not left out, and prototypes if only these can be neighbours (those that
 /// are chosen to cover the states are known only while tables are built, and not checked); distances must be those of the
 /// states by the definition; and lists in their order, ties by row. All of it holds of exact and of approximate tables.
 /// Which true neighbours are missing is for [`recall`](crate::recall) to say. The rows are the same as those of
@@ -87,6 +93,9 @@ fn fault(model: &KnnModel, shortcuts: Shortcuts, (member, transition): Cell) -> 
         }
         if forbidden.contains(&neighbor) {
             return Some(Fault::Forbidden { neighbor });
+        }
+        if model.left_out(member).bars(transition.0, neighbor) {
+            return Some(Fault::LeftOut { neighbor });
         }
         if every && !Candidates::Every(prototypes).contains(neighbor) {
             return Some(Fault::NoPrototype { neighbor, prototypes });

@@ -3,7 +3,9 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists, Sources, index::going_on, lists::Candidate};
+use crate::{
+    KnnError, MemberLists, Sources, findable::Findable, index::going_on, lists::Candidate,
+};
 
 /// Sources between two looks at the monitor.
 const CHUNK: usize = 1 << 14;
@@ -33,14 +35,7 @@ impl Groups {
         let rows = sources.transitions().sources();
         let state =
             |transition: u32| &states[rows[transition as usize] as usize * columns..][..columns];
-        let hash = |transition: u32| {
-            state(transition).iter().fold(0_u64, |hash, &value| {
-                // Multiply and rotate; any function of the values would do.
-                (hash ^ u64::from((value + 0.0).to_bits()))
-                    .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-                    .rotate_left(29)
-            })
-        };
+        let hash = |transition: u32| hash(state(transition));
         let candidates = sources.candidates();
         let mut hashed = vec![(0, 0); sources.candidates_len()];
         hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
@@ -138,12 +133,12 @@ impl Groups {
         squared: f64,
         forbidden: &Range<u32>,
         lists: &mut MemberLists,
-        sources: &Sources<'_>,
+        findable: Findable<'_>,
     ) {
-        let (transitions, blocks) = (self.transitions(group), sources.blocks());
+        let transitions = self.transitions(group);
         let offer = |transition: u32, lists: &mut MemberLists| {
             if !forbidden.contains(&transition) {
-                lists.offer(Candidate { squared, transition }, blocks);
+                lists.offer(Candidate { squared, transition }, findable);
             }
         };
         let wanted = lists.members().len();
@@ -156,8 +151,7 @@ impl Groups {
         // In a large group only the first k admissible transitions of a member can enter its list.
         let mut firsts = Vec::with_capacity(lists.k() * wanted);
         for &member in lists.members() {
-            let dropped = blocks.dropped_ref(member);
-            let admissible = Admissible { transitions, skip: [dropped, forbidden] };
+            let admissible = Admissible { transitions, forbidden, findable, member };
             firsts.extend(admissible.take(lists.k()));
         }
         firsts.sort_unstable();
@@ -168,10 +162,32 @@ impl Groups {
     }
 }
 
-/// Ascending transitions outside two ranges, which are jumped over.
+/// A hash of a state; equal coordinates have equal ones, and `-0` equals `0`.
+pub(crate) fn hash(state: &[f32]) -> u64 {
+    state.iter().fold(0_u64, |hash, &value| {
+        // Multiply and rotate; any function of the values would do.
+        (hash ^ u64::from((value + 0.0).to_bits()))
+            .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            .rotate_left(29)
+    })
+}
+
+/// Ascending transitions that a member's query can find; runs of others are jumped over.
 struct Admissible<'a> {
     transitions: &'a [u32],
-    skip: [&'a Range<u32>; 2],
+    forbidden: &'a Range<u32>,
+    findable: Findable<'a>,
+    member: usize,
+}
+
+impl Admissible<'_> {
+    /// Where the run of transitions that cannot be found ends, if `transition` lies in one.
+    fn beyond(&self, transition: u32) -> Option<u32> {
+        if self.forbidden.contains(&transition) {
+            return Some(self.forbidden.end);
+        }
+        self.findable.beyond(self.member, transition)
+    }
 }
 
 impl Iterator for Admissible<'_> {
@@ -180,8 +196,8 @@ impl Iterator for Admissible<'_> {
     fn next(&mut self) -> Option<u32> {
         loop {
             let (&first, rest) = self.transitions.split_first()?;
-            if let Some(range) = self.skip.iter().find(|range| range.contains(&first)) {
-                let beyond = self.transitions.partition_point(|&t| t < range.end);
+            if let Some(end) = self.beyond(first) {
+                let beyond = self.transitions.partition_point(|&t| t < end);
                 self.transitions = &self.transitions[beyond..];
             } else {
                 self.transitions = rest;
@@ -196,7 +212,7 @@ mod tests {
     use calib_core::{Segments, Silent, States, Transitions};
 
     use super::*;
-    use crate::Blocks;
+    use crate::{Blocks, bits::Bits};
 
     #[test]
     fn equal_states_share_a_group() {
@@ -227,9 +243,17 @@ mod tests {
         assert_eq!(groups.len(), 1);
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());
-        groups.offer(0, 0.0, &(1..700), &mut lists, &sources);
-        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!(of(0), [700, 701]);
-        assert_eq!(of(3), [0, blocks.dropped(3).end]);
+        groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &[]));
+        let of =
+            |lists: &MemberLists, member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!(of(&lists, 0), [700, 701]);
+        assert_eq!(of(&lists, 3), [0, blocks.dropped(3).end]);
+        let left_out =
+            [Bits::of(999, 690..800), Bits::default(), Bits::default(), Bits::of(999, [0])];
+        lists.reset([0, 3].into_iter());
+        groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &left_out));
+        assert_eq!(of(&lists, 0), [800, 801]);
+        let end = blocks.dropped(3).end;
+        assert_eq!(of(&lists, 3), [end, end + 1]);
     }
 }

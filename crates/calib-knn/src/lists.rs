@@ -1,6 +1,6 @@
 use calib_core::TransitionIndex;
 
-use crate::Blocks;
+use crate::findable::Findable;
 
 /// A candidate source: squared distance, then row as the tie-break.
 ///
@@ -71,16 +71,17 @@ impl MemberLists {
         self.radius
     }
 
-    /// Offer a candidate to every wanted member that contains it. Each candidate is offered once.
-    pub(crate) fn offer(&mut self, candidate: Candidate, blocks: &Blocks) {
+    /// Offer a candidate to every wanted member that can find it. Each candidate is offered once.
+    pub(crate) fn offer(&mut self, candidate: Candidate, findable: Findable<'_>) {
         if candidate.squared > self.radius {
             return;
         }
         let mut entered = false;
         for &member in &self.wanted {
             let list = &mut self.candidates[member * self.k..][..self.k];
-            let dropped = blocks.dropped_ref(member);
-            if dropped.contains(&candidate.transition) || !candidate.before(list[self.k - 1]) {
+            if !candidate.before(list[self.k - 1])
+                || !findable.contains(member, candidate.transition)
+            {
                 continue;
             }
             let mut position = self.k - 1;
@@ -128,6 +129,7 @@ mod tests {
     use calib_core::{Segments, Transitions};
 
     use super::*;
+    use crate::{Blocks, bits::Bits};
 
     #[test]
     fn a_candidate_enters_the_members_that_contain_it() {
@@ -136,7 +138,7 @@ mod tests {
         let mut lists = MemberLists::new(3, 2);
         lists.reset([0, 2].into_iter());
         for (transition, squared) in [(0, 1.0), (3, 2.0), (5, 0.5), (2, 2.0), (1, 9.0), (4, 0.1)] {
-            lists.offer(Candidate { squared, transition }, &blocks);
+            lists.offer(Candidate { squared, transition }, Findable::new(&blocks, &[]));
         }
         let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
         assert_eq!(of(0), [4, 5]);
@@ -144,5 +146,20 @@ mod tests {
         // Transitions 2 and 3 tie: the earlier row wins.
         assert_eq!(of(2), [0, 2]);
         assert_eq!(lists.radius(), 2.0);
+    }
+
+    #[test]
+    fn what_is_left_out_enters_no_list() {
+        let transitions = Transitions::new(Segments::from_lengths([2; 6]).expect("valid"));
+        let blocks = Blocks::new(&transitions, 3).expect("valid");
+        let left_out = [Bits::default(), Bits::of(6, [1])];
+        let mut lists = MemberLists::new(3, 2);
+        lists.reset(0..3);
+        for transition in 0..6 {
+            let candidate = Candidate { squared: 1.0, transition };
+            lists.offer(candidate, Findable::new(&blocks, &left_out));
+        }
+        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!([of(0), of(1), of(2)], [[2, 3], [0, 4], [0, 1]]);
     }
 }

@@ -30,10 +30,11 @@ impl MemoryNeed {
     /// With `n` rows of `d` columns, `k` neighbours, `B` members, `T` threads and images of `w` f32 coordinates in the join (32, or for
     /// fewer columns the next multiple of 16), working memory is
     ///
-    /// `n (12 + max(8 w + 32, 4 w + 36 + 8 k B)) + 40 k B min(n, 65536) + T (2048 (16 k B + 32 k + 6144) + 6144 d) + 8 d² + 64 MiB`
+    /// `n (12 + max(8 w + 32, 4 w + 84 + 8 k (B + 1))) + 40 k B min(n, 65536) + T (2048 (16 k B + 32 k + 6144) + 6144 d) + 8 d² + 64 MiB`
     ///
     /// that is timestamps and transitions (12), and the larger of: images before and after sorting, with groups, order and boxes;
-    /// or images, order of queries and the tables; what was found of up to five parts, which are searched, wait, are put in
+    /// or images, order of queries, the tables, and a copy of one of them while it is looked through for closed classes (48, where a log
+    /// hardly returns); what was found of up to five parts, which are searched, wait, are put in
     /// their places and written; up to 2048 queries that each thread searches at once, with their lists, the states that they have met, and
     /// the states that a scan lays out; and a covariance. Images and tables can be in files; then `52 n` of the first term is left, most of
     /// it for finding equal states, and all of the others. Searching in `c` principal components adds `4 c n`, and choosing prototypes by
@@ -52,7 +53,9 @@ impl MemoryNeed {
         // More neighbours than there are rows are refused, whatever they would take.
         let (neighbors, members) = (n.min(config.neighbors as u64), n.min(config.members as u64));
         let tables = 8_u64.saturating_mul(neighbors).saturating_mul(members);
-        let most = (8 * width + 32).max(tables.saturating_add(4 * width + 36));
+        let most = (8 * width + 32).max(
+            tables.saturating_add(8_u64.saturating_mul(neighbors)).saturating_add(4 * width + 84),
+        );
         let (reduced, choosing) = config.shortcuts().bytes_a_row(columns);
         let most = most.max(choosing).saturating_add(reduced + 12);
         let parts = tables.saturating_mul(PARTS * n.min(PART_QUERIES as u64));
@@ -82,16 +85,16 @@ mod tests {
         let two = 2 * (2048 * (16 * 15 + 32 * 3 + 6144) + 6144 * 142) + 8 * 142 * 142;
         let need = MemoryNeed::predict(1_000_000, 142, &ModelConfig::default(), 2);
         assert_eq!(need.states, 568_000_000);
-        assert_eq!(need.working, 1_000_000 * (12 + 288) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 128 + 84 + 144) + 600 * 65_536 + two + PROGRAM);
         assert_eq!(need.least, 1_000_000 * 52 + 600 * 65_536 + two + PROGRAM);
         let scan = ModelConfig { index: IndexKind::Scan, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1_000_000, 142, &scan, 2);
-        assert_eq!(need.working, 1_000_000 * (12 + 36 + 120) + 600 * 65_536 + two + PROGRAM);
+        assert_eq!(need.working, 1_000_000 * (12 + 84 + 144) + 600 * 65_536 + two + PROGRAM);
         let many =
             ModelConfig { neighbors: 20, index: IndexKind::KdTree, ..ModelConfig::default() };
         let need = MemoryNeed::predict(1000, 8, &many, 1);
         let fixed = 4_000_000 + 1000 * (16 * 100 + 32 * 20 + 6144) + 6144 * 8 + 8 * 64 + PROGRAM;
-        assert_eq!(need.working, 1000 * (12 + 64 + 36 + 800) + fixed);
+        assert_eq!(need.working, 1000 * (12 + 64 + 84 + 960) + fixed);
         assert_eq!(need.least, 1000 * (8 * 8 + 44) + fixed);
     }
 

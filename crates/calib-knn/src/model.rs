@@ -3,9 +3,18 @@ use std::path::Path;
 use calib_core::{Monitor, Rng, States, TransitionIndex, Transitions};
 
 use crate::{
-    Blocks, Exclusion, IndexChoice, KdTree, KnnError, NeighborTable, PrototypeKind, Weights,
-    Workplace, build_tables_in, candidates::Candidates, components::leading_components,
-    index::Sources, open_table, prototypes::covering, table::check_candidates, write_table,
+    Blocks, Ends, Exclusion, IndexChoice, KdTree, KnnError, LeftOut, NeighborTable, PrototypeKind,
+    Recurrence, Weights, Workplace,
+    bits::Bits,
+    candidates::Candidates,
+    components::leading_components,
+    index::Sources,
+    open_table,
+    prototypes::covering,
+    recurrence::Made,
+    store::{open_left_out, write_left_out},
+    table::{check_candidates, find_tables, finished},
+    write_table,
 };
 
 /// A neighbour of a state, and how far its source is.
@@ -24,7 +33,19 @@ pub struct KnnModel {
     transitions: Transitions,
     blocks: Blocks,
     tables: Vec<NeighborTable>,
+    left_out: Vec<LeftOut>,
     exclusion: Exclusion,
+}
+
+/// What building a model found out.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The search structure, and why it was taken.
+    pub choice: IndexChoice,
+    /// What walks of each member would be trapped in, and what was done.
+    pub recurrence: Vec<Recurrence>,
+    /// Where walks of each member end.
+    pub ends: Vec<Ends>,
 }
 
 impl KnnModel {
@@ -44,17 +65,17 @@ impl KnnModel {
             .map(|(model, _)| model)
     }
 
-    /// As [`build`](Self::build), in `workplace`; says also with which search structure.
+    /// As [`build`](Self::build), in `workplace`; says also what was found out.
     ///
     /// # Errors
-    /// As [`Blocks::new`] and [`build_tables_in`].
+    /// As [`Blocks::new`] and [`build_tables_in`](crate::build_tables_in).
     pub fn build_in(
         states: States,
         transitions: Transitions,
         config: &crate::ModelConfig,
         workplace: &Workplace,
         monitor: &dyn Monitor,
-    ) -> Result<(Self, IndexChoice), KnnError> {
+    ) -> Result<(Self, Built), KnnError> {
         Self::check(Some(states.columns()), &transitions, config)?;
         let blocks = Blocks::new(&transitions, config.members)?;
         let exclusion = config.exclusion();
@@ -73,15 +94,24 @@ impl KnnModel {
         let candidates =
             chosen.as_deref().map_or(Candidates::Every(shortcuts.prototypes), Candidates::Chosen);
         let sources = sources.with_candidates(candidates).with_leaf_budget(shortcuts.leaf_budget);
-        let (tables, choice) = build_tables_in(
-            &sources,
-            config.neighbors,
-            exclusion,
-            config.index,
-            workplace,
-            monitor,
-        )?;
-        Ok((Self { states, transitions, blocks, tables, exclusion }, choice))
+        let (k, weights) = (config.neighbors, config.weights()?);
+        let (mut tables, planned) =
+            find_tables(&sources, k, exclusion, config.index, workplace, monitor)?;
+        let place = &workplace.scratch;
+        let (planned_by, sources) = (&planned, &sources);
+        let made = Made { planned: planned_by, sources, k, exclusion, weights, place, monitor };
+        let members =
+            if config.recurrent { made.without_traps(&mut tables) } else { made.as_found(&tables) };
+        let mut built = Built { choice: planned.choice, recurrence: Vec::new(), ends: Vec::new() };
+        let mut left_out = Vec::new();
+        for member in members? {
+            left_out.push(member.left_out);
+            built.recurrence.push(member.recurrence);
+            built.ends.push(member.ends);
+        }
+        drop(planned);
+        let tables = finished(tables, k);
+        Ok((Self { states, transitions, blocks, tables, left_out, exclusion }, built))
     }
 
     /// Check, from what is known before anything is searched, that a model can be built of states with `columns` columns.
@@ -110,13 +140,15 @@ impl KnnModel {
         check_candidates(transitions, &blocks, candidates, config.neighbors, config.exclusion())
     }
 
-    /// Write `members/0/neighbors.npy`, `members/0/distances.npy` and so on in `directory`.
+    /// Write `members/0/neighbors.npy`, `members/0/distances.npy`, `members/0/left_out.npy` and so on in `directory`.
     ///
     /// # Errors
     /// If a file cannot be written.
     pub fn write_members(&self, directory: &Path) -> Result<(), KnnError> {
         for (member, table) in self.tables.iter().enumerate() {
-            write_table(&member_directory(directory, member), table)?;
+            let directory = member_directory(directory, member);
+            write_table(&directory, table)?;
+            write_left_out(&directory, &self.left_out[member])?;
         }
         Ok(())
     }
@@ -143,7 +175,12 @@ impl KnnModel {
             let reason = format!("it has {got} neighbours a row, member 0 has {k}");
             return Err(KnnError::Table { member, reason });
         }
-        Ok(Self { states, transitions, blocks, tables, exclusion })
+        let left_out = |member: usize| {
+            let directory = member_directory(directory, member);
+            open_left_out(&directory, &blocks, member, &tables[member])
+        };
+        let left_out = (0..members).map(left_out).collect::<Result<_, _>>()?;
+        Ok(Self { states, transitions, blocks, tables, left_out, exclusion })
     }
 
     /// The states that distances are measured in.
@@ -179,6 +216,16 @@ impl KnnModel {
     /// The table of member `member`.
     pub fn table(&self, member: usize) -> &NeighborTable {
         &self.tables[member]
+    }
+
+    /// What queries of member `member` do not find, so that no rollout is trapped.
+    pub fn left_out(&self, member: usize) -> &LeftOut {
+        &self.left_out[member]
+    }
+
+    /// What is left out for all queries of each member.
+    pub(crate) fn left_out_for_all(&self) -> Vec<Bits> {
+        self.left_out.iter().map(|of| of.for_all().clone()).collect()
     }
 
     /// Member `member`.

@@ -13,7 +13,7 @@ use crate::{
 
 impl KnnModel {
     /// The `k` nearest sources in every member of each of `states`, which come from elsewhere, by exact search:
-    /// `[member][query]`.
+    /// `[member][query]`. What a member leaves out is not found.
     ///
     /// One search serves all members. Its large arrays are in `place`. Lists are shorter than `k` only if the member is.
     /// Progress counts passes over the sources, then queries.
@@ -29,7 +29,8 @@ impl KnnModel {
         monitor: &dyn Monitor,
     ) -> Result<Vec<Vec<Vec<Neighbor>>>, KnnError> {
         let sources = self.sources();
-        let queries = Queries::external(&sources, states, None)?;
+        let left_out = self.left_out_for_all();
+        let queries = Queries::external(&sources, states, None)?.without(&left_out);
         search(self, &sources, &queries, 0..self.members(), k, place, monitor)
     }
 
@@ -47,7 +48,7 @@ impl KnnModel {
 impl Member<'_> {
     /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search whose large arrays are in `place`.
     ///
-    /// The exclusion of the model applies, as it does in the tables. Lists are shorter than `k`, or empty, only where
+    /// The exclusion of the model applies, as it does in the tables, and what the member leaves out is not found. Lists are shorter than `k`, or empty, only where
     /// fewer sources are admissible. Progress is that of [`KnnModel::nearest_sources`].
     ///
     /// # Errors
@@ -63,11 +64,14 @@ impl Member<'_> {
         monitor: &dyn Monitor,
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
+        let left_out = self.model().left_out_for_all();
         let queries = Queries::rows(&sources, rows, self.number(), self.model().exclusion());
+        let queries = queries.without(&left_out);
         self.search(&sources, &queries, k, place, monitor)
     }
 
-    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search in memory.
+    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search in memory. What the member
+    /// leaves out is not found.
     ///
     /// Lists are shorter than `k` only if the member is, and never empty.
     ///
@@ -79,7 +83,8 @@ impl Member<'_> {
         k: usize,
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
-        let queries = Queries::external(&sources, states, Some(self.number()))?;
+        let left_out = self.model().left_out_for_all();
+        let queries = Queries::external(&sources, states, Some(self.number()))?.without(&left_out);
         self.search(&sources, &queries, k, &ScratchPlace::Memory, &Silent)
     }
 

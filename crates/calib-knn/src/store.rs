@@ -1,9 +1,9 @@
-use std::{path::Path, sync::Arc};
+use std::{collections::BTreeMap, ops::Range, path::Path, sync::Arc};
 
 use calib_core::TransitionIndex;
 use calib_files::{FileError, map_npy, write_npy};
 
-use crate::{Blocks, KnnError, NeighborTable};
+use crate::{Blocks, KnnError, LeftOut, NeighborTable, bits::Bits};
 
 /// Write `table` as `neighbors.npy` (`u32 [t, k]`) and `distances.npy` (`f32 [t, k]`) in `directory`.
 ///
@@ -49,6 +49,75 @@ pub fn open_table(
         check_row(blocks, member, row, neighbors, distances).map_err(damaged)?;
     }
     Ok(NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k))
+}
+
+/// In the first column of `left_out.npy`: for every row of the table.
+const EVERY_ROW: u32 = u32::MAX;
+
+/// Write what a member leaves out as `left_out.npy` (`u32 [n, 3]`) in `directory`: row of the table (`u32::MAX` for every row), first
+/// transition that it does not hold, and one past the last; in order of the rows, every row last.
+///
+/// # Errors
+/// If the file cannot be written.
+pub(crate) fn write_left_out(directory: &Path, left_out: &LeftOut) -> Result<(), FileError> {
+    let exits =
+        left_out.exits().flat_map(|(row, runs)| runs.iter().map(move |run| (row, run.clone())));
+    let all = exits.chain(left_out.runs().map(|run| (EVERY_ROW, run)));
+    let cells: Vec<u32> = all.flat_map(|(row, run)| [row, run.start, run.end]).collect();
+    write_npy(&directory.join("left_out.npy"), &cells, cells.len() / 3, 3)
+}
+
+/// Read what member `member` leaves out from `directory`, and check that no row of its table holds any of it.
+///
+/// # Errors
+/// If the file cannot be read, has another shape, or does not fit the table.
+pub(crate) fn open_left_out(
+    directory: &Path,
+    blocks: &Blocks,
+    member: usize,
+    table: &NeighborTable,
+) -> Result<LeftOut, KnnError> {
+    let file = map_npy::<u32>(&directory.join("left_out.npy"))?;
+    let damaged = |reason: String| KnnError::Table { member, reason };
+    if file.columns() != 3 {
+        let (rows, columns) = (file.rows(), file.columns());
+        return Err(damaged(format!(
+            "left_out.npy has shape ({rows}, {columns}), expected (n, 3)"
+        )));
+    }
+    let mut for_all = Bits::new(blocks.transitions());
+    let mut exits: BTreeMap<u32, Vec<Range<u32>>> = BTreeMap::new();
+    for line in file.as_slice().chunks_exact(3) {
+        let (row, run) = (line[0], line[1]..line[2]);
+        let of_member = |row: u32| blocks.contains(member, TransitionIndex(row));
+        if run.is_empty() || run.end as usize > blocks.transitions() {
+            return Err(damaged(format!("left_out.npy has the run {run:?} of transitions")));
+        }
+        if row == EVERY_ROW {
+            for_all.extend(run);
+        } else if of_member(row) {
+            exits.entry(row).or_default().push(run);
+        } else {
+            return Err(damaged(format!(
+                "left_out.npy names row {row}, which is not in the member"
+            )));
+        }
+    }
+    let left_out = LeftOut::new(for_all, exits);
+    if !left_out.is_empty() {
+        check_left_out(&left_out, table).map_err(damaged)?;
+    }
+    Ok(left_out)
+}
+
+/// No row of the table may hold what is left out.
+fn check_left_out(left_out: &LeftOut, table: &NeighborTable) -> Result<(), String> {
+    for (row, neighbors) in (0_u32..).zip(table.neighbors().chunks_exact(table.k())) {
+        if let Some(bad) = neighbors.iter().find(|&&to| left_out.bars(row, to)) {
+            return Err(format!("row {row} names transition {bad}, which is left out"));
+        }
+    }
+    Ok(())
 }
 
 fn check_row(

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use crate::{
     Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
     candidates::Candidates,
-    distance::squared,
     index::{Found, Planned, Queries, Sources, going_on},
     parts::PART_QUERIES,
+    recurrence::Filling,
 };
 
 type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
@@ -114,16 +114,34 @@ pub fn build_tables_in(
     workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<NeighborTable>, IndexChoice), KnnError> {
+    let (tables, planned) = find_tables(sources, k, exclusion, kind, workplace, monitor)?;
+    Ok((finished(tables, k), planned.choice))
+}
+
+/// As [`build_tables_in`]: the tables, which can still be changed, and the structure that found them.
+pub(crate) fn find_tables<'a>(
+    sources: &Sources<'a>,
+    k: usize,
+    exclusion: Exclusion,
+    kind: IndexKind,
+    workplace: &Workplace,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<Filling>, Planned<'a>), KnnError> {
     let (transitions, blocks) = (sources.transitions(), sources.blocks());
     check_candidates(transitions, blocks, sources.candidates(), k, exclusion)?;
     let queries = Queries::next_states(sources, exclusion);
     let planned = sources.index(kind, &queries, k, &workplace.scratch, monitor)?;
     let tables = fill(&planned, &queries, k, workplace, monitor)?;
-    Ok((tables, planned.choice))
+    Ok((tables, planned))
 }
 
-/// One table while it is filled: neighbours and distances.
-type Filling = (Scratch<u32>, Scratch<f32>);
+/// Tables of `k` neighbours that do not change any more.
+pub(crate) fn finished(tables: Vec<Filling>, k: usize) -> Vec<NeighborTable> {
+    let finished = |(neighbors, distances): Filling| {
+        NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
+    };
+    tables.into_iter().map(finished).collect()
+}
 
 /// Search part by part. A second thread puts what was found in its place and keeps it, while the next part is searched.
 fn fill(
@@ -132,7 +150,7 @@ fn fill(
     k: usize,
     workplace: &Workplace,
     monitor: &dyn Monitor,
-) -> Result<Vec<NeighborTable>, KnnError> {
+) -> Result<Vec<Filling>, KnnError> {
     let (members, order) = (queries.members(), &planned.order[..]);
     let part = workplace.parts.as_ref().map_or(PART_QUERIES, Parts::queries);
     // What fits in one part is found again sooner than it is written.
@@ -168,12 +186,7 @@ fn fill(
                 } else {
                     let mut found = Found::new(order.len(), members, k);
                     planned.index.search(queries, order, &mut found, monitor)?;
-                    if let Some(states) = queries.measured() {
-                        found.measure_again(|place, source| {
-                            let row = queries.row(order[place] as usize);
-                            squared(states.row(row), states.row(queries.source_row(source)))
-                        });
-                    }
+                    queries.measure(order, &mut found);
                     (found, Origin::Search)
                 };
                 if send.send((number, found, origin)).is_err() {
@@ -188,12 +201,7 @@ fn fill(
     });
     stored?;
     searched?;
-    Ok(tables
-        .into_iter()
-        .map(|(neighbors, distances)| {
-            NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
-        })
-        .collect())
+    Ok(tables)
 }
 
 /// Where the lists of a part come from.

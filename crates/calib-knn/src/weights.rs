@@ -54,6 +54,16 @@ impl Weights {
         last
     }
 
+    /// Which of the neighbours at `distances` a step can draw at all.
+    pub(crate) fn possible(self, distances: &[f32]) -> impl Iterator<Item = bool> + '_ {
+        self.unnormalised(distances).map(|weight| weight > 0.0)
+    }
+
+    /// Whether a step can draw each of the neighbours at `distances`.
+    pub(crate) fn draws_all(self, distances: &[f32]) -> bool {
+        self.possible(distances).all(|possible| possible)
+    }
+
     fn unnormalised(self, distances: &[f32]) -> impl Iterator<Item = f64> + '_ {
         let sum: f64 = distances.iter().copied().map(f64::from).sum();
         let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);

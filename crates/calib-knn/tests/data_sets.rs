@@ -264,7 +264,7 @@ fn work_on_disk_changes_nothing() {
         KnnModel::build(states.clone(), transitions.clone(), &config, &Silent).expect("built");
     let (disk, choice) =
         KnnModel::build_in(states, transitions, &config, &workplace, &Silent).expect("built");
-    assert_eq!(choice.kind, IndexKind::Join);
+    assert_eq!(choice.choice.kind, IndexKind::Join);
     for member in 0..5 {
         assert_eq!(memory.table(member).neighbors(), disk.table(member).neighbors());
         assert_eq!(memory.table(member).distances(), disk.table(member).distances());

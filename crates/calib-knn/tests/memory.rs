@@ -93,11 +93,11 @@ fn child(number: usize, times: usize) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     let need = MemoryNeed::predict(rows, columns, &config, threads);
     let took = most(!on_disk, || {
-        let (model, choice) = pool
+        let (model, built) = pool
             .install(|| KnnModel::build_in(states, transitions, &config, &workplace, &Silent))
             .expect("built");
         let kind = if config.index == IndexKind::Auto { IndexKind::Join } else { config.index };
-        assert_eq!((model.k(), choice.kind), (config.neighbors, kind));
+        assert_eq!((model.k(), built.choice.kind), (config.neighbors, kind));
     });
     let predicted = if on_disk { need.states + need.least } else { need.peak() };
     println!("took {took} {predicted} bytes");

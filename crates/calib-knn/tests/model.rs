@@ -102,8 +102,9 @@ fn external_states_find_their_nearest_sources() {
     assert_eq!(member.nearest_sources(&few, 3).expect("same columns"), many[..5]);
     for (query, found) in many.iter().enumerate().step_by(50) {
         let mut expected: Vec<(f64, u32)> = (0..member.len())
-            .map(|position| {
-                let j = member.nth(position);
+            .map(|position| member.nth(position))
+            .filter(|j| !model.left_out(0).contains(j.0))
+            .map(|j| {
                 let source = model.states().row(model.transitions().source(j).get());
                 let squared = queries.row(query).iter().zip(source);
                 (squared.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum(), j.0)
@@ -151,8 +152,9 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
     let found = member.nearest_sources(&queries, 2).expect("same columns");
     for (query, found) in found.iter().enumerate() {
         let mut expected: Vec<(f64, u32)> = (0..member.len())
-            .map(|position| {
-                let j = member.nth(position);
+            .map(|position| member.nth(position))
+            .filter(|j| !model.left_out(0).contains(j.0))
+            .map(|j| {
                 let source = model.states().row(model.transitions().source(j).get());
                 let mut squared = 0.0;
                 for (&a, &b) in queries.row(query).iter().zip(source) {
@@ -240,6 +242,7 @@ fn an_empty_member_is_told_as_such() {
         calib_files::write_npy(&at.join("neighbors.npy"), &[u32::MAX; 2], 2, 1).expect("written");
         let none = [f32::INFINITY; 2];
         calib_files::write_npy(&at.join("distances.npy"), &none, 2, 1).expect("written");
+        calib_files::write_npy::<u32>(&at.join("left_out.npy"), &[], 0, 3).expect("written");
     }
     let exclusion = ModelConfig::default().exclusion();
     let model = KnnModel::open(directory.path(), states.clone(), transitions, 2, exclusion);

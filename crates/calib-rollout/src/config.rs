@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// | `rows` | `[]` | for `"rows"`: rows of the data; rollout `r` takes entry `r` modulo their number |
 /// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
 /// | `absent` | `"external"` | for `"rows"`: what happens to a row that a member lacks: `"external"`, `"replace"` |
+/// | `recent_window` | none | for `"recent"`: latest states that starts are spread over; without it the last tenth of those before the deployment |
 /// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
 /// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (the paper's, on twelve months of data); 0 compares nothing |
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,6 +29,9 @@ pub struct RolloutConfig {
     pub timestamps: Vec<String>,
     /// What happens to a start row that a member lacks.
     pub absent: Absent,
+    /// Latest states that recent start states are spread over; without it the last tenth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recent_window: Option<usize>,
     /// Month of the start states, 1 to 12.
     pub month: Option<u8>,
     /// Steps of each rollout that are compared with the recorded trajectory; 0 compares nothing.
@@ -43,6 +47,7 @@ impl Default for RolloutConfig {
             rows: Vec::new(),
             timestamps: Vec::new(),
             absent: Absent::External,
+            recent_window: None,
             month: None,
             dtw_steps: 3000,
         }
@@ -68,7 +73,7 @@ pub enum StartKind {
     Random,
     /// Rows that are listed.
     Rows,
-    /// The last rows before the deployment.
+    /// The latest rows before the deployment.
     Recent,
     /// The same month of earlier years than the deployment's.
     CalendarMonth,

@@ -5,6 +5,7 @@
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
 //! - [`JumpStatistics`]: how much a rollout jumps, and how much it merely replays.
+//! - [`WalkStatistics`]: how far walks get, and whether they are trapped.
 //! - [`RolloutConfig`]: the `[rollout]` section of a study.
 //!
 //! Every rollout is a pure function of model, member, start and seed.
@@ -34,6 +35,7 @@ mod rollout;
 mod start;
 mod start_row;
 mod statistics;
+mod walks;
 mod wanted;
 
 pub use config::{Absent, RolloutConfig, StartKind};
@@ -43,4 +45,5 @@ pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states, start_states_of_all};
 pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
+pub use walks::WalkStatistics;
 pub use wanted::Wanted;

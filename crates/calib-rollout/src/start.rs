@@ -45,12 +45,15 @@ pub enum StartSource<'a> {
         /// What happens to a row that the member lacks.
         absent: Absent,
     },
-    /// The latest rows before the deployment: start `r` is the `r`-th last (modulo their number).
+    /// The latest rows before the deployment, spread over a window that ends with the last: start `r` is the row that lies 0, 1/2, 1/4, 3/4,
+    /// 1/8, … of the window before it.
     Recent {
         /// Time of each row of the data.
         timestamps: &'a [Timestamp],
         /// Begin of the deployment: only rows before it are used; all, if there is none.
         before: Option<Timestamp>,
+        /// Rows of the window; without it the last tenth of the rows.
+        window: Option<usize>,
     },
     /// Uniform over the rows in one month of the year, in years before the deployment.
     CalendarMonth {

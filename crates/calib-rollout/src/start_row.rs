@@ -96,9 +96,10 @@ mod tests {
         let hour = |hour: i64| Timestamp::from_micros(hour * 3_600_000_000);
         // January 1970 until row 12, then February.
         let timestamps: Vec<Timestamp> = (0..20).map(|row| hour(732 + row)).collect();
-        let recent = |before| StartSource::Recent { timestamps: &timestamps, before };
-        assert_eq!(rows(recent(None)), [19, 18, 17, 16]);
-        assert_eq!(rows(recent(Some(timestamps[12]))), [11, 9, 8, 7]);
+        let window = Some(8);
+        let recent = |before| StartSource::Recent { timestamps: &timestamps, before, window };
+        assert_eq!(rows(recent(None)), [19, 15, 17, 13]);
+        assert_eq!(rows(recent(Some(timestamps[12]))), [11, 6, 8, 4]);
         let month = StartSource::CalendarMonth { timestamps: &timestamps, month: 2, before: None };
         assert!(rows(month).iter().all(|&row| row >= 12));
         let deployment = States::new(vec![4.2], 1, 1).expect("valid");

@@ -16,6 +16,17 @@ pub enum Wanted {
     Deployment(RowIndex),
 }
 
+/// Unless it is said otherwise, recent rows are the last of so many parts of all (our choice): rows beside each other are nearly the same
+/// state, and rollouts from them one and the same start.
+const RECENT: usize = 10;
+
+/// Place `number` of those that spread more and more evenly over `window` places, from the first: 0, 1/2, 1/4, 3/4, 1/8, … of the
+/// window (van der Corput's sequence).
+fn spread(number: usize, window: usize) -> usize {
+    let share = (number as u64).reverse_bits();
+    (u128::from(share) * window as u128 / (1 << 64)) as usize
+}
+
 /// The draw of start `number`, uniform below a limit.
 pub(crate) fn draw(seed: Seed, number: usize, below: usize) -> usize {
     seed.child("start").number(number as u64).rng().below(below)
@@ -53,14 +64,15 @@ pub(crate) fn recorded_rows(
             }
             (0..count).map(|r| listed[r % listed.len()]).collect()
         }
-        StartSource::Recent { timestamps, before } => {
+        StartSource::Recent { timestamps, before, window } => {
             check_timestamps(timestamps, rows)?;
             let pool = |row: &RowIndex| before.is_none_or(|before| timestamps[row.get()] < before);
             let pool: Vec<RowIndex> = ends(transitions).filter(pool).collect();
             if pool.is_empty() {
                 return Err(RolloutError::NothingBefore);
             }
-            (0..count).map(|r| pool[pool.len() - 1 - r % pool.len()]).collect()
+            let window = window.unwrap_or(pool.len().div_ceil(RECENT)).clamp(1, pool.len());
+            (0..count).map(|r| pool[pool.len() - 1 - spread(r, window)]).collect()
         }
         StartSource::CalendarMonth { timestamps, month, before } => {
             if !(1..=12).contains(&month) {
@@ -118,19 +130,33 @@ mod tests {
     }
 
     #[test]
+    fn places_are_spread_over_the_window_and_differ() {
+        assert_eq!((0..5).map(|r| spread(r, 1000)).collect::<Vec<_>>(), [0, 500, 250, 750, 125]);
+        let mut places: Vec<usize> = (0..64).map(|r| spread(r, 1000)).collect();
+        places.sort_unstable();
+        assert!(places.windows(2).all(|pair| (15..17).contains(&(pair[1] - pair[0]))));
+        assert_eq!(spread(usize::MAX, usize::MAX), usize::MAX - 1);
+    }
+
+    #[test]
     fn recent_rows_are_those_before_the_deployment() {
         let transitions = Transitions::new(Segments::from_lengths([4, 3]).expect("valid"));
         let timestamps: Vec<Timestamp> = (0..7).map(Timestamp::from_micros).collect();
-        let rows = |before| {
-            let source = StartSource::Recent { timestamps: &timestamps, before };
+        let rows = |before, window| {
+            let source = StartSource::Recent { timestamps: &timestamps, before, window };
             let rows = recorded_rows(source, &transitions, 7, 3, Seed::new(0));
             rows.map(|rows| rows.expect("rows").iter().map(|row| row.0).collect::<Vec<u32>>())
         };
-        assert_eq!(rows(None).expect("rows"), [6, 5, 3]);
-        assert_eq!(rows(Some(timestamps[3])).expect("rows"), [2, 1, 2]);
-        assert!(matches!(rows(Some(timestamps[1])), Err(RolloutError::NothingBefore)));
+        // A tenth of five rows is one; a window is no longer than there are rows.
+        assert_eq!(rows(None, None).expect("rows"), [6, 6, 6]);
+        assert_eq!(rows(None, Some(4)).expect("rows"), [6, 3, 5]);
+        assert_eq!(rows(None, Some(99)).expect("rows"), [6, 3, 5]);
+        assert_eq!(rows(Some(timestamps[3]), Some(2)).expect("rows"), [2, 1, 2]);
+        assert_eq!(rows(None, Some(0)).expect("rows"), [6, 6, 6]);
+        assert!(matches!(rows(Some(timestamps[1]), None), Err(RolloutError::NothingBefore)));
         let none = Transitions::new(Segments::from_lengths([1]).expect("valid"));
-        let source = StartSource::Recent { timestamps: &timestamps[..1], before: None };
+        let source =
+            StartSource::Recent { timestamps: &timestamps[..1], before: None, window: None };
         let nothing = recorded_rows(source, &none, 1, 3, Seed::new(0));
         assert!(matches!(nothing, Err(RolloutError::NothingBefore)));
     }

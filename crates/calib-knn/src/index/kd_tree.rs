@@ -64,10 +64,10 @@ impl<'a> KdTree<'a> {
         k: usize,
         most: usize,
     ) -> (MemberLists, usize) {
-        let blocks = self.sources.blocks();
+        let findable = queries.findable();
         let state = queries.states().row(queries.row(query));
         let forbidden = queries.forbidden(query);
-        let mut lists = MemberLists::new(blocks.members(), k);
+        let mut lists = MemberLists::new(findable.members(), k);
         let (mut asked, mut given) = (k + 1, 0);
         loop {
             lists.reset(queries.wanted(query));
@@ -76,7 +76,7 @@ impl<'a> KdTree<'a> {
             for &(_, group) in &found {
                 let source = self.groups.row(group as usize);
                 let squared = squared(state, self.sources.states().row(source));
-                self.groups.offer(group as usize, squared, &forbidden, &mut lists, &self.sources);
+                self.groups.offer(group as usize, squared, &forbidden, &mut lists, findable);
             }
             // The tree computes in f64 without cancellation: far less than this relative error.
             let beyond = found.last().map_or(f64::INFINITY, |&(last, _)| last * (1.0 - 1e-12));

@@ -11,6 +11,7 @@ use super::{Queries, Sources};
 use crate::{
     MemberLists,
     distance::{Margin, squared_of_four},
+    findable::Findable,
     groups::Groups,
     lists::Candidate,
 };
@@ -26,6 +27,7 @@ const MOST_MET: usize = 512;
 pub(super) struct Pending<'a> {
     state: &'a [f32],
     forbidden: Range<u32>,
+    findable: Findable<'a>,
     /// Lists of upper bounds of squared distances: their radius bounds the final one.
     lists: MemberLists,
     /// Another upper bound, from neighbours in time.
@@ -66,20 +68,21 @@ impl<'a> Pending<'a> {
         query: usize,
         k: usize,
     ) -> Self {
-        let blocks = pool.sources.blocks();
+        let findable = queries.findable();
         let state = queries.states().row(queries.row(query));
-        let mut lists = MemberLists::new(blocks.members(), k);
+        let mut lists = MemberLists::new(findable.members(), k);
         lists.reset(queries.wanted(query));
         for transition in queries.near_in_time(query, k + 2) {
             let distance = state_distance(simd, state, pool.sources.state(transition));
-            lists.offer(Candidate { squared: pool.margin.upper(distance), transition }, blocks);
+            lists.offer(Candidate { squared: pool.margin.upper(distance), transition }, findable);
         }
         let cap = lists.radius();
         lists.clear();
         let forbidden = queries.forbidden(query);
         let met = Vec::with_capacity(4 * k);
+        let (threshold, most, looked) = (-1.0, MOST_MET, 0);
         let mut this =
-            Self { state, forbidden, lists, cap, threshold: -1.0, met, most: MOST_MET, looked: 0 };
+            Self { state, forbidden, findable, lists, cap, threshold, met, most, looked };
         this.narrow(pool.margin);
         this
     }
@@ -134,7 +137,7 @@ impl<'a> Pending<'a> {
         self.met.push((distance, group));
         let before = self.lists.radius();
         let upper = pool.margin.upper(distance);
-        pool.groups.offer(group as usize, upper, &self.forbidden, &mut self.lists, pool.sources);
+        pool.groups.offer(group as usize, upper, &self.forbidden, &mut self.lists, self.findable);
         let nearer = self.lists.radius() < before;
         if nearer {
             self.narrow(pool.margin);
@@ -168,7 +171,7 @@ impl<'a> Pending<'a> {
             let states = [0, 1, 2, 3].map(|i: usize| state(four[i.min(four.len() - 1)].1));
             for (&(_, group), squared) in four.iter().zip(squared_of_four(self.state, states)) {
                 let forbidden = &self.forbidden;
-                pool.groups.offer(group as usize, squared, forbidden, lists, pool.sources);
+                pool.groups.offer(group as usize, squared, forbidden, lists, self.findable);
             }
         }
     }

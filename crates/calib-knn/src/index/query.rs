@@ -2,7 +2,10 @@ use std::ops::Range;
 
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
-use crate::{Blocks, Exclusion, KnnError, candidates::Candidates};
+use crate::{
+    Blocks, Exclusion, Found, KnnError, bits::Bits, candidates::Candidates, distance::squared,
+    findable::Findable,
+};
 
 /// What is searched: the source state of every transition.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +58,11 @@ impl<'a> Sources<'a> {
     #[must_use]
     pub(crate) fn measured_in(self, states: &'a States) -> Self {
         Self { measured: Some(states), ..self }
+    }
+
+    /// What the distances of tables are measured in, if not in these states.
+    pub(crate) fn measured(&self) -> Option<&'a States> {
+        self.measured
     }
 
     /// Which sources can be neighbours.
@@ -114,6 +122,7 @@ pub struct Queries<'a> {
     states: &'a States,
     sources: Sources<'a>,
     kind: Kind<'a>,
+    left_out: &'a [Bits],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -133,6 +142,7 @@ impl<'a> Queries<'a> {
             states: sources.states,
             sources: *sources,
             kind: Kind::NextStates(sources.transitions, exclusion),
+            left_out: &[],
         }
     }
 
@@ -147,6 +157,7 @@ impl<'a> Queries<'a> {
             states: sources.states,
             sources: *sources,
             kind: Kind::Rows(rows, sources.transitions, exclusion, member),
+            left_out: &[],
         }
     }
 
@@ -162,7 +173,18 @@ impl<'a> Queries<'a> {
         if states.columns() != sources.columns() {
             return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
         }
-        Ok(Self { states, sources: *sources, kind: Kind::External(member) })
+        Ok(Self { states, sources: *sources, kind: Kind::External(member), left_out: &[] })
+    }
+
+    /// The same queries, which must not find what each member leaves out.
+    #[must_use]
+    pub(crate) fn without(self, left_out: &'a [Bits]) -> Self {
+        Self { left_out, ..self }
+    }
+
+    /// The sources that the queries of each member can find, but for those that are forbidden to a query.
+    pub(crate) fn findable(&self) -> Findable<'a> {
+        Findable::new(self.sources.blocks, self.left_out)
     }
 
     /// Number of queries.
@@ -198,13 +220,28 @@ impl<'a> Queries<'a> {
         self.states
     }
 
+    /// Put the distances that tables hold in place of those that `found`, what was found for the queries `order`, was searched by.
+    pub(crate) fn measure(&self, order: &[u32], found: &mut Found) {
+        if let Some(states) = self.measured() {
+            found.measure_again(|place, source| {
+                let row = self.row(order[place] as usize);
+                squared(states.row(row), states.row(self.source_row(source)))
+            });
+        }
+    }
+
+    /// Whether something is left out, so that lists are searched again that were found before.
+    pub(crate) fn are_asked_again(&self) -> bool {
+        !self.left_out.is_empty()
+    }
+
     /// What the distances of tables are measured in, if not by what they were searched.
-    pub(crate) fn measured(&self) -> Option<&'a States> {
-        self.sources.measured
+    fn measured(&self) -> Option<&'a States> {
+        self.sources.measured()
     }
 
     /// The row of the source of a transition.
-    pub(crate) fn source_row(&self, transition: u32) -> usize {
+    fn source_row(&self, transition: u32) -> usize {
         self.sources.transitions.sources()[transition as usize] as usize
     }
 

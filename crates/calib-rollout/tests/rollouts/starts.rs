@@ -18,16 +18,16 @@ fn nearest_to(member: &Member<'_>, row: RowIndex, k: usize) -> Vec<Neighbor> {
 }
 
 #[test]
-fn recent_starts_are_the_last_rows_or_the_nearest_to_them() {
+fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     let model = model(&ModelConfig::default());
     let timestamps: Vec<Timestamp> = (0..441).map(Timestamp::from_micros).collect();
     let starts = |member: usize, before| {
-        let source = StartSource::Recent { timestamps: &timestamps, before };
+        let source = StartSource::Recent { timestamps: &timestamps, before, window: Some(40) };
         start_states(&model.member(member), source, 3, Seed::new(0)).expect("starts")
     };
     let first = starts(0, None);
     let rows = first.iter().map(|start| (start.wanted, start.replaced));
-    let last = [440, 439, 438].map(|row| (Wanted::Recorded(RowIndex(row)), None));
+    let last = [440, 420, 430].map(|row| (Wanted::Recorded(RowIndex(row)), None));
     assert_eq!(rows.collect::<Vec<_>>(), last);
     // The member that leaves the last block out has none of them.
     for (start, wanted) in starts(4, None).iter().zip(last) {
@@ -168,7 +168,7 @@ fn all_members_start_as_each_does() {
     let places = [ScratchPlace::Memory, ScratchPlace::Disk(directory.path().to_owned())];
     for source in [
         StartSource::Random,
-        StartSource::Recent { timestamps: &timestamps, before: None },
+        StartSource::Recent { timestamps: &timestamps, before: None, window: None },
         StartSource::Rows { rows: &rows, absent: Absent::External },
         StartSource::Rows { rows: &rows, absent: Absent::Replace },
         StartSource::Nearest { states: &deployment },

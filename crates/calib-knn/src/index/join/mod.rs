@@ -169,9 +169,11 @@ impl<'a> Join<'a> {
         bands
     }
 
-    fn limit(&self) -> Limit {
+    fn limit(&self, queries: &Queries<'_>) -> Limit {
+        // What is searched again must not depend on its company.
         let leaves = match self.sources.leaf_budget() {
             0 => usize::MAX,
+            _ if queries.are_asked_again() => usize::MAX,
             budget => budget,
         };
         Limit { work: u64::MAX, leaves }
@@ -195,7 +197,7 @@ impl<'a> Join<'a> {
             .par_iter()
             .map(|blocks| {
                 let count = blocks[0].1.len();
-                let limit = Limit { work: 2 * scan(count), ..self.limit() };
+                let limit = Limit { work: 2 * scan(count), ..self.limit(queries) };
                 let band = Band { join: self, queries, blocks, k, limit, monitor };
                 (arch.dispatch(band).work, count)
             })
@@ -301,7 +303,7 @@ impl NeighborIndex for Join<'_> {
                 queries,
                 blocks,
                 k,
-                limit: self.limit(),
+                limit: self.limit(queries),
                 monitor,
             });
             for (place, lists) in searched.lists.iter().enumerate() {
@@ -353,7 +355,7 @@ mod tests {
         assert_eq!(join.far.within(0.0..=0.0, f64::INFINITY).len(), 5);
         let order = join.order(&queries);
         for blocks in &join.bands(&queries, &order) {
-            let (queries, limit) = (&queries, join.limit());
+            let (queries, limit) = (&queries, join.limit(&queries));
             let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
             let levels = at_every_level(band);
             let lists = |level: &block::Searched| -> Vec<Vec<_>> {

@@ -1,0 +1,41 @@
+use std::ops::Range;
+
+use calib_core::TransitionIndex;
+
+use crate::{Blocks, bits::Bits};
+
+/// Which sources the queries of each member can find: the member's transitions, without those that are left out.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Findable<'a> {
+    blocks: &'a Blocks,
+    /// What is left out in each member; members beyond the last leave nothing out.
+    left_out: &'a [Bits],
+}
+
+impl<'a> Findable<'a> {
+    /// The transitions of these blocks without what is left out.
+    pub(crate) fn new(blocks: &'a Blocks, left_out: &'a [Bits]) -> Self {
+        Self { blocks, left_out }
+    }
+
+    /// Number of members.
+    pub(crate) fn members(self) -> usize {
+        self.blocks.members()
+    }
+
+    /// Whether queries of `member` can find `transition`.
+    pub(crate) fn contains(self, member: usize, transition: u32) -> bool {
+        self.blocks.contains(member, TransitionIndex(transition))
+            && !self.left_out.get(member).is_some_and(|left_out| left_out.contains(transition))
+    }
+
+    /// Where the run of transitions that queries of `member` cannot find ends, if `transition` lies in one.
+    pub(crate) fn beyond(self, member: usize, transition: u32) -> Option<u32> {
+        let dropped: &Range<u32> = self.blocks.dropped_ref(member);
+        if dropped.contains(&transition) {
+            return Some(dropped.end);
+        }
+        let end = self.left_out.get(member)?.first_absent(transition);
+        (end > transition).then_some(end)
+    }
+}

@@ -1,0 +1,56 @@
+use std::{collections::BTreeMap, ops::Range};
+
+use crate::bits::Bits;
+
+/// Candidates that queries of a member do not find, so that no rollout is trapped among them.
+///
+/// Some are left out for all queries. Where that would cost too much, they are left out for single rows of the table instead:
+/// the exits, dead ends whose own neighbours would lead back into the trap for ever.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    for_all: Bits,
+    exits: BTreeMap<u32, Vec<Range<u32>>>,
+}
+
+impl LeftOut {
+    /// What is left out for all queries, and for single rows besides.
+    pub(crate) fn new(for_all: Bits, exits: BTreeMap<u32, Vec<Range<u32>>>) -> Self {
+        Self { for_all, exits }
+    }
+
+    /// Whether nothing is left out.
+    pub fn is_empty(&self) -> bool {
+        self.for_all.is_empty() && self.exits.is_empty()
+    }
+
+    /// How many candidates are left out for all queries.
+    pub fn len(&self) -> usize {
+        self.for_all.count()
+    }
+
+    /// Whether `transition` is left out for all queries.
+    pub fn contains(&self, transition: u32) -> bool {
+        self.for_all.contains(transition)
+    }
+
+    /// The runs of transitions that are left out for all queries, in order.
+    pub fn runs(&self) -> impl Iterator<Item = Range<u32>> + '_ {
+        self.for_all.runs()
+    }
+
+    /// Rows for which more is left out, each with the runs of transitions that its list does not hold, in order.
+    pub fn exits(&self) -> impl Iterator<Item = (u32, &[Range<u32>])> {
+        self.exits.iter().map(|(&row, runs)| (row, &runs[..]))
+    }
+
+    /// Whether row `row` of the table cannot hold `transition`.
+    pub(crate) fn bars(&self, row: u32, transition: u32) -> bool {
+        let inside = |runs: &Vec<Range<u32>>| runs.iter().any(|run| run.contains(&transition));
+        self.for_all.contains(transition) || self.exits.get(&row).is_some_and(inside)
+    }
+
+    /// What is left out for all queries, as searches are told.
+    pub(crate) fn for_all(&self) -> &Bits {
+        &self.for_all
+    }
+}

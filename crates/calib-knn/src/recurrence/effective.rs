@@ -1,0 +1,133 @@
+use calib_core::RowIndex;
+
+use super::{
+    Halt,
+    again::Again,
+    exits::{Exits, left_out_of},
+    graph::Graph,
+    lists::Lists,
+    settle::{Shrinking, Verdict},
+};
+use crate::{
+    bits::Bits,
+    distance::{squared, stored},
+};
+
+/// Transitions before one whose lists are found with its own.
+const BESIDE: u32 = 15;
+
+/// Which traps are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rule {
+    /// All, unless more than so many candidates are lost: not counting those that stand still, whose state comes once more.
+    All {
+        /// The most that may be lost.
+        bound: usize,
+    },
+    /// Those of which every transition stands still, so that nothing is lost.
+    Still,
+}
+
+/// The graph of a member as it becomes while closed classes are left out: rows that hold what is left out are searched again, when they
+/// are come by.
+pub(super) struct Effective<'a> {
+    graph: &'a Graph<'a>,
+    again: Again<'a>,
+    rule: Rule,
+    /// Transitions of the smallest class that is no trap.
+    enough: usize,
+    /// What is left out of each member; of this one by now.
+    left_out: Vec<Bits>,
+    /// What is left out for one row besides.
+    exits: &'a Exits,
+    lists: Lists,
+    /// Candidates that are lost.
+    lost: usize,
+}
+
+impl<'a> Effective<'a> {
+    /// The graph without what is left out so far.
+    pub(super) fn new(
+        graph: &'a Graph<'a>,
+        again: Again<'a>,
+        rule: Rule,
+        enough: usize,
+        left_out: Bits,
+        exits: &'a Exits,
+    ) -> Self {
+        let lost = again.lost(left_out.iter());
+        let (left_out, lists) = (again.of_member(left_out), Lists::default());
+        Self { graph, again, rule, enough, left_out, exits, lists, lost }
+    }
+
+    /// What is left out of the member at last.
+    pub(super) fn into_left_out(mut self) -> Bits {
+        std::mem::take(&mut self.left_out[self.again.member])
+    }
+
+    fn gone(&self) -> &Bits {
+        &self.left_out[self.again.member]
+    }
+
+    /// The nearest sources of what `node` leads to that are not left out, with the distances that tables hold.
+    fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
+        let (again, row, k) = (self.again, self.again.next(node), self.graph.k());
+        let mut apart = Lists::default();
+        let nearest = if self.exits.contains_key(&node) {
+            let left_out = again.of_member(left_out_of(node, self.gone(), self.exits));
+            apart.first(&again, &[row], k, &left_out)?.to_vec()
+        } else {
+            // Traps grow against time: what leads to this row will be asked for next.
+            let before = (node.saturating_sub(BESIDE)..node).rev();
+            let before = before.filter(|&node| self.graph.has(node)).map(|node| again.next(node));
+            let rows: Vec<RowIndex> = std::iter::once(row).chain(before).collect();
+            self.lists.first(&again, &rows, k, &self.left_out)?.to_vec()
+        };
+        if nearest.len() < k {
+            return Err(Halt::Lost);
+        }
+        let Some(states) = again.measured() else {
+            return Ok(nearest.into_iter().map(|(to, distance)| (distance, to)).collect());
+        };
+        let measured = |(to, _): (u32, f32)| {
+            (squared(states.row(row.get()), states.row(again.source(to).get())), to)
+        };
+        let mut list: Vec<(f64, u32)> = nearest.into_iter().map(measured).collect();
+        list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        Ok(list.into_iter().map(|(squared, to)| (stored(squared), to)).collect())
+    }
+}
+
+impl Shrinking for Effective<'_> {
+    fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
+        if self.graph.row(node).iter().all(|&to| !self.gone().contains(to)) {
+            self.graph.edges(node, edges);
+            return Ok(());
+        }
+        let (distances, nearest): (Vec<f32>, Vec<u32>) =
+            self.searched_again(node)?.into_iter().unzip();
+        let drawn = nearest.into_iter().zip(self.graph.weights().possible(&distances));
+        edges.clear();
+        edges.extend(drawn.filter(|(_, possible)| *possible).map(|(to, _)| to));
+        Ok(())
+    }
+
+    fn is_left_out(&self, node: u32) -> bool {
+        self.gone().contains(node)
+    }
+
+    fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
+        let lost = self.again.lost(class.iter().copied());
+        if class.len() >= self.enough || (self.rule == Rule::Still && lost > 0) {
+            return Ok(Verdict::Keeps);
+        }
+        self.lost += lost;
+        match self.rule {
+            Rule::All { bound } if self.lost > bound => Err(Halt::Lost),
+            _ => {
+                self.left_out[self.again.member].extend(class.iter().copied());
+                Ok(Verdict::LeavesOut)
+            }
+        }
+    }
+}

@@ -1,0 +1,127 @@
+use std::{
+    collections::{BTreeMap, HashMap},
+    ops::Range,
+};
+
+use calib_core::RowIndex;
+
+use super::{
+    Halt,
+    again::{Again, Distances},
+    graph::Graph,
+    settle::{Shrinking, Verdict},
+};
+use crate::bits::Bits;
+
+/// Rows that lead out of a trap, with the runs of transitions that they must not lead to.
+pub(super) type Exits = BTreeMap<u32, Vec<Range<u32>>>;
+
+/// What is left out of a member for row `node`.
+pub(super) fn left_out_of(node: u32, left_out: &Bits, exits: &Exits) -> Bits {
+    let mut all = left_out.clone();
+    for run in exits.get(&node).into_iter().flatten() {
+        all.extend(run.clone());
+    }
+    all
+}
+
+/// The graph of a member as it becomes while traps are given exits.
+pub(super) struct Leading<'a> {
+    pub(super) graph: &'a Graph<'a>,
+    pub(super) again: Again<'a>,
+    /// Transitions of the smallest class that is no trap.
+    pub(super) enough: usize,
+    pub(super) left_out: &'a Bits,
+    pub(super) exits: Exits,
+    /// The rows of exits as they are now: neighbours and distances.
+    pub(super) rows: HashMap<u32, (Vec<u32>, Vec<f32>)>,
+    /// How often a trap may yet be given an exit.
+    pub(super) most: usize,
+}
+
+impl Leading<'_> {
+    /// Of the dead ends of a trap the one that is nearest to anything outside, or of all its transitions if what was recorded after
+    /// each of them can be found.
+    fn exit_of(&self, trap: &[u32]) -> Result<u32, Halt> {
+        let ends = trap.iter().copied().filter(|&node| !self.again.goes_on(node, self.left_out));
+        let mut among: Vec<u32> = ends.collect();
+        if among.is_empty() {
+            among = trap.to_vec();
+        }
+        let mut outside = self.left_out.clone();
+        outside.extend(trap.iter().copied());
+        let (old, new): (Vec<u32>, Vec<u32>) =
+            among.into_iter().partition(|node| self.exits.contains_key(node));
+        let mut best = self.nearest(&new, outside.clone())?;
+        for node in old {
+            let all = left_out_of(node, &outside, &self.exits);
+            best = nearer(best, self.nearest(&[node], all)?);
+        }
+        best.map(|(_, node)| node).ok_or(Halt::Lost)
+    }
+
+    /// Which of these rows is nearest to anything that is not left out, and how far that is.
+    fn nearest(&self, nodes: &[u32], left_out: Bits) -> Result<Option<(f32, u32)>, Halt> {
+        let rows: Vec<RowIndex> = nodes.iter().map(|&node| self.again.next(node)).collect();
+        let (left_out, mut best) = (self.again.of_member(left_out), None);
+        let (exclusion, searched) = (self.again.exclusion, Distances::Searched);
+        self.again.nearest(&rows, 1, exclusion, &left_out, searched, |row, _, distances| {
+            best = nearer(best, distances.first().map(|&distance| (distance, nodes[row])));
+        })?;
+        Ok(best)
+    }
+
+    /// Search for the neighbours of an exit.
+    fn search(&mut self, node: u32) -> Result<(), Halt> {
+        let left_out = self.again.of_member(left_out_of(node, self.left_out, &self.exits));
+        let (row, k, exclusion) = ([self.again.next(node)], self.graph.k(), self.again.exclusion);
+        let mut found = (Vec::new(), Vec::new());
+        self.again.nearest(&row, k, exclusion, &left_out, Distances::Stored, |_, to, far| {
+            found = (to.to_vec(), far.to_vec());
+        })?;
+        if found.0.len() < k {
+            return Err(Halt::Lost);
+        }
+        self.rows.insert(node, found);
+        Ok(())
+    }
+}
+
+/// The nearer of two rows, ties by row.
+fn nearer(a: Option<(f32, u32)>, b: Option<(f32, u32)>) -> Option<(f32, u32)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if b < a { b } else { a }),
+        (a, b) => a.or(b),
+    }
+}
+
+impl Shrinking for Leading<'_> {
+    fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
+        if let Some((neighbors, distances)) = self.rows.get(&node) {
+            let drawn = neighbors.iter().zip(self.graph.weights().possible(distances));
+            edges.clear();
+            edges.extend(drawn.filter(|(_, possible)| *possible).map(|(&to, _)| to));
+        } else {
+            self.graph.edges(node, edges);
+        }
+        Ok(())
+    }
+
+    fn is_left_out(&self, node: u32) -> bool {
+        self.left_out.contains(node)
+    }
+
+    /// An exit leads to nothing in the trap from now on, nor to what it was led out of before.
+    fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
+        if class.len() >= self.enough {
+            return Ok(Verdict::Keeps);
+        }
+        self.most = self.most.checked_sub(1).ok_or(Halt::Lost)?;
+        let exit = self.exit_of(class)?;
+        let mut barred = left_out_of(exit, &Bits::new(self.left_out.len()), &self.exits);
+        barred.extend(class.iter().copied());
+        self.exits.insert(exit, barred.runs().collect());
+        self.search(exit)?;
+        Ok(Verdict::LeadsOut)
+    }
+}

@@ -1,0 +1,242 @@
+use std::ops::Range;
+
+use calib_core::Monitor;
+use rayon::prelude::*;
+
+use crate::{KnnError, NeighborTable, Weights, bits::Bits, index::going_on};
+
+/// Sweeps through a table after which what is still missing is looked for in another way, or done without.
+const SWEEPS: usize = 64;
+/// Bits of a word of a set.
+const WORD: usize = u64::BITS as usize;
+
+/// The graph of a member: from each of its transitions to those that a step can draw from there.
+///
+/// An edge leads from transition `i` to each neighbour in row `i` of the table that the weights of a step draw with a
+/// probability above 0. (Linear weights never draw one neighbour of many that are all at distance 0.)
+pub(crate) struct Graph<'a> {
+    neighbors: &'a [u32],
+    distances: &'a [f32],
+    k: usize,
+    dropped: Range<u32>,
+    weights: Weights,
+    /// Rows with a neighbour that is never drawn.
+    doubtful: Bits,
+}
+
+impl<'a> Graph<'a> {
+    /// The graph of the member that lacks the transitions `dropped`.
+    pub(crate) fn new(
+        neighbors: &'a [u32],
+        distances: &'a [f32],
+        k: usize,
+        dropped: Range<u32>,
+        weights: Weights,
+    ) -> Self {
+        let rows = neighbors.len() / k;
+        let doubtful = if weights == Weights::Uniform {
+            Bits::default()
+        } else {
+            let word = |chunk: &[f32]| {
+                let rows = chunk.chunks_exact(k).enumerate();
+                rows.fold(0_u64, |word, (bit, row)| {
+                    word | u64::from(!weights.draws_all(row)) << bit
+                })
+            };
+            Bits::from_words(distances.par_chunks(WORD * k).map(word).collect(), rows)
+        };
+        Self { neighbors, distances, k, dropped, weights, doubtful }
+    }
+
+    /// The graph of a member with this table.
+    pub(crate) fn of(table: &'a NeighborTable, dropped: Range<u32>, weights: Weights) -> Self {
+        Self::new(table.neighbors(), table.distances(), table.k(), dropped, weights)
+    }
+
+    /// Number of transitions of the data.
+    pub(crate) fn len(&self) -> usize {
+        self.neighbors.len() / self.k
+    }
+
+    /// Number of transitions of the member.
+    pub(crate) fn nodes(&self) -> usize {
+        self.len() - self.dropped.len()
+    }
+
+    /// Neighbours of a row.
+    pub(crate) fn k(&self) -> usize {
+        self.k
+    }
+
+    /// All transitions of the member.
+    pub(crate) fn all(&self) -> Bits {
+        let len = self.len() as u32;
+        Bits::of(self.len(), (0..self.dropped.start).chain(self.dropped.end..len))
+    }
+
+    /// Whether the member has this transition.
+    pub(crate) fn has(&self, node: u32) -> bool {
+        (node as usize) < self.len() && !self.dropped.contains(&node)
+    }
+
+    /// The transition of the member at this share of it.
+    pub(crate) fn at(&self, share: f64) -> u32 {
+        let position = (share * self.nodes() as f64) as u32;
+        if position < self.dropped.start { position } else { position + self.dropped.len() as u32 }
+    }
+
+    /// How a neighbour is drawn.
+    pub(crate) fn weights(&self) -> Weights {
+        self.weights
+    }
+
+    /// Row `node` of the table.
+    pub(crate) fn row(&self, node: u32) -> &'a [u32] {
+        &self.neighbors[node as usize * self.k..][..self.k]
+    }
+
+    /// Put what `node` leads to into `edges`.
+    pub(crate) fn edges(&self, node: u32, edges: &mut Vec<u32>) {
+        edges.clear();
+        let row = self.row(node);
+        if self.doubtful.contains(node) {
+            let distances = &self.distances[node as usize * self.k..][..self.k];
+            let drawn = row.iter().zip(self.weights.possible(distances));
+            edges.extend(drawn.filter(|(_, possible)| *possible).map(|(&to, _)| to));
+        } else {
+            edges.extend_from_slice(row);
+        }
+    }
+
+    /// Add to `known` every transition from which one of `known` can be reached, but for what 64 sweeps through the table
+    /// miss: most edges lead on by a row, so that a sweep against time finds nearly all.
+    pub(crate) fn reaching(&self, known: &mut Bits, monitor: &dyn Monitor) -> Result<(), KnnError> {
+        let mut edges = Vec::with_capacity(self.k);
+        for sweep in 0..SWEEPS {
+            going_on(monitor)?;
+            let mut found = false;
+            let words = known.words().len();
+            for position in 0..words {
+                let word = if sweep % 2 == 0 { words - 1 - position } else { position };
+                if known.words()[word] == !0 {
+                    continue;
+                }
+                for bit in 0..WORD {
+                    let bit = if sweep % 2 == 0 { WORD - 1 - bit } else { bit };
+                    let node = (word * WORD + bit) as u32;
+                    if self.has(node)
+                        && !known.contains(node)
+                        && self.leads_to(node, known, &mut edges)
+                    {
+                        known.insert(node);
+                        found = true;
+                    }
+                }
+            }
+            if !found {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn leads_to(&self, node: u32, known: &Bits, edges: &mut Vec<u32>) -> bool {
+        if self.doubtful.contains(node) {
+            self.edges(node, edges);
+            edges.iter().any(|&to| known.contains(to))
+        } else {
+            self.row(node).iter().any(|&to| known.contains(to))
+        }
+    }
+
+    /// Every transition that can be reached from `node`, itself included.
+    pub(crate) fn reached(&self, node: u32, monitor: &dyn Monitor) -> Result<Bits, KnnError> {
+        let (mut known, mut followed) = (Bits::of(self.len(), [node]), Bits::new(self.len()));
+        let mut edges = Vec::with_capacity(self.k);
+        // Forwards, as most edges lead, then once more for each time that a walk must go back.
+        for _ in 0..SWEEPS {
+            going_on(monitor)?;
+            let mut found = false;
+            for word in 0..known.words().len() {
+                loop {
+                    let fresh = known.words()[word] & !followed.words()[word];
+                    if fresh == 0 {
+                        break;
+                    }
+                    let node = (word * WORD) as u32 + fresh.trailing_zeros();
+                    followed.insert(node);
+                    found = true;
+                    self.edges(node, &mut edges);
+                    known.extend(edges.iter().copied());
+                }
+            }
+            if !found {
+                return Ok(known);
+            }
+        }
+        let mut open: Vec<u32> = known.iter().filter(|&node| !followed.contains(node)).collect();
+        while let Some(node) = open.pop() {
+            self.edges(node, &mut edges);
+            open.extend(edges.iter().filter(|&&to| known.insert(to)));
+        }
+        Ok(known)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Silent;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Every transition that can be reached from `start`, by the definition.
+    fn closure(rows: &[Vec<u32>], start: u32) -> Vec<u32> {
+        let mut known = vec![start];
+        let mut next = 0;
+        while next < known.len() {
+            for &to in &rows[known[next] as usize] {
+                if !known.contains(&to) {
+                    known.push(to);
+                }
+            }
+            next += 1;
+        }
+        known.sort_unstable();
+        known
+    }
+
+    proptest! {
+        #[test]
+        fn sweeps_find_what_leads_to_and_from_a_node(
+            targets in proptest::collection::vec((0_u32..150, 0_u32..150, 0_u8..3), 150),
+            start in 0_u32..150,
+        ) {
+            // Rows of distances [0, 0] and [1, 2] draw both, [0, 1] the first only.
+            let distances: Vec<f32> = (targets.iter())
+                .flat_map(|&(.., kind)| [[0.0, 0.0], [1.0, 2.0], [0.0, 1.0]][usize::from(kind)])
+                .collect();
+            let neighbors: Vec<u32> = targets.iter().flat_map(|&(a, b, _)| [a, b]).collect();
+            let rows: Vec<Vec<u32>> = (targets.iter())
+                .map(|&(a, b, kind)| if kind == 2 { vec![a] } else { vec![a, b] })
+                .collect();
+            let graph = Graph::new(&neighbors, &distances, 2, 0..0, Weights::Linear);
+            let reached = graph.reached(start, &Silent).expect("not interrupted");
+            prop_assert_eq!(reached.iter().collect::<Vec<_>>(), closure(&rows, start));
+            let mut reaching = Bits::of(150, [start]);
+            graph.reaching(&mut reaching, &Silent).expect("not interrupted");
+            let all: Vec<u32> = (0..150).filter(|&node| closure(&rows, node).contains(&start)).collect();
+            prop_assert_eq!(reaching.iter().collect::<Vec<_>>(), all);
+        }
+    }
+
+    #[test]
+    fn a_path_that_no_sweep_follows_is_followed_to_its_end() {
+        // 0 → 999 → 1 → 998 → …: against the order half of the time.
+        let neighbors: Vec<u32> =
+            (0..1000_u32).map(|node| if node < 500 { 999 - node } else { 1000 - node }).collect();
+        let distances = vec![1.0; 1000];
+        let graph = Graph::new(&neighbors, &distances, 1, 0..0, Weights::Uniform);
+        assert_eq!(graph.reached(0, &Silent).expect("not interrupted").count(), 1000);
+    }
+}

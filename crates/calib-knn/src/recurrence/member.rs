@@ -1,0 +1,244 @@
+use std::collections::HashMap;
+
+use calib_files::Scratch;
+use rayon::prelude::*;
+
+use super::{
+    ClosedClasses, Ends, Filling, Halt, Made, Recurrence, Recurrent, SHARE,
+    again::{Again, Distances},
+    classes::{Anchor, Classes, closed},
+    effective::{Effective, Rule},
+    exits::{Exits, Leading, left_out_of},
+    graph::Graph,
+    settle::settle,
+};
+use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits};
+
+/// A member hardly returns to where it was if no loop that is looked at holds one of this many candidates (our choice).
+const LOOP: usize = 100;
+/// Times that traps are given exits, at most and at least: where it takes more, the log never returns to where it was. In between it is
+/// a share of the candidates that a ramp, of which each exit adds `k` to a trap, exceeds before the trap is a tenth of it. (Our choice;
+/// twelve days of tests of a plant, 9,400 transitions that hardly meet, take about 100.)
+const EXITS: [usize; 2] = [1000, 16];
+const RAMP: usize = 16;
+/// Times that what remains is looked at for traps again. Once is enough, unless distances are not those that are searched by.
+const ROUNDS: usize = 10;
+/// Closed classes of a member, and how they were found.
+pub(super) struct Survey {
+    anchor: Anchor,
+    pub(super) classes: Classes,
+}
+
+/// One member whose walks should not be trapped.
+pub(super) struct Member<'a> {
+    made: Made<'a>,
+    again: Again<'a>,
+    /// Its transitions that can be neighbours.
+    pub(super) candidates: usize,
+    /// Transitions of the smallest closed class that is no trap.
+    pub(super) enough: usize,
+}
+
+impl<'a> Member<'a> {
+    pub(super) fn new(made: Made<'a>, member: usize) -> Self {
+        let Made { planned, sources, exclusion, monitor, .. } = made;
+        let again = Again { planned, sources, exclusion, member, monitor };
+        let candidates = again.candidates();
+        Self { made, again, candidates, enough: candidates.div_ceil(SHARE) }
+    }
+
+    fn graph<'t>(&self, table: &'t Filling) -> Graph<'t> {
+        let dropped = self.made.sources.blocks().dropped(self.again.member);
+        Graph::new(&table.0, &table.1, self.made.k, dropped, self.made.weights)
+    }
+
+    pub(super) fn survey(&self, table: &Filling) -> Result<Survey, KnnError> {
+        let graph = self.graph(table);
+        let anchor = Anchor::find(&graph, self.enough, self.made.monitor)?;
+        let classes = self.closed(&graph, &anchor)?;
+        Ok(Survey { anchor, classes })
+    }
+
+    fn closed(&self, graph: &Graph<'_>, anchor: &Anchor) -> Result<Classes, KnnError> {
+        closed(graph, anchor, self.enough, self.made.place, self.made.monitor)
+    }
+
+    /// Leave traps out of the table, or lead walks out of them. Where neither helps, the table stays as it was found.
+    pub(super) fn untrap(
+        &self,
+        table: &mut Filling,
+        survey: Survey,
+    ) -> Result<Recurrent, KnnError> {
+        if survey.classes.traps(self.enough) == 0 {
+            return Ok(self.as_found(&survey));
+        }
+        let found = self.copy(table)?;
+        match self.without_traps(table, &survey) {
+            Ok(recurrent) => Ok(recurrent),
+            Err(Halt::Error(error)) => Err(error),
+            Err(Halt::Lost) => {
+                table.0.copy_from_slice(&found.0);
+                table.1.copy_from_slice(&found.1);
+                Ok(self.as_found(&survey))
+            }
+        }
+    }
+
+    /// What is known of a table that stays as it was found.
+    pub(super) fn as_found(&self, survey: &Survey) -> Recurrent {
+        let classes = ClosedClasses::of(&survey.classes, self.enough);
+        let (before, after) = (classes.clone(), classes);
+        let candidates = self.candidates;
+        let recurrence = Recurrence { candidates, before, after, ..Recurrence::default() };
+        let ends = Ends(survey.classes.ends.clone());
+        Recurrent { left_out: LeftOut::default(), recurrence, ends }
+    }
+
+    fn copy(&self, table: &Filling) -> Result<Filling, KnnError> {
+        let (len, place) = (table.0.len(), self.made.place);
+        let mut copy = (Scratch::zeroed(len, place)?, Scratch::zeroed(len, place)?);
+        copy.0.copy_from_slice(&table.0);
+        copy.1.copy_from_slice(&table.1);
+        Ok(copy)
+    }
+
+    fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<Recurrent, Halt> {
+        let mut anchor = survey.anchor.clone();
+        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.made.k), Exits::new());
+        for _ in 0..ROUNDS {
+            // Where hardly anything returns, one trap opens the next one for ever.
+            let all = if anchor.component * LOOP < self.candidates {
+                Err(Halt::Lost)
+            } else {
+                let bound = Rule::All { bound: self.candidates / SHARE };
+                self.leave_out(table, bound, &left_out, &exits, &anchor)
+            };
+            match all {
+                Ok(more) => left_out = more,
+                Err(Halt::Error(error)) => return Err(error.into()),
+                Err(Halt::Lost) => {
+                    left_out = self.leave_out(table, Rule::Still, &left_out, &exits, &anchor)?;
+                    self.search_again(table, &left_out, &exits)?;
+                    exits = self.lead_out(table, &left_out, exits, &anchor)?;
+                }
+            }
+            self.search_again(table, &left_out, &exits)?;
+            let classes;
+            (anchor, classes) = self.survey_again(table, anchor)?;
+            if classes.traps(self.enough) == 0 {
+                let recurrence = Recurrence {
+                    candidates: self.candidates,
+                    before: ClosedClasses::of(&survey.classes, self.enough),
+                    after: ClosedClasses::of(&classes, self.enough),
+                    left_out: left_out.count(),
+                    lost: self.again.lost(left_out.iter()),
+                    exits: exits.len(),
+                };
+                let left_out = LeftOut::new(left_out, exits);
+                return Ok(Recurrent { left_out, recurrence, ends: Ends(classes.ends) });
+            }
+        }
+        Err(Halt::Lost)
+    }
+
+    fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
+        let graph = self.graph(table);
+        let anchor = anchor.in_graph(&graph, self.enough, self.made.monitor)?;
+        let classes = self.closed(&graph, &anchor)?;
+        Ok((anchor, classes))
+    }
+
+    /// All transitions of which it is not known whether they lead to a class that stays, and those of which it is.
+    fn unsettled(&self, graph: &Graph<'_>, left_out: &Bits, anchor: &Anchor) -> (Bits, Bits) {
+        // A transition of a large component is in no trap, whatever is left out, so that all that leads there stays.
+        let settled = if anchor.component >= self.enough {
+            anchor.reaching.clone()
+        } else {
+            Bits::new(graph.len())
+        };
+        (graph.all().without(&settled).without(left_out), settled)
+    }
+
+    /// What is left out by this rule, with what is already.
+    fn leave_out(
+        &self,
+        table: &Filling,
+        rule: Rule,
+        left_out: &Bits,
+        exits: &Exits,
+        anchor: &Anchor,
+    ) -> Result<Bits, Halt> {
+        let graph = self.graph(table);
+        let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
+        let left_out = left_out.clone();
+        let mut graph = Effective::new(&graph, self.again, rule, self.enough, left_out, exits);
+        settle(&nodes, &mut settled, &mut graph, self.made.place, self.made.monitor)?;
+        Ok(graph.into_left_out())
+    }
+
+    /// Give exits to all traps of the table.
+    fn lead_out(
+        &self,
+        table: &mut Filling,
+        left_out: &Bits,
+        exits: Exits,
+        anchor: &Anchor,
+    ) -> Result<Exits, Halt> {
+        let graph = self.graph(table);
+        let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
+        let [most, least] = EXITS;
+        let (again, enough, k) = (self.again, self.enough, self.made.k);
+        let most = (self.candidates / (RAMP * k)).clamp(least, most);
+        let rows = HashMap::new();
+        let mut leading = Leading { graph: &graph, again, enough, left_out, exits, rows, most };
+        settle(&nodes, &mut settled, &mut leading, self.made.place, self.made.monitor)?;
+        let (exits, rows) = (leading.exits, leading.rows);
+        for (node, (neighbors, distances)) in rows {
+            let start = node as usize * k;
+            table.0[start..start + k].copy_from_slice(&neighbors);
+            table.1[start..start + k].copy_from_slice(&distances);
+        }
+        Ok(exits)
+    }
+
+    /// Search the rows of the table again that hold what is left out.
+    fn search_again(
+        &self,
+        table: &mut Filling,
+        left_out: &Bits,
+        exits: &Exits,
+    ) -> Result<(), Halt> {
+        let holds = |row: &[u32]| row.iter().any(|&to| left_out.contains(to));
+        let rows = table.0.par_chunks_exact(self.made.k).enumerate();
+        let rows: Vec<u32> =
+            rows.filter(|(_, row)| holds(row)).map(|(number, _)| number as u32).collect();
+        let (exit, plain): (Vec<u32>, Vec<u32>) =
+            rows.into_iter().partition(|node| exits.contains_key(node));
+        if !plain.is_empty() {
+            self.made.monitor.begin("rows that led into traps", plain.len() as u64);
+        }
+        for part in plain.chunks(PART_QUERIES) {
+            self.put(table, part, left_out.clone())?;
+            self.made.monitor.advance(part.len() as u64);
+        }
+        exit.into_iter()
+            .try_for_each(|node| self.put(table, &[node], left_out_of(node, left_out, exits)))
+    }
+
+    /// Put the nearest of what is not left out into these rows of the table.
+    fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
+        let rows: Vec<_> = nodes.iter().map(|&node| self.again.next(node)).collect();
+        let left_out = self.again.of_member(left_out);
+        let (k, mut fewest) = (self.made.k, usize::MAX);
+        let stored = Distances::Stored;
+        self.again.nearest(&rows, k, self.again.exclusion, &left_out, stored, |row, to, far| {
+            fewest = fewest.min(to.len());
+            if to.len() == k {
+                let start = nodes[row] as usize * k;
+                table.0[start..start + k].copy_from_slice(to);
+                table.1[start..start + k].copy_from_slice(far);
+            }
+        })?;
+        if fewest < k { Err(Halt::Lost) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,212 @@
+use calib_core::{Rng, Seed, TransitionIndex};
+use calib_knn::{Ends, Member, Weights};
+use serde::{Deserialize, Serialize};
+
+/// Walks of a member.
+const WALKS: usize = 32;
+/// Steps of each: those of the paper's rollouts on one week of data.
+const STEPS: usize = 30_000;
+/// A walk that visits fewer rows than this in its last third is trapped (our choice).
+const TRAPPED: usize = 100;
+/// Parts of the member, equally long in time order, between which walks mix.
+const PARTS: usize = 10;
+/// Parts with less of the walks than this are left out where mixing is judged: hardly any walk starts there.
+const RARE: f64 = 0.01;
+/// Walks have mixed when they are as near as this to where they are on average, in total variation (Levin & Peres, Markov Chains and
+/// Mixing Times, 2017, §4.5).
+const MIXED: f64 = 0.25;
+/// Most steps that are counted.
+const LONGEST_LAG: usize = 1 << 10;
+/// The logarithm of the most steps that are judged.
+const MOST_POWER: u32 = 20;
+/// The logarithm of how many times as many steps are the long run.
+const LONG_RUN: u32 = 30;
+
+/// How far walks of a member get: 32 walks of 30,000 steps, from transitions drawn uniformly.
+///
+/// What a stationary walk visits is judged by their second halves. All of it are estimates, and the same for a seed on any machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WalkStatistics {
+    /// Different transitions that a walk draws, the median over walks.
+    pub distinct_rows: usize,
+    /// Walks that draw fewer than 100 different transitions in their last 10,000 steps, of 32.
+    pub trapped: usize,
+    /// Effective number of rows that stationary walks visit, `1 / Σ π_i²` (Hill 1973, of order 2), where `π_i` is the share of steps that
+    /// draw transition `i`: as many as evenly visited rows would be. `Σ π_i²` is how often two different walks draw the same
+    /// transition at any two times; none if they never do.
+    pub effective_rows: Option<f64>,
+    /// Expected steps until a walk comes to its end: to a trap if the member has any, else to a closed class, from which it does not return.
+    /// Steps of all walks before their end by the number of walks that came to it (the estimate of an exponential time from what
+    /// has happened so far); none if no walk did.
+    pub steps_to_end: Option<f64>,
+    /// Steps after which a walk is anywhere in the member, whichever tenth of it it was in: the smallest power of two `t` with
+    /// `max_a TV(P^t(a, ·), π) ≤ 1/4` over tenths `a`, where `P^t(a, b)` is how often a walk in `a` is in `b` after `t` steps; beyond 1024
+    /// steps, which are counted, `P^t` are its powers (as in Markov state models: Prinz et al. 2011, J. Chem. Phys. 134, 174105). The mixing
+    /// time between transitions is no shorter. None if that takes more than a million steps, as where parts do not meet.
+    pub mixing_steps: Option<usize>,
+}
+
+impl WalkStatistics {
+    /// The statistics of `member`, whose walks end in `ends`.
+    pub fn of(member: &Member<'_>, ends: &Ends, weights: Weights, seed: Seed) -> Self {
+        let walks = Walks::new(member, weights, seed, STEPS);
+        let distinct = |walk: &[u32]| {
+            let mut rows = walk.to_vec();
+            rows.sort_unstable();
+            rows.dedup();
+            rows.len()
+        };
+        let mut each: Vec<usize> = walks.all().map(distinct).collect();
+        each.sort_unstable();
+        let last = |walk: &[u32]| distinct(&walk[2 * STEPS / 3..]);
+        Self {
+            distinct_rows: each[each.len() / 2],
+            trapped: walks.all().filter(|walk| last(walk) < TRAPPED).count(),
+            effective_rows: walks.effective_rows(),
+            steps_to_end: walks.steps_to_end(ends),
+            mixing_steps: walks.mixing_steps(member),
+        }
+    }
+}
+
+/// Transitions that walks draw.
+struct Walks {
+    /// `[walk, step]`, the first is where it starts.
+    transitions: Vec<u32>,
+    steps: usize,
+}
+
+impl Walks {
+    fn new(member: &Member<'_>, weights: Weights, seed: Seed, steps: usize) -> Self {
+        let mut rngs: Vec<Rng> =
+            (0..WALKS).map(|walk| seed.child("walk").number(walk as u64).rng()).collect();
+        let mut transitions = vec![0; WALKS * steps];
+        for (walk, rng) in rngs.iter_mut().enumerate() {
+            transitions[walk * steps] = member.nth(rng.below(member.len())).0;
+        }
+        // Side by side, so that the processor waits for the rows of all of them at once.
+        for step in 1..steps {
+            for (walk, rng) in rngs.iter_mut().enumerate() {
+                let from = TransitionIndex(transitions[walk * steps + step - 1]);
+                transitions[walk * steps + step] = member.draw(from, weights, rng).0;
+            }
+        }
+        Self { transitions, steps }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &[u32]> {
+        self.transitions.chunks_exact(self.steps)
+    }
+
+    /// The second halves.
+    fn settled(&self) -> impl Iterator<Item = &[u32]> {
+        self.all().map(|walk| &walk[self.steps / 2..])
+    }
+
+    fn effective_rows(&self) -> Option<f64> {
+        let numbered = self.settled().enumerate();
+        let mut drawn: Vec<(u32, u32)> = numbered
+            .flat_map(|(number, walk)| walk.iter().map(move |&row| (row, number as u32)))
+            .collect();
+        drawn.sort_unstable();
+        // Pairs of steps of different walks, and those of them that are at the same transition; each pair in both orders.
+        let (all, own) = (drawn.len(), drawn.len() / WALKS);
+        let pairs = all * all - WALKS * own * own;
+        let same = drawn.chunk_by(|a, b| a.0 == b.0).map(|row| {
+            let own: usize =
+                row.chunk_by(|a, b| a.1 == b.1).map(|walk| walk.len() * walk.len()).sum();
+            row.len() * row.len() - own
+        });
+        let same: usize = same.sum();
+        (same > 0).then(|| pairs as f64 / same as f64)
+    }
+
+    fn steps_to_end(&self, ends: &Ends) -> Option<f64> {
+        let has_ended = |row: &u32| ends.contains(TransitionIndex(*row));
+        let before: Vec<Option<usize>> =
+            self.all().map(|walk| walk.iter().position(has_ended)).collect();
+        let ended = before.iter().flatten().count();
+        let steps: usize = before.into_iter().map(|steps| steps.unwrap_or(self.steps)).sum();
+        (ended > 0).then(|| steps as f64 / ended as f64)
+    }
+
+    fn mixing_steps(&self, member: &Member<'_>) -> Option<usize> {
+        let dropped = member.model().blocks().dropped(member.number());
+        let part = |&row: &u32| {
+            let before = if row < dropped.start { 0 } else { dropped.len() };
+            (row as usize - before) * PARTS / member.len()
+        };
+        let walks: Vec<Vec<usize>> =
+            self.all().map(|walk| walk.iter().map(part).collect()).collect();
+        mixing_steps(&walks)
+    }
+}
+
+/// Where a walk in each part is after some steps, one row a part.
+type Moves = [[f64; PARTS]; PARTS];
+
+/// Steps after which walks, of which the parts are given step by step, are anywhere, whichever part they were in.
+fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
+    let steps: usize = walks.iter().map(Vec::len).sum();
+    let mut share = [0.0; PARTS];
+    walks.iter().flatten().for_each(|&part| share[part] += 1.0 / steps as f64);
+    let rare = share.map(|share| share < RARE);
+    let mut moves = after(walks, 1);
+    for power in 0..=MOST_POWER {
+        let lag = 1_usize << power;
+        if lag <= LONGEST_LAG {
+            moves = after(walks, lag);
+        } else {
+            // As if the next steps did not depend on how a part was entered.
+            moves = product(&moves, &moves);
+        }
+        let mean = stationary(&moves, &share);
+        let near = |(row, rare): (&[f64; PARTS], &bool)| *rare || variation(row, &mean) <= MIXED;
+        if moves.iter().zip(&rare).all(near) {
+            return Some(lag);
+        }
+    }
+    None
+}
+
+/// Where walks are after `lag` steps.
+fn after(walks: &[Vec<usize>], lag: usize) -> Moves {
+    let mut moves = [[0.0; PARTS]; PARTS];
+    for walk in walks {
+        walk.iter().zip(walk.iter().skip(lag)).for_each(|(&a, &b)| moves[a][b] += 1.0);
+    }
+    for (part, row) in moves.iter_mut().enumerate() {
+        let sum: f64 = row.iter().sum();
+        if sum > 0.0 {
+            row.iter_mut().for_each(|count| *count /= sum);
+        } else {
+            row[part] = 1.0;
+        }
+    }
+    moves
+}
+
+fn product(a: &Moves, b: &Moves) -> Moves {
+    let mut product = [[0.0; PARTS]; PARTS];
+    for (row, out) in a.iter().zip(&mut product) {
+        for (share, next) in row.iter().zip(b) {
+            out.iter_mut().zip(next).for_each(|(out, next)| *out += share * next);
+        }
+    }
+    product
+}
+
+/// Where walks are in the long run, from where they were: after many times as many steps.
+fn stationary(moves: &Moves, share: &[f64; PARTS]) -> [f64; PARTS] {
+    let mut long = *moves;
+    for _ in 0..LONG_RUN {
+        long = product(&long, &long);
+    }
+    let to = |part: usize| long.iter().zip(share).map(|(row, share)| share * row[part]).sum();
+    std::array::from_fn(to)
+}
+
+/// Half of the sum of differences.
+fn variation(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / 2.0
+}

@@ -1,0 +1,107 @@
+//! Models without traps and how far their walks get, as NumPy and SciPy have them: `scripts/golden/closed_classes.py`.
+
+use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
+use calib_knn::{KnnModel, ModelConfig, WeightsKind, Workplace};
+use calib_rollout::WalkStatistics;
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+struct Case {
+    name: String,
+    lengths: Vec<usize>,
+    states: Vec<Vec<f32>>,
+    members: usize,
+    neighbors: usize,
+    theiler: u32,
+    weights: WeightsKind,
+    expected: Vec<Expected>,
+}
+
+#[derive(Deserialize)]
+struct Expected {
+    before: Vec<usize>,
+    after: Vec<usize>,
+    left_out: Vec<u32>,
+    lost: usize,
+    /// Of the member's transitions, in order.
+    neighbors: Vec<Vec<u32>>,
+    steps_to_end: f64,
+    /// Standard deviation of the steps of one walk.
+    deviation: f64,
+    effective_rows: f64,
+}
+
+impl Case {
+    fn all() -> Vec<Self> {
+        serde_json::from_str(include_str!("golden/closed_classes.json")).expect("the golden file")
+    }
+
+    fn config(&self) -> ModelConfig {
+        let Self { members, neighbors, theiler, weights, .. } = *self;
+        ModelConfig { members, neighbors, theiler, weights, ..ModelConfig::default() }
+    }
+
+    fn build(&self) -> (KnnModel, calib_knn::Built) {
+        let states = States::new(self.states.concat(), self.states.len(), self.states[0].len());
+        let segments = Segments::from_lengths(self.lengths.iter().copied());
+        let transitions = Transitions::new(segments.expect("valid"));
+        let place = Workplace::default();
+        KnnModel::build_in(states.expect("finite"), transitions, &self.config(), &place, &Silent)
+            .expect("built")
+    }
+}
+
+#[test]
+fn closed_classes_and_tables_are_those_of_scipy() {
+    let mut trapped = 0;
+    for case in Case::all() {
+        let (model, built) = case.build();
+        for (number, expected) in case.expected.iter().enumerate() {
+            let (name, found) = (format!("{} {number}", case.name), &built.recurrence[number]);
+            assert_eq!(found.before.largest, expected.before, "{name}");
+            assert_eq!(found.after.largest, expected.after, "{name}");
+            assert_eq!((found.lost, found.exits), (expected.lost, 0), "{name}");
+            let left_out: Vec<u32> = model.left_out(number).runs().flatten().collect();
+            assert_eq!(left_out, expected.left_out, "{name}");
+            let member = model.member(number);
+            for (position, row) in expected.neighbors.iter().enumerate() {
+                assert_eq!(member.neighbors(member.nth(position)).0, row, "{name}, row {position}");
+            }
+            assert!(left_out.iter().all(|&node| member.contains(TransitionIndex(node))));
+            trapped += usize::from(found.before.traps > 0);
+        }
+    }
+    assert!(trapped > 5, "the cases have traps: {trapped}");
+}
+
+#[test]
+fn statistics_of_walks_estimate_what_linear_algebra_says() {
+    // Many times 32 walks, so that what remains is the error of the estimate.
+    const TIMES: u64 = 16;
+    for case in Case::all() {
+        let weights = case.config().weights().expect("valid");
+        let (model, built) = case.build();
+        for (number, expected) in case.expected.iter().enumerate() {
+            let of = |time: u64| {
+                let seed = Seed::new(5).number(time);
+                WalkStatistics::of(&model.member(number), &built.ends[number], weights, seed)
+            };
+            let walks: Vec<WalkStatistics> = (0..TIMES).map(of).collect();
+            let few = expected.after.iter().any(|&size| size < 200);
+            assert!(few || walks.iter().all(|walks| walks.trapped == 0));
+            let mean = |value: &dyn Fn(&WalkStatistics) -> Option<f64>| {
+                walks.iter().map(|walks| value(walks).expect("a value")).sum::<f64>() / TIMES as f64
+            };
+            let name = format!("{} {number}", case.name);
+            let steps = mean(&|walks| walks.steps_to_end);
+            let far = (steps - expected.steps_to_end).abs();
+            let error = expected.deviation / f64::from(32 * TIMES as u32).sqrt();
+            assert!(far <= 4.0 * error, "{name}: {steps} steps, a standard error of {error}");
+            // Two classes that do not meet are visited as the starts of 32 walks fall.
+            if expected.after.len() == 1 {
+                let rows = mean(&|walks| walks.effective_rows);
+                assert!((rows / expected.effective_rows - 1.0).abs() < 0.02, "{name}: {rows} rows");
+            }
+        }
+    }
+}

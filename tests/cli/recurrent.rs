@@ -1,0 +1,74 @@
+//! Models without traps, from the study to the report.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::harness::Place;
+
+/// Four gaps a day, at two of which members without a cure are trapped.
+const STUDY: &str =
+    "[data]\npath = \"data\"\ntrain_fraction = 0.75\n\n[preprocess]\nfill_limit = 5\n";
+
+fn place() -> Place {
+    let place = Place::new();
+    let sizes = ["--days", "2", "--channels", "12", "--period", "60", "--gaps-per-day", "4"];
+    place.calib(&[&["simulate", "data"], &sizes[..]].concat()).succeeds();
+    place.write("study.toml", STUDY);
+    place
+}
+
+fn manifest(place: &Place) -> Value {
+    let path = place.path().join("study-results/model/manifest.json");
+    serde_json::from_str(&fs::read_to_string(path).expect("a model")).expect("JSON")
+}
+
+fn sum(manifest: &Value, value: impl Fn(&Value) -> &Value) -> u64 {
+    let members = manifest["members"].as_array().expect("members");
+    members.iter().map(|member| value(&member["recurrence"]).as_u64().expect("a number")).sum()
+}
+
+#[test]
+fn traps_are_left_out_unless_the_study_says_otherwise() {
+    let place = place();
+    let as_found = ["build-model", "study.toml", "--set", "model.recurrent=false"];
+    let built = place.calib(&as_found);
+    let told = built.succeeds();
+    assert!(told.contains("trap") && told.contains("are trapped after about"), "{told}");
+    assert!(built.stderr().contains("set model.recurrent = true"), "{}", built.stderr());
+    let found = manifest(&place);
+    assert!(sum(&found, |of| &of["after"]["traps"]) > 0);
+    assert_eq!(sum(&found, |of| &of["left_out"]), 0);
+
+    let built = place.calib(&["build-model", "study.toml", "--verify", "50"]);
+    let told = built.succeeds();
+    assert!(told.contains("candidates left out ("), "{told}");
+    assert!(!built.stderr().contains("traps of few rows"), "{}", built.stderr());
+    let cured = manifest(&place);
+    assert_eq!(sum(&cured, |of| &of["before"]["traps"]), sum(&found, |of| &of["after"]["traps"]));
+    assert_eq!(sum(&cured, |of| &of["after"]["traps"]), 0);
+    assert_eq!(sum(&cured, |of| &of["trapped"]), 0);
+    let left_out = sum(&cured, |of| &of["left_out"]);
+    assert!((1..100).contains(&left_out), "{left_out} left out");
+    let stretches = &cured["members"][0]["recurrence"]["left_out_times"];
+    assert!(stretches[0]["times"][0].as_str().is_some_and(|time| time.starts_with("2022-11-0")));
+}
+
+#[test]
+fn what_is_drawn_decides_what_is_left_out() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let uniform = ["rollout", "study.toml", "--set", "model.weights=uniform"];
+    let error = place.calib(&uniform).fails(2);
+    assert!(error.contains("build-model"), "{error}");
+    // Nothing that members were made of has changed: what is told of their walks is found again.
+    let members = manifest(&place)["members"].clone();
+    place.calib(&["build-model", "study.toml", "--set", "seed=7"]).succeeds();
+    let again = manifest(&place)["members"].clone();
+    assert_eq!(again[0]["recurrence"]["before"], members[0]["recurrence"]["before"]);
+    assert_eq!(again[0]["recurrence"]["after"], members[0]["recurrence"]["after"]);
+    assert_ne!(
+        again[0]["recurrence"]["effective_rows"],
+        members[0]["recurrence"]["effective_rows"]
+    );
+}
