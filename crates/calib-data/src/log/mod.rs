@@ -205,7 +205,7 @@ impl Declared {
 
 /// Per row: the timestamp as it is read and in order, and two channels at least that are read together, each as the file
 /// has it and as numbers.
-const BYTES_PER_ROW: u64 = 8 + 8 + 2 * (8 + 4);
+const BYTES_PER_ROW: u64 = 8 + 8 + 2 * (8 + 8);
 
 /// The union of the files' columns, in order of appearance.
 fn list_channels(files: &[LogFile], timestamp: &str) -> Vec<Channel> {

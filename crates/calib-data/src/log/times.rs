@@ -109,9 +109,11 @@ pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i
 }
 
 fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
-    let present = times.iter().filter(|&&time| time != NO_TIME);
-    let sizes = present.map(|time| time.unsigned_abs() as f64).collect();
-    let unit = unit.unwrap_or_else(|| guess_unit(typical(sizes)));
+    let present = || times.iter().filter(|&&time| time != NO_TIME);
+    let unit = unit.unwrap_or_else(|| {
+        let sizes = present().map(|time| time.unsigned_abs() as f64);
+        guess_unit(typical(sizes, present().count()))
+    });
     for time in times.iter_mut().filter(|time| **time != NO_TIME) {
         *time = match unit {
             TimestampUnit::Seconds => time.saturating_mul(1_000_000),
@@ -124,9 +126,9 @@ fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
 }
 
 fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
-    let finite = times.iter().filter(|time| time.is_finite());
-    let sizes = finite.map(|time| time.abs()).collect();
-    let micros = match unit.unwrap_or_else(|| guess_unit(typical(sizes))) {
+    let finite = || times.iter().filter(|time| time.is_finite());
+    let typical = || typical(finite().map(|time| time.abs()), finite().count());
+    let micros = match unit.unwrap_or_else(|| guess_unit(typical())) {
         TimestampUnit::Seconds => 1e6,
         TimestampUnit::Milliseconds => 1e3,
         TimestampUnit::Microseconds => 1.0,
@@ -142,11 +144,19 @@ fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
 /// and what is no instant is no row of a log.
 const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
 
-/// The (upper) median: a single number that stands for something else must not tell the unit of all others.
-fn typical(mut sizes: Vec<f64>) -> f64 {
-    let middle = sizes.len() / 2;
-    if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 }
+/// The (upper) median of `count` sizes, evenly thinned where there are many: a single number that stands for something
+/// else must not tell the unit of all others.
+fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
+    let mut thinned: Vec<f64> = sizes.step_by(count / THINNED + 1).collect();
+    let middle = thinned.len() / 2;
+    if thinned.is_empty() {
+        return 0.0;
+    }
+    *thinned.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+/// Timestamps that are looked at for their unit.
+const THINNED: usize = 1 << 16;
 
 /// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps.
 fn guess_unit(largest: f64) -> TimestampUnit {

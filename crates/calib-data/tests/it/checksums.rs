@@ -36,7 +36,7 @@ fn whole_files_are_read() {
         let path = directory.path().join(name);
         fs::write(&path, original(name)).expect("written");
         assert_eq!(read_parquet(&path).expect(name).rows(), 120);
-        let data = DataConfig { train_fraction: 1.0, ..DataConfig::at(&path) };
+        let data = DataConfig { train_fraction: 1.0, ..DataConfig::at(path.as_path()) };
         let dataset = load(&data, &PreprocessConfig::default(), &Silent).expect(name);
         assert_eq!(dataset.train.rows(), 120);
     }
@@ -72,7 +72,7 @@ fn a_log_with_a_damaged_page_is_refused_with_its_place() {
     let last = pages(&damaged).end - 3;
     damaged[last] ^= 0x10;
     fs::write(&path, damaged).expect("written");
-    let error = load(&DataConfig::at(&path), &PreprocessConfig::default(), &Silent);
+    let error = load(&DataConfig::at(path.as_path()), &PreprocessConfig::default(), &Silent);
     let error = error.expect_err("damaged").to_string();
     let told = "column Q in row group 2 has a page whose CRC does not fit its content";
     assert!(error.contains(told) && error.contains("a.parquet"), "{error}");
