@@ -100,6 +100,15 @@ fn short(key: &str) -> &str {
     &key[..16]
 }
 
+/// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken
+/// over from another model comes without.
+pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
+    let Some(name) = &candidate.directory else { return true };
+    let own = directory.join(CANDIDATES).join(name);
+    let record = |record: TrainingRecord| read(&own, &record.key).is_some();
+    !own.exists() || read_sealed_json(&own.join(RECORD)).is_ok_and(record)
+}
+
 fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
     let record: TrainingRecord = read_sealed_json(&directory.join(RECORD)).ok()?;
     let encoder = fingerprint_file(&directory.join(ENCODER)).ok()?;

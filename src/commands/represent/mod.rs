@@ -131,8 +131,11 @@ fn find(
     printer: &Printer,
 ) -> anyhow::Result<Option<RepresentationManifest>> {
     let up_to_date = |directory: &Path| {
-        artefact::read::<RepresentationManifest>(directory)
-            .filter(|found| found.key == key && artefact::are_whole(directory, &found.files))
+        artefact::read::<RepresentationManifest>(directory).filter(|found| {
+            found.key == key
+                && artefact::are_whole(directory, &found.files)
+                && found.candidates.iter().all(|of| grid::is_whole(directory, of))
+        })
     };
     let directory = paths.representation();
     if let Some(found) = up_to_date(&directory) {
