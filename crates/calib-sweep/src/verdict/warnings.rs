@@ -1,6 +1,6 @@
 use calib_stats::Selection;
 
-use super::{Dropped, told_apart, truth::Truth};
+use super::{Dropped, Rule, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -10,7 +10,7 @@ const FEW_HORIZONS: f64 = 50.0;
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, chosen): (&Selection, usize),
+    (selection, rule, chosen): (&Selection, Rule, usize),
     dropped: &[Dropped],
     truth: Option<&Truth>,
 ) -> Vec<String> {
@@ -38,7 +38,10 @@ pub(super) fn all(
     }
     if !told_apart(selection) {
         warnings.push("all values tie: the members do not tell them apart".to_owned());
-    } else if candidates.len() > 1 && selection.tie_set.len() == candidates.len() {
+    } else if rule == Rule::WorstRank
+        && candidates.len() > 1
+        && selection.tie_set.len() == candidates.len()
+    {
         warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
     }
     if selection.mean_errors[chosen].is_infinite() {
