@@ -119,13 +119,16 @@ impl StudyArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ValidityArgs {
-    /// Study files, each of one plant, or folders of them
-    #[arg(required = true, value_name = "STUDY|FOLDER")]
+    /// A protocol, which draws plants and tasks; or study files, each of one plant, or folders of them
+    #[arg(required = true, value_name = "PROTOCOL|STUDY|FOLDER")]
     pub(crate) studies: Vec<PathBuf>,
     /// Override a key of all studies; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// Where the judgement goes (default: validity-results beside the first study)
+    /// Draw plants and tasks from this seed instead of the protocol's, in a folder of their own
+    #[arg(long, value_name = "N")]
+    pub(crate) draw: Option<u64>,
+    /// Where the judgement goes, and what a protocol draws (default: validity-results beside the protocol or the first study)
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
     /// How often plants are drawn again for each interval
@@ -137,7 +140,7 @@ pub(crate) struct ValidityArgs {
     /// Judge the sweeps that there are; run nothing
     #[arg(long)]
     pub(crate) judge_only: bool,
-    /// Say which models are to be run, and stop
+    /// Say which plants there are and what is left to run, and stop
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// Print the judgement as JSON

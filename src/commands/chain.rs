@@ -21,6 +21,15 @@ use crate::{
     study::Study,
 };
 
+/// How far a study is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// To the report, with rollouts and everything.
+    Report,
+    /// To the end of the sweep, with nothing but what a choice follows from.
+    Choice,
+}
+
 /// One command of the chain, on the study or on each of its models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
@@ -44,8 +53,12 @@ impl Step {
         }
     }
 
-    fn is_wanted(self, study: &Study) -> bool {
-        self != Self::Represent || report::commands(&[study]).contains(&"represent")
+    fn is_wanted(self, study: &Study, extent: Extent) -> bool {
+        match self {
+            Self::Represent => report::commands(&[study]).contains(&"represent"),
+            Self::Rollout => extent == Extent::Report,
+            Self::BuildModel | Self::Sweep => true,
+        }
     }
 
     fn run(
@@ -84,6 +97,15 @@ struct Model {
 
 /// Run every step that a study needs, as far as it is not done.
 pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    run_to(Extent::Report, args, printer)
+}
+
+/// Run every step that a study needs on the way to `extent`, as far as it is not done.
+pub(super) fn run_to(
+    extent: Extent,
+    args: &StudyArgs,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
     let mut models = models(args)?;
     // Only the verdict is the result; the steps before it just report.
@@ -103,13 +125,30 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let counted = Counted::default();
     for step in STEPS {
         for model in &mut models {
-            ended.and(model.take(step, &counted, talk)?);
+            ended.and(model.take(step, extent, &counted, talk)?);
         }
     }
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
         ended.and(ExitStatus::Negative);
     }
+    if extent == Extent::Report {
+        ended.and(judge(args, &models, &left_out, printer)?);
+        for reason in &left_out {
+            printer.error(reason);
+        }
+    }
+    printer.say(&format!("done in {}", duration(clock.elapsed())));
+    Ok(ended.0)
+}
+
+/// Evaluate the models that are not left out.
+fn judge(
+    args: &StudyArgs,
+    models: &[Model],
+    left_out: &[String],
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
     printer.heading("evaluate");
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| parts(Of::Deployment, &model.args));
@@ -118,17 +157,15 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     let judged = match all.as_slice() {
         [only] if only.is_same_part(args) => evaluate::run(args, printer),
-        all => compare::run(args, all, &left_out, printer),
+        all => compare::run(args, all, left_out, printer),
     };
     match judged {
-        Err(reason) if args.dry_run => not_yet("evaluate", &reason, printer),
-        judged => ended.and(judged?),
+        Err(reason) if args.dry_run => {
+            not_yet("evaluate", &reason, printer);
+            Ok(ExitStatus::Done)
+        }
+        judged => judged,
     }
-    for reason in &left_out {
-        printer.error(reason);
-    }
-    printer.say(&format!("done in {}", duration(clock.elapsed())));
-    Ok(ended.0)
 }
 
 /// The models of a study, all of them checked before the first step begins.
@@ -185,10 +222,11 @@ impl Model {
     fn take(
         &mut self,
         step: Step,
+        extent: Extent,
         counted: &Counted,
         talk: &Printer,
     ) -> anyhow::Result<ExitStatus> {
-        if self.left_out.is_some() || !step.is_wanted(&self.study) {
+        if self.left_out.is_some() || !step.is_wanted(&self.study, extent) {
             return Ok(ExitStatus::Done);
         }
         let command = step.command();

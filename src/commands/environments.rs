@@ -39,11 +39,12 @@ impl<'a> Environments<'a> {
         let (sweep, span) = (&study.sweep, streams.demand.span);
         let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
         let rollout_seed = seed.child("rollout");
-        let starts = Starts::new(&study.rollout, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let configured = study.sweep_starts();
+        let starts = Starts::new(&configured, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
             &model.manifest.key,
             (study.model.weights, study.model.temperature),
-            study.rollout.starts(),
+            &configured,
             // Not the deployment itself: where start states are the same for several, so are the streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
         ))?);
@@ -54,7 +55,7 @@ impl<'a> Environments<'a> {
                 // Beside the states that are searched: what the sweep writes need not be there yet.
                 let place = search_place(&model.model, &paths.model());
                 let progress = printer.progress();
-                let all = starts.of_members(knn, sweep.member_runs, &place, &progress)?;
+                let all = starts.of_members(knn, study.member_runs(), &place, &progress)?;
                 drop(progress);
                 for (number, own) in all.into_iter().enumerate() {
                     let member = knn.member(number);
@@ -67,7 +68,7 @@ impl<'a> Environments<'a> {
                 }
             }
             Model::Parametric(network) => {
-                let own = starts.of_network(sweep.member_runs)?;
+                let own = starts.of_network(study.member_runs())?;
                 given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
                 let rows = own.iter().map(|start| start.row).collect();
                 let frames = &model.frames;

@@ -1,6 +1,8 @@
 use anyhow::{Context as _, bail};
+use calib_agent::Part;
 use calib_core::Seed;
-use calib_sweep::{Judging, SensorVerdict, UnitResult, told_apart, verdict};
+use calib_rollout::StartKind;
+use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
@@ -88,19 +90,9 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
     let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
         format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
     })?;
-    let judging = Judging {
-        part: study.part(),
-        rule: study.evaluate.rule,
-        top_k: study.evaluate.top_k,
-        scales: &manifest.scales,
-        resamples: study.evaluate.resamples,
-        seed: Seed::new(study.seed).child("verdict"),
-    };
-    let verdicts = study
-        .sweep
-        .sensors
-        .iter()
-        .map(|sensor| Ok(verdict(sensor, &manifest.candidates, &results, &judging)?))
+    let sensors = study.sweep.sensors.iter();
+    let verdicts = sensors
+        .map(|sensor| Ok(verdict_of(sensor, study.part(), (&study, &manifest, &results))?))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let advice =
         verdicts.iter().map(|verdict| report::advice(verdict, &manifest, &study)).collect();
@@ -116,6 +108,38 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
     let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
     let (written, _) = load_study(&whole)?;
     Ok(Judged { study, written, paths, manifest, results, summary })
+}
+
+/// What a finished sweep says about a sensor by the errors over `part` of each run.
+pub(super) fn verdict_of(
+    sensor: &str,
+    part: Part,
+    (study, manifest, results): (&Study, &SweepManifest, &[UnitResult]),
+) -> Result<SensorVerdict, SweepError> {
+    let judging = Judging {
+        part,
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &manifest.scales,
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    };
+    let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
+    if study.sweep_starts().start == StartKind::Nearest {
+        verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
+    }
+    Ok(verdict)
+}
+
+/// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.
+const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states that are nearest to those of the deployment: this \
+     choice has looked into what it is judged on, as no choice can that is made before; sweep.start = \"recent\" is what is \
+     known beforehand";
+
+/// Whether a sweep was finished with the study as it is now.
+pub(super) fn is_swept(args: &StudyArgs) -> anyhow::Result<bool> {
+    let (study, paths) = load_study(args)?;
+    Ok(finished_sweep(&study, &paths).is_ok())
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
@@ -140,7 +164,7 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
         ("[sweep]", made.sweep == study.sweep),
         ("[agent]", made.agent == study.agent),
         ("[pretrain]", made.pretrain == study.pretrain),
-        ("[rollout]", made.rollout.starts() == study.rollout.starts()),
+        ("[rollout]", made.sweep_starts() == study.sweep_starts()),
         ("[representation]", study.is_parametric() || made.representation == study.representation),
         ("[model]", made.model == study.model),
         ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),

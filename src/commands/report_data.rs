@@ -3,7 +3,7 @@
 use calib_data::{ChannelProfile, Profile, format_time};
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
-use super::{evaluate::Judged, model_files::ModelManifest};
+use super::{evaluate::Judged, model_files::ModelManifest, sweep::SweepManifest};
 
 /// What was learned from, and what it was judged by.
 pub(super) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged) -> String {
@@ -14,10 +14,25 @@ pub(super) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
             let [start, end] = &held_out.times;
             let name = judged.paths.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
-            format!("{learned}; judged on {name}{start} to {end}, which nothing had learned from.")
+            let windows = windows(&judged.manifest, held_out.rows);
+            format!(
+                "{learned}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
+            )
         }
         None => format!("{learned}; no data was held out."),
     }
+}
+
+/// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
+fn windows(manifest: &SweepManifest, held_out_rows: u64) -> String {
+    let (count, steps) = (manifest.windows.len(), manifest.span.steps);
+    let share = (count * steps) as f64 / held_out_rows as f64;
+    let of = if count == 1 { "window" } else { "windows" };
+    format!(
+        "{count} {of} of {} steps ({})",
+        calib_report::count(steps as u64),
+        calib_report::percent(share)
+    )
 }
 
 /// Of what the model was built from: agents may be pre-trained on the rest of the training range.

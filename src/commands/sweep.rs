@@ -4,7 +4,7 @@ use anyhow::{Context as _, bail};
 use calib_agent::AgentConfig;
 use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, write_json};
+use calib_files::{Fingerprint, read_json, write_json};
 use calib_sweep::{
     Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
     Span, Unit, UnitResult, UnitStore, candidates,
@@ -296,7 +296,7 @@ fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<Strin
     environments.into_iter().map(note).collect()
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Timings {
     units: usize,
     wall_secs: f64,
@@ -305,6 +305,12 @@ struct Timings {
 fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
     let wall_secs = clock.elapsed().as_secs_f64();
     Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
+}
+
+/// How long the sweep took when it last ran anything.
+pub(super) fn wall_secs(paths: &StudyPaths) -> Option<f64> {
+    let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
+    Some(timings.wall_secs)
 }
 
 fn remove_units(store: &UnitStore) -> anyhow::Result<()> {

@@ -97,7 +97,7 @@ impl Sizes {
             curve_points: study.sweep.curve_points,
             units,
             passes,
-            predicted_runs: if study.is_parametric() { study.sweep.member_runs } else { 0 },
+            predicted_runs: if study.is_parametric() { study.member_runs() } else { 0 },
         }
     }
 }

@@ -4,7 +4,7 @@ use std::{
 };
 
 use anyhow::{Context as _, anyhow, bail, ensure};
-use serde::Deserialize as _;
+use serde::{Deserialize as _, de::DeserializeOwned};
 use toml::{Table, Value};
 
 use calib_data::DataConfig;
@@ -14,6 +14,7 @@ use super::{
     message::friendly,
     models,
     profiles::{self, Results},
+    protocol,
 };
 
 /// What is looked at, of a study that has several.
@@ -43,8 +44,7 @@ impl Study {
         models::check(&table).with_context(|| path.display().to_string())?;
         models::choose(&mut table, chosen.model).with_context(|| path.display().to_string())?;
         let with = || with_overrides(path, overrides, chosen);
-        let mut study = Self::deserialize(Value::Table(table))
-            .map_err(|error| anyhow!("{}: {}", with(), located(&error)))?;
+        let mut study = typed(table).with_context(with)?;
         // Empty for a bare file name, so that paths below it stay as short as they were written.
         let directory = path.parent().map(PathBuf::from).unwrap_or_default();
         study.check().with_context(with)?;
@@ -71,6 +71,18 @@ impl Study {
         Ok(models::names(&read(path, overrides, profile)?.0))
     }
 
+    /// The study that `table` is, with all its models, to be written to `path`.
+    ///
+    /// # Errors
+    /// A key that does not exist, or a value that is not valid.
+    pub(crate) fn of_table(path: &Path, table: Table) -> anyhow::Result<(Self, StudyPaths)> {
+        models::check(&table)?;
+        let study = typed(table)?;
+        study.check()?;
+        let root = path.with_extension("").display().to_string() + "-results";
+        Ok((study, StudyPaths::new(path.to_owned(), root.into())))
+    }
+
     /// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
     ///
     /// # Errors
@@ -80,8 +92,8 @@ impl Study {
         for text in overrides {
             apply(&mut table, text)?;
         }
-        let mut study = Self::deserialize(Value::Table(table))
-            .map_err(|error| anyhow!("--set {}: {}", overrides.join(" --set "), located(&error)))?;
+        let mut study =
+            typed(table).with_context(|| format!("--set {}", overrides.join(" --set ")))?;
         study.data.path = path.to_owned().into();
         study.check()?;
         Ok(study)
@@ -102,6 +114,7 @@ impl Study {
         let counts = [
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
             ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
+            ("sweep.network_runs", self.sweep.runs_of_network(), 1, MANY_RUNS),
             ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
             ("sweep.online_windows", self.sweep.online_windows, 1, MANY_RUNS),
             ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),
@@ -154,6 +167,11 @@ const MANY_RUNS: usize = 100_000;
 /// More steps than anybody asks for: three years at 1 Hz.
 const MANY_STEPS: usize = 100_000_000;
 
+/// The study file `path` as a table, with all its models and without its profiles.
+pub(super) fn table_of(path: &Path) -> anyhow::Result<Table> {
+    Ok(read(path, &[], None)?.0)
+}
+
 /// The study file as a table, with a profile and overrides, all models in it; and where its results go.
 fn read(
     path: &Path,
@@ -188,27 +206,42 @@ fn read(
 /// Whether a table has the keys and types of a study.
 fn is_study(table: Table) -> anyhow::Result<()> {
     models::check(&table)?;
-    Study::deserialize(Value::Table(table)).map_err(|error| anyhow!("{}", located(&error)))?;
+    typed(table)?;
     Ok(())
 }
 
+fn typed(table: Table) -> anyhow::Result<Study> {
+    Study::deserialize(Value::Table(table)).map_err(|error| anyhow!("{}", located(&error)))
+}
+
 fn parse(path: &Path, text: &str) -> anyhow::Result<Table> {
+    let table: Table = of_text(path, text)?;
+    if table.contains_key(protocol::KEY) {
+        bail!(
+            "{} is a protocol of several studies; run it with `calib validity {}`",
+            path.display(),
+            path.display()
+        );
+    }
+    // The typed reading finds unknown keys and wrong types, with their place in the text.
+    of_text::<Study>(path, text)?;
+    Ok(table)
+}
+
+/// What the TOML `text` of the file `path` says; a mistake is named with its line.
+pub(super) fn of_text<T: DeserializeOwned>(path: &Path, text: &str) -> anyhow::Result<T> {
     let place = |span: Option<std::ops::Range<usize>>| {
         let before = &text[..span.map_or(0, |span| span.start.min(text.len()))];
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
         format!("{}:{line}:{column}", path.display())
     };
-    let table: Table = toml::from_str(text)
-        .map_err(|error| anyhow!("{}: {}", place(error.span()), error.message()))?;
-    // The typed reading finds unknown keys and wrong types, with their place in the text.
-    toml::from_str::<Study>(text)
-        .map_err(|error| anyhow!("{}: {}", place(error.span()), friendly(error.message())))?;
-    Ok(table)
+    toml::from_str(text)
+        .map_err(|error| anyhow!("{}: {}", place(error.span()), friendly(error.message())))
 }
 
 /// Apply one `section.key=value`; the value is TOML, or else plain text.
-fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
+pub(super) fn apply(table: &mut Table, text: &str) -> anyhow::Result<()> {
     let expected = "expected section.key=value, such as agent.gamma=0.9";
     let (keys, value) =
         text.split_once('=').with_context(|| format!("--set {text}: {expected}"))?;
@@ -268,18 +301,26 @@ fn located(error: &toml::de::Error) -> String {
     }
 }
 
+/// A variable of the environment that a path names, and that is not set.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "data.path = \"{path}\": the environment variable {name} is not set; \
+     set it to the folder of the data, or say --set data.path=FOLDER"
+)]
+pub(crate) struct UnsetVariable {
+    path: String,
+    /// Its name.
+    pub(crate) name: String,
+}
+
 fn expand(text: &str) -> anyhow::Result<String> {
     let Some(start) = text.find("${") else { return Ok(text.to_owned()) };
     let Some(length) = text[start..].find('}') else {
         bail!("data.path = \"{text}\": `${{` without `}}`");
     };
     let name = &text[start + 2..start + length];
-    let value = std::env::var(name).map_err(|_| {
-        anyhow!(
-            "data.path = \"{text}\": the environment variable {name} is not set; \
-             set it to the folder of the data, or say --set data.path=FOLDER"
-        )
-    })?;
+    let value = std::env::var(name)
+        .map_err(|_| UnsetVariable { path: text.to_owned(), name: name.to_owned() })?;
     Ok(format!("{}{value}{}", &text[..start], expand(&text[start + length + 1..])?))
 }
 

@@ -10,7 +10,9 @@ mod partition;
 mod paths;
 mod pretrain;
 mod profiles;
+mod protocol;
 mod simulate;
+mod toml_json;
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -23,12 +25,13 @@ use calib_rollout::RolloutConfig;
 use calib_sweep::{Beginning, Rule, SweepConfig};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use load::Chosen;
+pub(crate) use load::{Chosen, UnsetVariable};
 pub(crate) use model::ModelSection;
 pub(crate) use partition::Partition;
 pub(crate) use paths::Rollouts;
 pub use paths::StudyPaths;
 pub(crate) use pretrain::{MomentsRule, PretrainConfig};
+pub(crate) use protocol::{Drawn, Protocol};
 pub(crate) use simulate::SimulateConfig;
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
@@ -81,6 +84,17 @@ impl Study {
     /// Whether the model is a network, to which `[dynamics]` applies.
     pub fn is_parametric(&self) -> bool {
         self.model.kind != ModelKind::Knn
+    }
+
+    /// Runs of every value in each member of the model.
+    pub(crate) fn member_runs(&self) -> usize {
+        if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
+    }
+
+    /// Where the rollouts start that agents are trained in; nothing else of `[rollout]` decides about them.
+    pub(crate) fn sweep_starts(&self) -> RolloutConfig {
+        let own = self.sweep.start.unwrap_or(self.rollout.start);
+        RolloutConfig { start: own, ..self.rollout.starts() }
     }
 
     /// Which part of a run is scored.

@@ -3,7 +3,10 @@
 use anyhow::{bail, ensure};
 use toml::{Table, Value};
 
-use super::overlay::{self, check_names, lay_over, take};
+use super::{
+    Study,
+    overlay::{self, check_names, lay_over, take},
+};
 
 /// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
 /// their results could not stand beside each other.
@@ -23,6 +26,15 @@ pub(super) fn names(table: &Table) -> Vec<String> {
             all.into_iter().filter(|name| compared.contains(&name.as_str())).collect()
         }
         None => all,
+    }
+}
+
+impl Study {
+    /// Names of the models that are compared, in alphabetical order; none where one was chosen.
+    pub(crate) fn compared_models(&self) -> Vec<String> {
+        let is_compared =
+            |name: &&String| self.compare.as_ref().is_none_or(|compared| compared.contains(name));
+        self.models.keys().filter(is_compared).cloned().collect()
     }
 }
 

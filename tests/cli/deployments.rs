@@ -90,7 +90,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     );
     let own = place.path().join("study-results/deployments/near/report.html");
     let own = fs::read_to_string(own).expect("readable");
-    assert!(own.contains("judged on near, 2022-11-03 00:00:00 to"));
+    assert!(own.contains(" of near, 2022-11-03 00:00:00 to"));
     let manifest = json(&place, "study-results/deployments/near/rollout/manifest.json");
     let starts = &manifest["members"][0]["starts"];
     assert_eq!(starts["starts"], 3);

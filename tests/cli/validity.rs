@@ -1,5 +1,9 @@
 //! Several studies, judged together.
 
+use std::path::Path;
+
+use serde_json::{Value, json};
+
 use crate::harness::Place;
 
 /// A day and a half of a small plant, with two sensors and linear agents: seconds to run.
@@ -37,13 +41,17 @@ learning_rate = 1e-2
 
 [sweep]
 sensors = ["PIT300", "TIT101"]
-steps = 400
-online_runs = 2
+steps = 280
+online_windows = 2
+online_runs = 4
 member_runs = 1
-log_replay_runs = 1
+log_replay_runs = 2
 
 [sweep.grid]
-learning_rate = [1e-5, 1e-3, 1e-2]
+learning_rate = [1e-4, 1e-2, 1]
+
+[evaluate]
+resamples = 50
 "#;
 
 fn place() -> Place {
@@ -55,61 +63,82 @@ fn place() -> Place {
     place
 }
 
+/// The method called `name` of a judgement's first score.
+fn method(json: &Value, name: &str) -> Value {
+    let all = json["scores"][0]["methods"].as_array().expect("a list");
+    all.iter().find(|of| of["method"] == name).expect("it is there").clone()
+}
+
+fn parsed(text: &str) -> Value {
+    serde_json::from_str(text).expect("JSON")
+}
+
 #[test]
 fn a_folder_of_studies_is_run_and_judged() {
     let place = place();
     let dry = place.calib(&["validity", "plants", "--dry-run"]).succeeds();
-    assert!(dry.contains("north, even is to be run") && dry.contains("south, near"), "{dry}");
+    let line = dry.lines().find(|line| line.trim_start().starts_with("north")).expect("listed");
+    let words: Vec<&str> = line.split_whitespace().collect();
+    assert_eq!(words, ["north", "adam", "linear", "0.8", "280", "16", "2", "to", "be", "run"]);
+    assert!(dry.contains("2 of 2 plants are to be run"), "{dry}");
     assert!(!place.path().join("plants/validity-results").exists());
 
     let judged = place.calib(&["validity", "plants", "--resamples", "200", "--json", "-q"]);
-    let json: serde_json::Value = serde_json::from_str(&judged.succeeds()).expect("JSON");
-    assert_eq!((&json["pairs"], &json["resamples"]), (&4.into(), &200.into()));
-    assert_eq!(json["plants"], serde_json::json!(["north", "south"]));
-    assert_eq!(json["models"], serde_json::json!(["even", "near"]));
-    let method = |name: &str| -> serde_json::Value {
-        let all = json["methods"].as_array().expect("a list");
-        all.iter().find(|of| of["method"] == name).expect("it is there").clone()
-    };
-    for name in ["model:even", "model:near", "best_default", "log_replay", "default", "random"] {
-        assert_eq!(method(name)["pairs"], 4, "{name}");
+    let json = parsed(&judged.succeeds());
+    let score = &json["scores"][0];
+    assert_eq!((&score["part"], &score["pairs"]), (&"whole_run".into(), &4.into()));
+    assert_eq!(score["plants"], json!(["north", "south"]));
+    assert_eq!(score["models"], json!(["even", "near"]));
+    assert_eq!(json["scores"].as_array().map(Vec::len), Some(1), "280 steps are 42 horizons");
+    assert_eq!(json["plants"][1]["steps"], 280);
+    for name in [
+        "model:even",
+        "model:near",
+        "best_default",
+        "log_replay",
+        "latest_window",
+        "default",
+        "random",
+        "hindsight",
+        "another_window",
+    ] {
+        assert_eq!(method(&json, name)["pairs"], 4, "{name}");
     }
-    // Nobody beats the best of all values, and hindsight beats the study's default or equals it.
-    let mean = |name: &str| method(name)["mean"].as_f64().expect("finite");
-    assert!(mean("model:near") >= 0.0 && mean("best_default") <= mean("default"));
+    // Nobody beats the best constant, and hindsight beats the study's default or equals it.
+    let typical = |name: &str| method(&json, name)["typical"].as_f64().expect("finite");
+    assert!(typical("model:near") >= typical("hindsight"));
+    assert!(typical("best_default") <= typical("default"));
     // Two models in each pair, whose one-step errors are known.
-    assert_eq!(
-        (&json["accuracy"][0]["pairs"], &json["accuracy"][0]["models"]),
-        (&4.into(), &8.into())
-    );
+    let accuracy = &score["accuracy"][0];
+    assert_eq!((&accuracy["pairs"], &accuracy["models"]), (&4.into(), &8.into()));
     // What one study says is what the judgement says of it.
     let own = place.calib(&["evaluate", "plants/north.toml", "--model", "near", "--json", "-q"]);
-    let own: serde_json::Value = serde_json::from_str(&own.stdout()).expect("JSON");
-    let regret = own["verdicts"][0]["model_agreement"]["regret"].as_f64().expect("finite");
-    let pairs = place.calib(&["validity", "plants/north.toml", "--judge-only", "--output", "one"]);
-    let text = pairs.succeeds();
-    let line = text
-        .lines()
-        .rfind(|line| line.trim_start().starts_with("north") && line.contains("PIT300"));
-    let line = line.expect("the first pair").to_owned();
-    let shown = line.split("  ").map(str::trim).filter(|cell| cell.ends_with('%')).nth(1);
-    let shown: f64 = shown.expect("near").trim_end_matches(" %").parse().expect("a number");
-    assert!((shown - 100.0 * regret).abs() <= 0.5, "{line}: {regret}");
+    let own = parsed(&own.stdout());
+    let regret = |sensor: usize| {
+        own["verdicts"][sensor]["truth"]["choice"]["regret"]["value"].as_f64().expect("finite")
+    };
+    let one = ["validity", "plants/north.toml", "--judge-only", "--output", "one", "--json", "-q"];
+    let one = method(&parsed(&place.calib(&one).succeeds()), "model:near");
+    let mean = one["mean"].as_f64().expect("finite");
+    assert!((mean - (regret(0) + regret(1)) / 2.0).abs() < 1e-12, "{one}");
 
     let results = place.content("plants/validity-results");
     for file in ["validity.json", "pairs.parquet", "report.html", "figures/regret.svg"] {
-        assert!(results.contains_key(std::path::Path::new(file)), "{file} is missing");
+        assert!(results.contains_key(Path::new(file)), "{file} is missing");
     }
-    let page = String::from_utf8(results[std::path::Path::new("report.html")].clone());
-    let page = page.expect("text");
+    let page = String::from_utf8(results[Path::new("report.html")].clone()).expect("text");
     assert!(page.contains("Does calib choose well?") && page.contains("calib validity plants"));
     assert!(page.contains("Regret in every pair") && !page.contains("src=\"http"));
 
     // Again, nothing is run, and on one thread it is the same.
     let again = place.calib(&["validity", "plants", "--resamples", "200", "--threads", "1"]);
-    again.succeeds();
+    let shown = again.succeeds();
     assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
     assert!(place.content("plants/validity-results") == results);
+    let in_tables: Vec<&str> = shown.lines().filter(|line| line.starts_with(' ')).collect();
+    assert!(in_tables.len() > 40, "{shown}");
+    let wide = in_tables.iter().find(|line| line.chars().count() > 100);
+    assert_eq!(wide, None, "a terminal has 100 columns");
 }
 
 #[test]
@@ -122,14 +151,150 @@ fn what_cannot_be_judged_is_refused() {
     assert!(empty.contains("empty has no study (*.toml)"), "{empty}");
     let twice = place.calib(&["validity", "plants", "plants/north.toml"]).fails(2);
     assert!(twice.contains("both called north"), "{twice}");
+    let draw = place.calib(&["validity", "plants", "--draw", "2"]).fails(2);
+    assert!(draw.contains("--draw is for protocols"), "{draw}");
 
     let blind = STUDY.replace("train_fraction = 0.7", "train_fraction = 1").replace("SEED", "1");
     place.write("plants/north.toml", &blind);
     let blind = place.calib(&["validity", "plants/north.toml"]).fails(2);
     assert!(blind.contains("north.toml holds no data out"), "{blind}");
-    let other = STUDY.replace("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-2]").replace("SEED", "1");
+    let other = STUDY.replace("[1e-4, 1e-2, 1]", "[1e-5, 1e-2]").replace("SEED", "1");
     place.write("plants/north.toml", &other);
     let other = place.calib(&["validity", "plants"]).fails(2);
     assert!(other.contains("the studies sweep different values: north has"), "{other}");
     assert!(!place.path().join("plants/north-results").exists(), "nothing is run for nothing");
+}
+
+/// Two simulated plants, one that is too short to be scored, and one whose data are elsewhere.
+const PROTOCOL: &str = r#"
+[validity]
+seed = 5
+rollouts = false
+
+[[validity.plants]]
+study = "plant.toml"
+repeat = 2
+[validity.plants.draw]
+"simulate.drift" = { from = 0.3, to = 3, scale = "log" }
+
+[[validity.plants]]
+study = "short.toml"
+[validity.plants.draw]
+"agent.gamma" = [0.99]
+
+[[validity.plants]]
+study = "elsewhere.toml"
+
+[validity.task.draw]
+"agent.optimiser" = ["adam", "sgd"]
+"agent.gamma" = [0.2, 0.3]
+"sweep.steps" = { from = 270, to = 300 }
+"#;
+
+fn protocol() -> Place {
+    let place = Place::new();
+    let study = STUDY.replace("seed = SEED\n", "").replace("SEED", "all");
+    place.write("plant.toml", &study);
+    place.write("short.toml", &study.replace("days = 1.5", "days = 0.2"));
+    let elsewhere = study.replace("[simulate]\ndays = 1.5\nchannels = 12\nperiod_secs = 60\n", "");
+    place.write("elsewhere.toml", &elsewhere.replace("data-all", "${CALIB_NOWHERE}/logs"));
+    place.write("protocol.toml", PROTOCOL);
+    place
+}
+
+const VALIDITY: [&str; 6] = ["validity", "protocol.toml", "--resamples", "100", "--json", "-q"];
+
+#[test]
+fn a_protocol_draws_plants_and_goes_on_where_it_was() {
+    let place = protocol();
+    let dry = place.calib(&["validity", "protocol.toml", "--dry-run"]).succeeds();
+    assert!(
+        dry.contains("plant-02") && dry.contains("left out: CALIB_NOWHERE is not set"),
+        "{dry}"
+    );
+    assert!(dry.contains("3 of 4 plants are to be run"), "{dry}");
+    assert!(!place.path().join("validity-results").exists(), "nothing is written");
+
+    let json = parsed(&place.calib(&VALIDITY).succeeds());
+    assert_eq!(json["protocol"], json!({"file": "protocol.toml", "seed": 5}));
+    assert_eq!(json["scores"][0]["plants"], json!(["plant-01", "plant-02"]));
+    let left_out = json["left_out"].as_array().expect("a list");
+    assert_eq!(
+        (&left_out[0]["plant"], &left_out[1]["plant"]),
+        (&"short".into(), &"elsewhere".into())
+    );
+    let reason = left_out[0]["reason"].as_str().expect("text");
+    assert!(reason.contains("no step of the held-out range can be scored"), "{reason}");
+    // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
+    assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
+    let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
+    assert_eq!(rules, 12, "six rules of two models");
+    assert!(json["scores"][0]["accuracy"][0]["correlation"].is_null(), "there are no rollouts");
+
+    // Each drawn study is one like any other.
+    let study = "validity-results/draw-5/studies/plant-01.toml";
+    let text = std::fs::read_to_string(place.path().join(study)).expect("written");
+    assert!(text.contains("with the seed 5") && text.contains("#     simulate.drift = "), "{text}");
+    let again = place.calib(&["sweep", study]);
+    again.succeeds();
+    assert!(again.stdout().contains("up to date"), "{}", again.stdout());
+
+    // Again nothing is run; what is lost of a plant is run again, to the same bytes.
+    let results = place.content("validity-results/draw-5");
+    let again = place.calib(&VALIDITY[..4]);
+    again.succeeds();
+    assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
+    let sweep = "validity-results/draw-5/studies/plant-02-results/models/near/sweep";
+    for lost in ["manifest.json", "runs.parquet", "units/PIT300/online/run-0001.json"] {
+        std::fs::remove_file(place.path().join(sweep).join(lost)).expect("it was there");
+    }
+    std::fs::remove_dir_all(place.path().join(sweep.replace("near", "even")))
+        .expect("it was there");
+    let resumed = place.calib(&VALIDITY[..4]);
+    resumed.succeeds();
+    assert!(resumed.stderr().contains("units run in"), "{}", resumed.stderr());
+    assert!(place.content("validity-results/draw-5") == results);
+}
+
+#[test]
+fn another_draw_confirms_and_leaves_the_first_as_it_is() {
+    let place = protocol();
+    let refused = place.calib(&["validity", "protocol.toml", "--judge-only"]).fails(2);
+    assert!(
+        refused.contains("no plant is left to judge (plant-01: it has not been run"),
+        "{refused}"
+    );
+    let first = parsed(&place.calib(&VALIDITY).succeeds());
+    let results = place.content("validity-results/draw-5");
+    let other = parsed(&place.calib(&[&VALIDITY[..], &["--draw", "6"]].concat()).succeeds());
+    assert_eq!(other["protocol"]["seed"], 6);
+    assert_ne!(first["plants"], other["plants"], "other tasks");
+    assert!(place.content("validity-results/draw-5") == results);
+    // A judgement so far, of what has been run.
+    let folder = place.path().join("validity-results/draw-6/studies/plant-02-results");
+    std::fs::remove_dir_all(folder).expect("it was there");
+    let so_far = [&VALIDITY[..], &["--draw", "6", "--judge-only"]].concat();
+    let so_far = parsed(&place.calib(&so_far).succeeds());
+    assert_eq!(so_far["scores"][0]["plants"], json!(["plant-01"]));
+    // A protocol that draws otherwise draws its own plants anew.
+    let drift = "{ from = 0.3, to = 3, scale = \"log\" }";
+    place.write("protocol.toml", &PROTOCOL.replace(drift, "[0.7, 0.8]"));
+    let redrawn = parsed(&place.calib(&VALIDITY).succeeds());
+    assert_eq!(redrawn["plants"], first["plants"], "the tasks stay");
+    assert_ne!(redrawn["scores"][0]["methods"], first["scores"][0]["methods"]);
+}
+
+#[test]
+fn a_protocol_is_told_from_studies() {
+    let place = protocol();
+    let run = place.calib(&["run", "protocol.toml"]).fails(2);
+    assert!(run.contains("is a protocol of several studies; run it with `calib validity"), "{run}");
+    let both = place.calib(&["validity", "protocol.toml", "plant.toml"]).fails(2);
+    assert!(both.contains("a protocol is judged by itself"), "{both}");
+    // In a folder the protocol is what is meant, and the studies beside it are what it draws from.
+    let folder = place.calib(&["validity", ".", "--dry-run"]).succeeds();
+    assert!(folder.contains("plant-01"), "{folder}");
+    place.write("protocol.toml", &PROTOCOL.replace("agent.gamma", "agent.gama"));
+    let key = place.calib(&["validity", "protocol.toml"]).fails(2);
+    assert!(key.contains("did you mean `gamma`"), "{key}");
 }

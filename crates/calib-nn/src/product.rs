@@ -1,4 +1,9 @@
+//! Matrix products with one order of sums for every processor.
+
+mod thin;
+
 use gemm::{Parallelism, gemm};
+use pulp::Arch;
 
 /// A matrix over borrowed values: element (i, j) is `values[i * row_stride + j * column_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -31,9 +36,33 @@ impl<'a> Matrix<'a> {
             ..self
         }
     }
+
+    fn at(&self, row: usize, column: usize) -> f32 {
+        self.values[row * self.row_stride + column * self.column_stride]
+    }
+
+    /// One row of a matrix whose rows lie in order.
+    fn row(&self, row: usize) -> &'a [f32] {
+        debug_assert_eq!(self.column_stride, 1, "rows lie in order");
+        &self.values[row * self.row_stride..][..self.columns]
+    }
 }
 
+/// Longest chain of multiply-adds. The library never cuts a shorter one, whatever the caches of the processor.
+const CHAIN: usize = 512;
+
+/// Results of at most so many values, from operands that both lie along the inner size, are dot products.
+const FEW: usize = 256;
+
 /// `out` = `left` · `right`, with `out` as `[left.rows, right.columns]`, row after row.
+///
+/// Every value is a sum in an order that follows from the shapes and layouts alone, so that all processors give the
+/// same bytes. With k the inner size:
+///
+/// - one row or column, or at most 256 values, where both operands lie along k: sixteen partial sums by fused
+///   multiply-adds, product l to sum l mod 16, added by halves;
+/// - otherwise fused multiply-adds one after another from 0; if neither operand is a row or column and k is above 512,
+///   in ⌈k / 512⌉ equal parts (the last one may be shorter), which are added one after another.
 ///
 /// One thread: populations and runs are parallel outside, where nothing must be synchronised.
 ///
@@ -43,25 +72,54 @@ pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     let (m, k, n) = (left.rows, left.columns, right.columns);
     assert_eq!(k, right.rows, "inner sizes of a product agree");
     assert_eq!(out.len(), m * n, "the result covers its values");
+    if m == 0 || n == 0 {
+        return;
+    }
+    let thin = m == 1 || n == 1;
+    let along = left.column_stride == 1 && right.row_stride == 1;
+    if along && (thin || m * n <= FEW) {
+        thin::dots(out, left, right);
+    } else if m == 1 || (k <= 2 && right.column_stride == 1) {
+        thin::combine(out, left, right);
+    } else if n == 1 {
+        thin::combine(out, right.transposed(), left.transposed());
+    } else if k <= 2 || matches!(Arch::new(), Arch::Scalar) {
+        // The library begins the former with a product instead of 0, and does not fuse where the processor cannot.
+        chains(out, left, right);
+    } else {
+        let part = k.div_ceil(k.div_ceil(CHAIN));
+        for first in (0..k).step_by(part) {
+            add_part(out, left, right, first, part.min(k - first));
+        }
+    }
+}
+
+/// Sets `out` to the product over the inner indices `first..first + count`, or adds it where `first` is not 0.
+fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, count: usize) {
+    let (m, n) = (left.rows, right.columns);
+    assert!(first + count <= left.columns && left.columns == right.rows && out.len() == m * n);
+    let left_values = &left.values[first * left.column_stride..];
+    let right_values = &right.values[first * right.row_stride..];
     // SAFETY: `Matrix::new` proved that every (i, j) of both operands lies inside their slices, and
-    // transposing keeps the set of addresses; the second assertion does the same for `out`, which is
-    // borrowed exclusively and so overlaps neither operand. `read_dst` is false: `out` is only written.
+    // transposing keeps the set of addresses. `count` columns of the left and rows of the right operand from `first` on
+    // are among them by the assertion, which covers `out`, too; `out` is
+    // borrowed exclusively and so overlaps neither operand. It is read only where it was written before.
     unsafe {
         gemm(
             m,
             n,
-            k,
+            count,
             out.as_mut_ptr(),
             1,
             n as isize,
-            false,
-            left.values.as_ptr(),
+            first > 0,
+            left_values.as_ptr(),
             left.column_stride as isize,
             left.row_stride as isize,
-            right.values.as_ptr(),
+            right_values.as_ptr(),
             right.column_stride as isize,
             right.row_stride as isize,
-            0.0,
+            1.0,
             1.0,
             false,
             false,
@@ -71,37 +129,22 @@ pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn operand(rows: usize, columns: usize, salt: usize) -> Vec<f32> {
-        (0..rows * columns).map(|i| ((i * 37 + salt * 11) % 19) as f32 - 9.0).collect()
-    }
-
-    proptest! {
-        #[test]
-        fn every_layout_agrees_with_the_definition(m in 1_usize..70, k in 1_usize..70, n in 1_usize..70) {
-            let (a, b) = (operand(m, k, 1), operand(k, n, 2));
-            let (at, bt) = (operand(k, m, 3), operand(n, k, 4));
-            for left in [Matrix::new(&a, m, k), Matrix::new(&at, k, m).transposed()] {
-                for right in [Matrix::new(&b, k, n), Matrix::new(&bt, n, k).transposed()] {
-                    let at = |x: &Matrix<'_>, i: usize, j: usize| {
-                        x.values[i * x.row_stride + j * x.column_stride]
-                    };
-                    let mut out = vec![f32::NAN; m * n];
-                    multiply(&mut out, left, right);
-                    for i in 0..m {
-                        for j in 0..n {
-                            // Small integers: exact in any order of summation.
-                            let expected: f32 = (0..k).map(|l| at(&left, i, l) * at(&right, l, j)).sum();
-                            prop_assert_eq!(out[i * n + j], expected);
-                        }
-                    }
-                }
-            }
+/// The definition, loop by loop: for processors without fused multiply-adds, and for products that are hardly any.
+fn chains(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
+    let (k, n) = (left.columns, right.columns);
+    let part = k.div_ceil(k.div_ceil(CHAIN).max(1)).max(1);
+    for (index, out) in out.iter_mut().enumerate() {
+        let (i, j) = (index / n, index % n);
+        let chain = |first: usize| {
+            let inner = first..k.min(first + part);
+            inner.fold(0.0, |sum, l| left.at(i, l).mul_add(right.at(l, j), sum))
+        };
+        *out = chain(0);
+        for first in (part..k).step_by(part) {
+            *out += chain(first);
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

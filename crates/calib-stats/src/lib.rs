@@ -16,6 +16,7 @@
 //! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
 //! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
+//! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
 //! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
 //! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
 //! - [`quantile`], [`median`]: order statistics.
@@ -57,6 +58,7 @@ mod log_choice;
 mod nested;
 mod one_step;
 mod pooled;
+mod power;
 mod prediction;
 mod quantile;
 mod ranks;
@@ -83,6 +85,7 @@ pub use log_choice::{LogChoice, choose_by_mean_log};
 pub use nested::{Drawn, Nested, Varies};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
+pub use power::{observations_needed, smallest_difference};
 pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};

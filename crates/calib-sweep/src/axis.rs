@@ -7,7 +7,7 @@ use crate::{
     range::{Range, Span},
 };
 
-/// What one field of the agent is swept over: a list of values, or a range.
+/// What one field is swept over or drawn from: a list of values, or a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Axis {
@@ -47,7 +47,56 @@ pub(crate) enum Points {
     Continuous(Span),
 }
 
+/// What is wrong with the values of an axis.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AxisError {
+    /// An empty list.
+    #[error("it has no values; give a list such as [0.8, 0.9], or a range")]
+    Empty,
+    /// The same value twice in a list.
+    #[error("it has the value {value} twice; remove one")]
+    Repeated {
+        /// The value.
+        value: String,
+    },
+    /// A range that holds no values.
+    #[error("it is not a range of values: {reason}")]
+    Range {
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
 impl Axis {
+    /// The value that a uniform draw `unit` from `[0, 1)` stands for: each of a list or of a range's listed numbers is equally likely,
+    /// any number of an open range, evenly or evenly in the logarithm.
+    ///
+    /// `like` is a value of the field, such as its default, if it has one: where that is a whole number, so are the draws.
+    ///
+    /// # Errors
+    /// An empty list, a repeated value, a range without numbers, or one for a field that is no number.
+    pub fn draw(&self, like: Option<&Value>, unit: f64) -> Result<Value, AxisError> {
+        Ok(self.points_like(like)?.draw(unit).1)
+    }
+
+    /// Its values as those of a field with the value `like`.
+    fn points_like(&self, like: Option<&Value>) -> Result<Points, AxisError> {
+        let points = match self {
+            Self::List(values) => Points::Discrete(values.clone()),
+            Self::Range(range) if like.is_none_or(Value::is_number) => range
+                .points(like.is_some_and(Value::is_u64))
+                .map_err(|reason| AxisError::Range { reason })?,
+            Self::Range(_) => {
+                let reason = "its values are no numbers; give a list".to_owned();
+                return Err(AxisError::Range { reason });
+            }
+        };
+        if let Points::Discrete(values) = &points {
+            check_values(values)?;
+        }
+        Ok(points)
+    }
+
     /// Its values as those of the agent's field `field`.
     pub(crate) fn points(&self, field: &str, agent: &AgentConfig) -> Result<Points, SweepError> {
         let fields = fields(agent);
@@ -55,20 +104,30 @@ impl Axis {
             let known = fields.keys().cloned().collect::<Vec<_>>().join(", ");
             return Err(SweepError::UnknownField { field: field.to_owned(), known });
         };
-        let points = match self {
-            Self::List(values) => Points::Discrete(values.clone()),
-            Self::Range(range) if own.is_number() => range
-                .points(own.is_u64())
-                .map_err(|reason| SweepError::Range { field: field.to_owned(), reason })?,
-            Self::Range(_) => {
-                let reason = "its values are no numbers; give a list".to_owned();
-                return Err(SweepError::Range { field: field.to_owned(), reason });
+        self.points_like(Some(own)).map_err(|error| {
+            let field = field.to_owned();
+            match error {
+                AxisError::Empty => SweepError::EmptyField { field },
+                AxisError::Repeated { value } => SweepError::RepeatedValue { field, value },
+                AxisError::Range { reason } => SweepError::Range { field, reason },
             }
-        };
-        if let Points::Discrete(values) = &points {
-            check_values(field, values)?;
+        })
+    }
+}
+
+impl Points {
+    /// The value that a uniform draw from `[0, 1)` stands for, and its place in the order of a grid.
+    pub(crate) fn draw(&self, unit: f64) -> (f64, Value) {
+        match self {
+            Self::Discrete(values) => {
+                let place = ((unit * values.len() as f64) as usize).min(values.len() - 1);
+                (place as f64, values[place].clone())
+            }
+            Self::Continuous(span) => {
+                let value = span.draw(unit);
+                (value, span.value(value))
+            }
         }
-        Ok(points)
     }
 }
 
@@ -80,9 +139,9 @@ pub(crate) fn fields(agent: &AgentConfig) -> serde_json::Map<String, Value> {
     }
 }
 
-fn check_values(field: &str, values: &[Value]) -> Result<(), SweepError> {
+fn check_values(values: &[Value]) -> Result<(), AxisError> {
     if values.is_empty() {
-        return Err(SweepError::EmptyField { field: field.to_owned() });
+        return Err(AxisError::Empty);
     }
     // 1 and 1.0 are one value.
     let same = |a: &Value, b: &Value| match (a.as_f64(), b.as_f64()) {
@@ -91,9 +150,43 @@ fn check_values(field: &str, values: &[Value]) -> Result<(), SweepError> {
     };
     for (position, value) in values.iter().enumerate() {
         if values[..position].iter().any(|earlier| same(earlier, value)) {
-            let value = crate::written(value);
-            return Err(SweepError::RepeatedValue { field: field.to_owned(), value });
+            return Err(AxisError::Repeated { value: crate::written(value) });
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn axis(text: &str) -> Axis {
+        serde_json::from_str(text).expect("an axis")
+    }
+
+    #[test]
+    fn draws_are_values_of_the_field() {
+        let gammas = axis("[0.8, 0.9, 0.95]");
+        let of = |unit| gammas.draw(None, unit).expect("valid");
+        assert_eq!([0.0, 0.34, 0.999].map(of), [json!(0.8), json!(0.9), json!(0.95)]);
+        let batches = axis(r#"{"from": 4, "to": 64, "scale": "log"}"#);
+        assert_eq!(batches.draw(Some(&json!(256)), 0.5), Ok(json!(16)), "the field is whole");
+        assert_eq!(batches.draw(Some(&json!(2.5)), 0.5), Ok(json!(16.0)));
+        let days = axis(r#"{"from": 3, "to": 4, "whole": true}"#);
+        assert_eq!([0.1, 0.9].map(|unit| days.draw(None, unit)), [Ok(json!(3)), Ok(json!(4))]);
+        let tables = axis(r#"[{"hidden_units": 16}, {"value_function": "linear"}]"#);
+        assert_eq!(tables.draw(Some(&json!({})), 0.0), Ok(json!({"hidden_units": 16})));
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_from_is_refused() {
+        let error = |text: &str, like: Value| axis(text).draw(Some(&like), 0.0).expect_err(text);
+        assert_eq!(error("[]", json!(1)), AxisError::Empty);
+        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1.0".to_owned() });
+        let words = error(r#"{"from": 1, "to": 2}"#, json!("adam")).to_string();
+        assert!(words.contains("no numbers; give a list"), "{words}");
+        assert!(matches!(error(r#"{"from": 2, "to": 1}"#, json!(1)), AxisError::Range { .. }));
+    }
 }

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use calib_agent::Part;
+use calib_rollout::StartKind;
 use serde::{Deserialize, Serialize};
 
 use crate::{Axis, Sampling};
@@ -20,8 +21,14 @@ pub struct SweepConfig {
     pub online_windows: usize,
     /// Runs of every value in each member (default 10, as in the paper).
     pub member_runs: usize,
+    /// Runs of every value in a model that is a network, which has one member (default: `member_runs`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub network_runs: Option<usize>,
     /// Runs of every value on replayed windows of the training range (default 10; 0 leaves it out).
     pub log_replay_runs: usize,
+    /// Where the rollouts start that agents are trained in (default: as those of `[rollout]`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartKind>,
     /// Which steps count (default: [`SweepConfig::part`]).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scored: Option<Part>,
@@ -49,6 +56,11 @@ pub enum Beginning {
 }
 
 impl SweepConfig {
+    /// Runs of every value in a network.
+    pub fn runs_of_network(&self) -> usize {
+        self.network_runs.unwrap_or(self.member_runs)
+    }
+
     /// The part of a run that is scored: what the study says, or else the whole run for agents that begin from scratch, because
     /// learning is what their deployment consists of, and the final quarter for those that are fine-tuned (the paper).
     pub fn part(&self, beginning: Beginning) -> Part {
@@ -68,7 +80,9 @@ impl Default for SweepConfig {
             online_runs: 30,
             online_windows: 8,
             member_runs: 10,
+            network_runs: None,
             log_replay_runs: 10,
+            start: None,
             scored: None,
             curve_points: 50,
             sampling: Sampling::Grid,

@@ -33,7 +33,7 @@ mod unit;
 mod verdict;
 mod windows;
 
-pub use axis::Axis;
+pub use axis::{Axis, AxisError};
 pub use candidate::{Candidate, candidates, written};
 pub use config::{Beginning, SweepConfig};
 pub use environment::{

@@ -18,7 +18,7 @@ pub enum Scale {
 /// With `per_decade`, `count` or `step` it stands for a list; without any of them for every number between
 /// its ends, from which random and Sobol sampling draw. Values other than the ends are rounded to what one
 /// would write by hand: three significant digits (log), or three more decimals than the spacing has (linear);
-/// whole numbers where the agent's field is one.
+/// whole numbers where the field takes such, or where `whole` asks for them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
@@ -38,6 +38,9 @@ pub struct Range {
     /// Values from `from` by this difference, as far as `to`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<f64>,
+    /// Whole numbers only, whatever the field takes.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub whole: bool,
 }
 
 /// More values of one field than anybody asks for.
@@ -50,6 +53,7 @@ impl Range {
     /// The values, or what is wrong with the range. `whole`: the field takes whole numbers.
     pub(crate) fn points(&self, whole: bool) -> Result<Points, String> {
         let Self { from, to, .. } = *self;
+        let whole = whole || self.whole;
         let span = Span { from, to, scale: self.scale()?, whole };
         span.check()?;
         // Compared before it is cast: quotients of numbers far apart are infinite.

@@ -91,7 +91,7 @@ fn sample(
     }
     let mut chosen: Vec<(Vec<f64>, Vec<Value>)> = Vec::with_capacity(samples);
     for index in 0..samples * PATIENCE {
-        let drawn = axes.iter().zip(point(index)).map(|((_, points), unit)| draw(points, unit));
+        let drawn = axes.iter().zip(point(index)).map(|((_, points), unit)| points.draw(unit));
         let (places, values): (Vec<f64>, Vec<Value>) = drawn.unzip();
         if let Err(place) = chosen.binary_search_by(|(other, _)| compare(other, &places)) {
             chosen.insert(place, (places, values));
@@ -106,20 +106,6 @@ fn sample(
 fn compare(a: &[f64], b: &[f64]) -> Ordering {
     let differing = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
     differing.unwrap_or(Ordering::Equal)
-}
-
-/// The value that a uniform draw stands for, and its place in the order of a grid.
-fn draw(points: &Points, unit: f64) -> (f64, Value) {
-    match points {
-        Points::Discrete(values) => {
-            let place = ((unit * values.len() as f64) as usize).min(values.len() - 1);
-            (place as f64, values[place].clone())
-        }
-        Points::Continuous(span) => {
-            let value = span.draw(unit);
-            (value, span.value(value))
-        }
-    }
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ pub enum Predictor {
 /// How badly it chooses. Lower is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
+pub enum Badness {
     /// Regret of its choice.
     Regret,
     /// Disagreement of its ranking with Online: minus Spearman's correlation.
@@ -34,7 +34,7 @@ pub struct Accuracy {
     /// What is known of the model.
     pub predictor: Predictor,
     /// How badly it chooses.
-    pub outcome: Outcome,
+    pub outcome: Badness,
     /// Pairs with at least two models that have both.
     pub pairs: usize,
     /// Models in them, counted in each.
@@ -57,12 +57,12 @@ impl Predictor {
     }
 }
 
-impl Outcome {
+impl Badness {
     const ALL: [Self; 2] = [Self::Regret, Self::Disagreement];
 
     fn of(self, model: &ModelPair, regrets: &[f64]) -> Option<f64> {
         match self {
-            Self::Regret => Some(regrets[model.selection.chosen]),
+            Self::Regret => Some(regrets[model.chosen]),
             Self::Disagreement => Some(-model.spearman?),
         }
     }
@@ -75,7 +75,7 @@ pub(crate) fn accuracies(
     plants: &OverPlants,
 ) -> Result<Vec<Accuracy>, StatsError> {
     let mut all = Vec::new();
-    for outcome in Outcome::ALL {
+    for outcome in Badness::ALL {
         for predictor in Predictor::ALL {
             let groups: Vec<(Vec<f64>, Vec<f64>)> = pairs
                 .iter()

@@ -3,32 +3,70 @@
 use calib_stats::{Interval, StatsError, mean};
 use serde::Serialize;
 
-use crate::{Method, method::Chosen, over_plants::OverPlants, summary::mean_of};
+use crate::{
+    Method,
+    chosen::Chosen,
+    over_plants::{OverPlants, mean_of},
+};
 
-/// One method against another, over the pairs in which both have a choice that did not diverge, but for the counts,
-/// where a choice that diverged loses.
+/// How much more error still counts as no worse: 1 %.
+pub const MARGIN: f64 = 0.01;
+
+/// What the interval of a quotient of errors says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finding {
+    /// Less error: the interval lies below 1.
+    Better,
+    /// More error: the interval lies above 1.
+    Worse,
+    /// At most [`MARGIN`] more error: the interval reaches 1, and ends below 1 + [`MARGIN`].
+    NoWorse,
+    /// None of these.
+    Untold,
+}
+
+impl Finding {
+    /// Of the interval of a quotient.
+    pub(crate) fn of(interval: Option<Interval>) -> Self {
+        match interval {
+            Some(Interval { high, .. }) if high < 1.0 => Self::Better,
+            Some(Interval { low, .. }) if low > 1.0 => Self::Worse,
+            Some(Interval { high, .. }) if high < 1.0 + MARGIN => Self::NoWorse,
+            _ => Self::Untold,
+        }
+    }
+}
+
+/// One method against another, over the pairs in which both have a choice. Regrets above [`CAP`](crate::CAP) count as that, but for
+/// wins, ties and losses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// The method.
     pub method: Method,
     /// The other one.
     pub against: Method,
+    /// Pairs in which both have a choice.
+    pub pairs: usize,
     /// Pairs in which the method's regret is smaller.
     pub wins: usize,
     /// Pairs in which both are equal.
     pub ties: usize,
     /// Pairs in which it is larger.
     pub losses: usize,
-    /// Pairs that the following is over.
-    pub finite: usize,
     /// Mean of the method's regret minus the other's; below 0 the method is better.
-    pub difference: Option<f64>,
+    pub difference: f64,
     /// 95 % interval of it, over plants.
     pub interval: Option<Interval>,
     /// Geometric mean of the method's Online error divided by the other's; below 1 the method is better.
-    pub error_ratio: Option<f64>,
+    pub error_ratio: f64,
     /// 95 % interval of it, over plants.
     pub error_ratio_interval: Option<Interval>,
+    /// What that interval says.
+    pub finding: Finding,
+    /// Mean over pairs of ln(quotient), plant by plant.
+    #[serde(skip)]
+    pub(crate) of_plants: Vec<f64>,
 }
 
 impl Comparison {
@@ -39,35 +77,58 @@ impl Comparison {
         plants: &OverPlants,
     ) -> Result<Option<Self>, StatsError> {
         let both = |pair: usize| method.regrets[pair].zip(against.regrets[pair]);
-        let finite = |pair: usize| both(pair).filter(|(a, b)| a.is_finite() && b.is_finite());
-        let pairs = 0..method.regrets.len();
-        let known: Vec<(f64, f64)> = pairs.clone().filter_map(both).collect();
+        let known: Vec<usize> =
+            (0..method.regrets.len()).filter(|&pair| both(pair).is_some()).collect();
         if known.is_empty() {
             return Ok(None);
         }
-        let count =
-            |holds: fn(f64, f64) -> bool| known.iter().filter(|(a, b)| holds(*a, *b)).count();
-        let difference = |pair: usize| finite(pair).map_or(f64::NAN, |(a, b)| a - b);
-        // (1 + a) / (1 + b) is the quotient of the errors: both are relative to the same best one.
-        let ratio = |pair: usize| finite(pair).map_or(f64::NAN, |(a, b)| a.ln_1p() - b.ln_1p());
-        let of: Vec<usize> = pairs.filter(|&pair| finite(pair).is_some()).collect();
-        let each = |value: &dyn Fn(usize) -> f64| -> Result<Option<f64>, StatsError> {
-            let values: Vec<f64> = of.iter().map(|&pair| value(pair)).collect();
-            (!values.is_empty()).then(|| mean(&values)).transpose()
+        let count = |holds: fn(f64, f64) -> bool| {
+            known.iter().filter_map(|&pair| both(pair)).filter(|(a, b)| holds(*a, *b)).count()
         };
-        let has = |pair: usize| finite(pair).is_some();
+        let counted = |pair| method.counted(pair).zip(against.counted(pair));
+        let difference = |pair: usize| counted(pair).map_or(f64::NAN, |(a, b)| a - b);
+        let ratio = |pair: usize| counted(pair).map_or(f64::NAN, |(a, b)| quotient(a, b));
+        let each = |value: &dyn Fn(usize) -> f64| {
+            mean(&known.iter().map(|&pair| value(pair)).collect::<Vec<f64>>())
+        };
+        let has = |pair: usize| both(pair).is_some();
+        let error_ratio_interval =
+            plants.interval(has, |pairs| Some(mean_of(pairs, ratio)?.exp()))?;
+        let of_plants = plants.each(has);
         Ok(Some(Self {
             method: method.method.clone(),
             against: against.method.clone(),
+            pairs: known.len(),
             wins: count(|a, b| a < b),
             ties: count(|a, b| a == b),
             losses: count(|a, b| a > b),
-            finite: of.len(),
             difference: each(&difference)?,
             interval: plants.interval(has, |pairs| mean_of(pairs, difference))?,
-            error_ratio: each(&ratio)?.map(f64::exp),
-            error_ratio_interval: plants
-                .interval(has, |pairs| Some(mean_of(pairs, ratio)?.exp()))?,
+            error_ratio: each(&ratio)?.exp(),
+            error_ratio_interval,
+            finding: Finding::of(error_ratio_interval),
+            of_plants: of_plants.iter().filter_map(|pairs| mean_of(pairs, ratio)).collect(),
         }))
+    }
+}
+
+/// ln of the quotient of two errors from their regrets, which are relative to the same best one: ln((1 + a) / (1 + b)).
+pub(crate) fn quotient(a: f64, b: f64) -> f64 {
+    a.ln_1p() - b.ln_1p()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn findings_follow_from_the_ends_of_the_interval() {
+        let of = |low, high| Finding::of(Some(Interval { low, high }));
+        assert_eq!(of(0.8, 0.999), Finding::Better);
+        assert_eq!(of(1.001, 1.005), Finding::Worse);
+        assert_eq!(of(0.98, 1.009), Finding::NoWorse);
+        assert_eq!(of(1.0, 1.0), Finding::NoWorse, "the same choices everywhere");
+        assert_eq!(of(0.98, 1.01), Finding::Untold);
+        assert_eq!(Finding::of(None), Finding::Untold);
     }
 }

@@ -21,6 +21,18 @@ pub enum ValidityError {
         /// Values found.
         got: usize,
     },
+    /// A regret that is none.
+    #[error(
+        "{sensor} of {plant} has a regret of {got}; expected a number of at least 0, or infinity for a diverged value"
+    )]
+    Regret {
+        /// The plant.
+        plant: String,
+        /// The sensor.
+        sensor: String,
+        /// What was found.
+        got: f64,
+    },
     /// A choice that is not one of the values.
     #[error("{sensor} of {plant}: the choice of {whose} is value {got}, but there are {values}")]
     Choice {

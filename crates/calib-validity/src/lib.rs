@@ -1,9 +1,9 @@
 //! Does calib choose well? Regret of its choices over plants and sensors, beside what one would do without it.
 //!
-//! - [`Pair`]: a sensor of a plant whose truth is known, with what each model chose and how well it predicts.
-//! - [`Method`]: a way to choose a value: a model, a default, log replay, chance.
-//! - [`judge`]: all pairs → [`Validity`]: summaries with intervals over plants, comparisons two by two, agreement of rankings,
-//!   and whether the more accurate model is the one that chooses better.
+//! - [`Pair`]: a sensor of a plant whose truth is known, with the task of its agent, what each model chose, and how well it predicts.
+//! - [`Method`]: a way to choose a value: a model, a rule, log replay, a default, chance; and the floors that nobody gets below.
+//! - [`judge`]: all pairs → [`Validity`]: summaries with intervals over plants, [`Comparison`]s two by two with their [`Power`], the
+//!   [`Test`]s of what was to be shown, rules against rules, groups of tasks, and whether the more accurate model chooses better.
 //!
 //! Sensors of one plant are not independent, so the plant is the unit of every interval.
 //!
@@ -11,34 +11,49 @@
 //! use calib_validity::{Options, Pair, judge};
 //!
 //! // Two plants with one sensor each; no model, so the defaults are compared with chance.
-//! let pair = |plant: &str, online: [f64; 3]| Pair {
+//! let pair = |plant: &str, regrets: [f64; 3]| Pair {
 //!     plant: plant.to_owned(),
 //!     sensor: "pressure".to_owned(),
-//!     online: online.to_vec(),
+//!     optimiser: "adam".to_owned(),
+//!     task: Vec::new(),
+//!     online: vec![0.5; 3],
+//!     skill: Some(0.5),
+//!     regrets: Some(regrets.to_vec()),
 //!     default: Some(2),
 //!     log_replay: None,
+//!     latest_window: None,
+//!     another_window: None,
 //!     models: Vec::new(),
 //! };
 //! let values = ["1e-4", "1e-3", "1e-2"].map(str::to_owned).to_vec();
-//! let pairs = vec![pair("a", [0.2, 0.1, 0.3]), pair("b", [0.4, 0.5, 0.6])];
+//! let pairs = vec![pair("a", [1.0, 0.0, 2.0]), pair("b", [0.0, 0.25, 0.5])];
 //! let validity = judge(values, pairs, &Options::default())?;
-//! assert_eq!(validity.best_default, 1); // regret 0 and 25 %: less on average than the others
+//! assert_eq!(validity.best_default, 1); // regrets 0 and 25 %: typically less than the others
 //! # Ok::<(), calib_validity::ValidityError>(())
 //! ```
 
 mod accuracy;
+mod chosen;
+mod claims;
 mod comparison;
+mod defaults;
 mod error;
+mod groups;
 mod method;
 mod over_plants;
 mod pair;
+mod power;
 mod summary;
 mod validity;
 
-pub use accuracy::{Accuracy, Outcome, Predictor};
-pub use comparison::Comparison;
+pub use accuracy::{Accuracy, Badness, Predictor};
+pub use claims::{Claim, Outcome, Test};
+pub use comparison::{Comparison, Finding, MARGIN};
+pub use defaults::OptimiserDefault;
 pub use error::ValidityError;
+pub use groups::GroupSummary;
 pub use method::Method;
-pub use pair::{ModelPair, Pair, Rule};
+pub use pair::{CAP, ModelPair, Pair, RuleChoice, TaskValue};
+pub use power::{DIFFERENCES, Power};
 pub use summary::{GOOD, MethodSummary, RankAgreement};
 pub use validity::{Options, PairRegret, Validity, judge};

@@ -4,6 +4,7 @@ use calib_core::{Rng, Seed};
 use calib_stats::{Interval, StatsError, cluster_interval};
 
 /// The pairs of each plant, and how often plants are drawn again.
+#[derive(Clone, Debug)]
 pub(crate) struct OverPlants {
     /// Numbers of the pairs, plant by plant.
     pairs: Vec<Vec<usize>>,
@@ -31,6 +32,14 @@ impl OverPlants {
         Self { pairs, resamples, seed }
     }
 
+    /// The pairs of each plant for which `has` holds, without plants that have none.
+    pub(crate) fn each(&self, has: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+        let of_plant = |pairs: &Vec<usize>| -> Vec<usize> {
+            pairs.iter().copied().filter(|&pair| has(pair)).collect()
+        };
+        self.pairs.iter().map(of_plant).filter(|pairs| !pairs.is_empty()).collect()
+    }
+
     /// 95 % interval of `statistic`, which is given numbers of pairs, some of them several times.
     ///
     /// Every interval has the same draws, so that methods are compared on the same plants. Plants that `has` says
@@ -40,11 +49,7 @@ impl OverPlants {
         has: impl Fn(usize) -> bool,
         statistic: impl Fn(&[usize]) -> Option<f64>,
     ) -> Result<Option<Interval>, StatsError> {
-        let of_plant = |pairs: &Vec<usize>| -> Vec<usize> {
-            pairs.iter().copied().filter(|&pair| has(pair)).collect()
-        };
-        let plants: Vec<Vec<usize>> =
-            self.pairs.iter().map(of_plant).filter(|pairs| !pairs.is_empty()).collect();
+        let plants = self.each(has);
         let mut rng: Rng = self.seed.rng();
         let draw = |below| rng.below(below);
         cluster_interval(plants.len(), self.resamples, draw, |drawn| {
@@ -53,4 +58,10 @@ impl OverPlants {
             statistic(&pairs)
         })
     }
+}
+
+/// The mean of `value` over `pairs`; `None` for none.
+pub(crate) fn mean_of(pairs: &[usize], value: impl Fn(usize) -> f64) -> Option<f64> {
+    let sum: f64 = pairs.iter().map(|&pair| value(pair)).sum();
+    (!pairs.is_empty()).then(|| sum / pairs.len() as f64)
 }

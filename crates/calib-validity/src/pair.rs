@@ -1,25 +1,51 @@
 //! What is known of one sensor of one plant.
 
-use calib_stats::{Direction, Selection, regret};
 use serde::Serialize;
 
 use crate::ValidityError;
 
-/// A sensor of a plant whose held-out data was replayed Online.
+/// Larger regrets, and those of choices that diverged, count as this much in every mean, quotient and choice of a default: 1,000 %.
+/// Without it one diverged choice would make every mean infinite, and one that nearly diverged would decide it.
+pub const CAP: f64 = 10.0;
+
+/// A sensor of a plant whose held-out data was replayed Online, by one score.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The plant: the unit of all intervals.
     pub plant: String,
     /// The predicted sensor.
     pub sensor: String,
-    /// Mean error Online of each value of the grid, `[values]`; infinite if a run diverged.
+    /// The optimiser of the agent: a default may depend on it.
+    pub optimiser: String,
+    /// What else the agent is like, and how long it learns: what pairs are grouped by.
+    pub task: Vec<(String, TaskValue)>,
+    /// Mean error Online of each value of the grid, `[values]`; infinite if a run diverged. Shown, not judged by.
     pub online: Vec<f64>,
+    /// Skill of the best value: 1 − RMSE / σ of the returns. None if it diverged.
+    pub skill: Option<f64>,
+    /// Regret of each value, `[values]`: exp(mean over held-out windows of ln(error / best error of the window)) − 1; infinite for
+    /// values that diverged. None if every value did.
+    pub regrets: Option<Vec<f64>>,
     /// The value that one would use without calib, if the grid has it.
     pub default: Option<usize>,
     /// The value that is best on the replayed log.
     pub log_replay: Option<usize>,
+    /// The value that is best on the latest window of the replayed log.
+    pub latest_window: Option<usize>,
+    /// Regret of choosing by another held-out window; none where there is only one.
+    pub another_window: Option<f64>,
     /// What each model chose.
     pub models: Vec<ModelPair>,
+}
+
+/// One feature of a task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum TaskValue {
+    /// A number, such as a discount factor.
+    Number(f64),
+    /// A name, such as that of an optimiser.
+    Name(String),
 }
 
 /// A calibration model, and what is known of it, on one sensor of one plant.
@@ -27,9 +53,16 @@ pub struct Pair {
 pub struct ModelPair {
     /// Its name.
     pub model: String,
-    /// Ranks and errors of the values in its members, and its choice.
-    pub selection: Selection,
-    /// Spearman's correlation of its ranking with the Online errors.
+    /// The value that it chooses by the rule of the study.
+    pub chosen: usize,
+    /// Share of resamples of the evidence from which the rule chooses the same; none without resamples.
+    pub stability: Option<f64>,
+    /// The value that it chooses by each rule.
+    pub rules: Vec<RuleChoice>,
+    /// Share of the updates in its members and on the log that a race would not have made; what it would have chosen then is the
+    /// rule `raced`. None if that is not known.
+    pub saved: Option<f64>,
+    /// Spearman's correlation of its ranking with the regrets Online.
     pub spearman: Option<f64>,
     /// RMSE of one-step predictions of the sensor on held-out data, normalised units.
     pub one_step: Option<f64>,
@@ -41,68 +74,37 @@ pub struct ModelPair {
     pub dtw: Option<f64>,
 }
 
-/// How ranks in the members become one choice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rule {
-    /// The smallest worst rank (the paper's).
-    WorstRank,
-    /// The smallest mean rank.
-    MeanRank,
-    /// The smallest mean error.
-    MeanError,
-}
-
-impl Rule {
-    /// All of them, the paper's first.
-    pub const ALL: [Self; 3] = [Self::WorstRank, Self::MeanRank, Self::MeanError];
-
-    /// The name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::WorstRank => "worst_rank",
-            Self::MeanRank => "mean_rank",
-            Self::MeanError => "mean_error",
-        }
-    }
-
-    /// What this rule chooses; ties go as in the selection: worst rank, mean rank, mean error, order of the grid.
-    pub fn choose(self, selection: &Selection) -> usize {
-        let Selection { worst_ranks, mean_ranks, mean_errors, .. } = selection;
-        let key = |value: usize| match self {
-            Self::WorstRank => [worst_ranks[value] as f64, mean_ranks[value], mean_errors[value]],
-            Self::MeanRank => [mean_ranks[value], mean_errors[value], 0.0],
-            Self::MeanError => [mean_errors[value], mean_ranks[value], 0.0],
-        };
-        let before = |&a: &usize, &b: &usize| {
-            let pairs = key(a).into_iter().zip(key(b));
-            pairs
-                .map(|(a, b)| a.total_cmp(&b))
-                .find(|order| order.is_ne())
-                .unwrap_or_else(|| a.cmp(&b))
-        };
-        (0..worst_ranks.len()).min_by(before).unwrap_or(0)
-    }
+/// What a rule chooses from the evidence of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RuleChoice {
+    /// The rule.
+    pub rule: String,
+    /// Its choice.
+    pub chosen: usize,
 }
 
 impl Pair {
-    /// Regret of each value, `[values]`: (its Online error − the smallest) / the smallest; infinite for values that
-    /// diverged. `None` if all did.
-    pub(crate) fn regrets(&self) -> Result<Option<Vec<f64>>, ValidityError> {
-        let of = |value| regret(&self.online, value, Direction::LowerIsBetter);
-        Ok((0..self.online.len()).map(of).collect::<Result<Option<Vec<f64>>, _>>()?)
-    }
-
-    /// That every choice is one of `values` values, and there are as many Online errors.
+    /// That every choice is one of `values` values, that each has a regret, and that no regret is NaN or negative.
     pub(crate) fn check(&self, values: usize) -> Result<(), ValidityError> {
         let (plant, sensor) = (self.plant.clone(), self.sensor.clone());
-        if self.online.len() != values {
-            let got = self.online.len();
+        let lengths = [Some(self.online.len()), self.regrets.as_ref().map(Vec::len)];
+        if let Some(got) = lengths.into_iter().flatten().find(|&got| got != values) {
             return Err(ValidityError::Values { plant, sensor, expected: values, got });
         }
-        let models = self.models.iter().map(|of| (of.model.as_str(), Some(of.selection.chosen)));
-        let others = [("the default", self.default), ("log replay", self.log_replay)];
-        match models.chain(others).find(|(_, choice)| choice.is_some_and(|of| of >= values)) {
+        let regrets = self.regrets.iter().flatten().chain(&self.another_window);
+        if let Some(&got) = regrets.into_iter().find(|regret| regret.is_nan() || **regret < 0.0) {
+            return Err(ValidityError::Regret { plant, sensor, got });
+        }
+        let of_models = self.models.iter().flat_map(|of| {
+            let rules = of.rules.iter().map(|rule| (of.model.as_str(), Some(rule.chosen)));
+            [(of.model.as_str(), Some(of.chosen))].into_iter().chain(rules)
+        });
+        let others = [
+            ("the default", self.default),
+            ("log replay", self.log_replay),
+            ("the latest window", self.latest_window),
+        ];
+        match of_models.chain(others).find(|(_, choice)| choice.is_some_and(|of| of >= values)) {
             Some((whose, Some(got))) => {
                 let whose = whose.to_owned();
                 Err(ValidityError::Choice { plant, sensor, whose, got, values })
@@ -117,41 +119,14 @@ impl Pair {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use calib_stats::select;
-
-    use super::*;
-
-    #[test]
-    fn rules_differ_where_one_member_disagrees() {
-        // Value 0 is best in two members and last in one; value 1 is second everywhere; value 2 has the smallest mean error.
-        let members = [[0.10, 0.20, 0.21], [0.10, 0.20, 0.21], [0.90, 0.20, 0.10]];
-        let selection = select(&members, Direction::LowerIsBetter).unwrap();
-        assert_eq!(selection.worst_ranks, [3, 2, 3]);
-        assert_eq!(Rule::WorstRank.choose(&selection), 1);
-        assert_eq!(Rule::WorstRank.choose(&selection), selection.chosen);
-        assert_eq!(Rule::MeanRank.choose(&selection), 0, "mean ranks 5/3, 2, 7/3");
-        assert_eq!(Rule::MeanError.choose(&selection), 2, "means 0.367, 0.2, 0.173");
+impl ModelPair {
+    /// What `rule` chooses.
+    pub(crate) fn by(&self, rule: &str) -> Option<usize> {
+        self.rules.iter().find(|of| of.rule == rule).map(|of| of.chosen)
     }
+}
 
-    #[test]
-    fn regrets_by_hand() {
-        let mut pair = Pair {
-            plant: "a".to_owned(),
-            sensor: "s".to_owned(),
-            online: vec![0.5, 0.4, f64::INFINITY],
-            default: None,
-            log_replay: Some(3),
-            models: Vec::new(),
-        };
-        let regrets = pair.regrets().unwrap().unwrap();
-        assert!((regrets[0] - 0.25).abs() < 1e-12);
-        assert_eq!(&regrets[1..], [0.0, f64::INFINITY]);
-        let error = pair.check(3).unwrap_err().to_string();
-        assert_eq!(error, "s of a: the choice of log replay is value 3, but there are 3");
-        assert!(pair.check(2).unwrap_err().to_string().contains("3 values, expected 2"));
-        pair.online = vec![f64::INFINITY; 2];
-        assert_eq!(pair.regrets(), Ok(None));
-    }
+/// A regret as it counts.
+pub(crate) fn capped(regret: f64) -> f64 {
+    regret.min(CAP)
 }

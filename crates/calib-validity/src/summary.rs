@@ -3,12 +3,16 @@
 use calib_stats::{Interval, StatsError, mean, median};
 use serde::Serialize;
 
-use crate::{Method, Pair, method::Chosen, over_plants::OverPlants};
+use crate::{
+    CAP, Method, Pair,
+    chosen::Chosen,
+    over_plants::{OverPlants, mean_of},
+};
 
-/// A regret up to this counts as good, as in the verdicts of a report.
+/// A regret up to this counts as good, and so does a mean regret.
 pub const GOOD: f64 = 0.05;
 
-/// Regret of a method over all pairs in which it has a choice.
+/// Regret of a method over all pairs in which it has a choice. Regrets above [`CAP`] count as that.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodSummary {
     /// The method.
@@ -17,7 +21,9 @@ pub struct MethodSummary {
     pub pairs: usize,
     /// How many of its choices diverged Online.
     pub diverged: usize,
-    /// Mean regret; infinite (`null` in files) if a choice diverged.
+    /// How many regrets count as [`CAP`], those that diverged among them.
+    pub capped: usize,
+    /// Mean regret.
     pub mean: f64,
     /// 95 % interval of the mean, over plants.
     pub interval: Option<Interval>,
@@ -31,7 +37,7 @@ pub struct MethodSummary {
     pub good: f64,
 }
 
-/// How well the ranking of a model agrees with Online.
+/// How well the ranking of a model agrees with Online, and how firm its choices are.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RankAgreement {
     /// The model.
@@ -44,27 +50,34 @@ pub struct RankAgreement {
     pub interval: Option<Interval>,
     /// The smallest.
     pub smallest: f64,
+    /// Mean over pairs of the share of resamples of the evidence from which the same is chosen.
+    pub stability: Option<f64>,
+    /// Mean over pairs of the share of updates that a race would have saved.
+    pub saved: Option<f64>,
 }
 
 impl MethodSummary {
     pub(crate) fn of(chosen: &Chosen, plants: &OverPlants) -> Result<Self, StatsError> {
         let regrets: Vec<f64> = chosen.regrets.iter().flatten().copied().collect();
+        let counted: Vec<f64> =
+            (0..chosen.regrets.len()).filter_map(|pair| chosen.counted(pair)).collect();
         let has = |pair: usize| chosen.regrets[pair].is_some();
-        let value = |pair: usize| chosen.regrets[pair].unwrap_or(f64::NAN);
+        let value = |pair: usize| chosen.counted(pair).unwrap_or(f64::NAN);
         let logarithm = |pair: usize| value(pair).ln_1p();
-        let logarithms: Vec<f64> = regrets.iter().map(|regret| regret.ln_1p()).collect();
+        let logarithms: Vec<f64> = counted.iter().map(|regret| regret.ln_1p()).collect();
+        let count = |holds: fn(&&f64) -> bool| regrets.iter().filter(holds).count();
         Ok(Self {
             method: chosen.method.clone(),
             pairs: regrets.len(),
-            diverged: regrets.iter().filter(|regret| regret.is_infinite()).count(),
-            mean: mean(&regrets)?,
+            diverged: count(|regret| regret.is_infinite()),
+            capped: count(|regret| **regret > CAP),
+            mean: mean(&counted)?,
             interval: plants.interval(has, |pairs| mean_of(pairs, value))?,
             typical: mean(&logarithms)?.exp_m1(),
             typical_interval: plants
                 .interval(has, |pairs| Some(mean_of(pairs, logarithm)?.exp_m1()))?,
-            median: median(&regrets)?,
-            good: regrets.iter().filter(|&&regret| regret <= GOOD).count() as f64
-                / regrets.len() as f64,
+            median: median(&counted)?,
+            good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
         })
     }
 }
@@ -76,9 +89,11 @@ impl RankAgreement {
         pairs: &[Pair],
         plants: &OverPlants,
     ) -> Result<Option<Self>, StatsError> {
-        let of: Vec<Option<f64>> =
-            pairs.iter().map(|pair| pair.model(model).and_then(|of| of.spearman)).collect();
+        let own: Vec<_> = pairs.iter().map(|pair| pair.model(model)).collect();
+        let of: Vec<Option<f64>> = own.iter().map(|of| of.and_then(|of| of.spearman)).collect();
         let known: Vec<f64> = of.iter().flatten().copied().collect();
+        let stable: Vec<f64> = own.iter().flatten().filter_map(|of| of.stability).collect();
+        let saved: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved).collect();
         if known.is_empty() {
             return Ok(None);
         }
@@ -89,12 +104,8 @@ impl RankAgreement {
             mean: mean(&known)?,
             interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value))?,
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
+            stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
+            saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
         }))
     }
-}
-
-/// The mean of `value` over `pairs`; `None` for none.
-pub(crate) fn mean_of(pairs: &[usize], value: impl Fn(usize) -> f64) -> Option<f64> {
-    let sum: f64 = pairs.iter().map(|&pair| value(pair)).sum();
-    (!pairs.is_empty()).then(|| sum / pairs.len() as f64)
 }

@@ -5,23 +5,29 @@ use calib_stats::StatsError;
 use serde::Serialize;
 
 use crate::{
-    Accuracy, Comparison, Method, MethodSummary, Pair, RankAgreement, ValidityError, accuracy,
-    method::{Chosen, Judged},
+    Accuracy, Comparison, GroupSummary, Method, MethodSummary, OptimiserDefault, Pair, Power,
+    RankAgreement, Test, ValidityError, accuracy,
+    chosen::{Chosen, Judged},
+    claims,
+    defaults::{best_default, of_optimisers},
+    groups::groups,
     over_plants::OverPlants,
 };
 
 /// How to judge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// How often plants are drawn again for an interval.
     pub resamples: usize,
     /// Seed of these draws.
     pub seed: Seed,
+    /// Models that are networks: the others are claimed to choose better.
+    pub networks: Vec<String>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { resamples: 10_000, seed: Seed::new(0) }
+        Self { resamples: 10_000, seed: Seed::new(0), networks: Vec::new() }
     }
 }
 
@@ -38,37 +44,50 @@ pub struct Validity {
     pub pairs: usize,
     /// Pairs that were left out because every value diverged Online, as "sensor of plant".
     pub left_out: Vec<String>,
+    /// Pairs in which even the best value predicts no better than the mean.
+    pub not_learnt: usize,
     /// How often plants were drawn again for an interval.
     pub resamples: usize,
-    /// The value with the smallest mean regret over all pairs.
+    /// The value with the smallest typical regret over all pairs.
     pub best_default: usize,
-    /// Each method over all pairs: models first.
+    /// The same for each optimiser.
+    pub best_defaults_of_optimisers: Vec<OptimiserDefault>,
+    /// What was to be shown.
+    pub tests: Vec<Test>,
+    /// Each method over all pairs: models first, floors last.
     pub methods: Vec<MethodSummary>,
-    /// Each model against each method that is none.
+    /// Each model against each method that is none, and against the models after it.
     pub comparisons: Vec<Comparison>,
+    /// What each comparison can see.
+    pub power: Vec<Power>,
     /// Rankings against Online.
     pub agreement: Vec<RankAgreement>,
     /// Each rule in each model.
     pub rules: Vec<MethodSummary>,
-    /// Each rule against the paper's in each model.
+    /// Each rule against those after it, over the pairs of all models.
     pub rule_comparisons: Vec<Comparison>,
+    /// Models and log replay over pairs whose tasks are alike.
+    pub groups: Vec<GroupSummary>,
     /// Whether the more accurate model chooses better.
     pub accuracy: Vec<Accuracy>,
     /// Every method in every pair.
     #[serde(skip)]
     pub each: Vec<PairRegret>,
+    /// The pairs that were judged.
+    #[serde(skip)]
+    pub judged: Vec<Pair>,
 }
 
 /// One method in one pair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairRegret {
-    /// Number of the pair in [`Judging::pairs`](judge), those that were left out not counted.
+    /// Position of the pair in [`Validity::judged`].
     pub pair: usize,
     /// The method.
     pub method: Method,
-    /// What it chose; none for a random choice.
+    /// What it chose; none for what is no value.
     pub value: Option<usize>,
-    /// Regret.
+    /// Regret, as it is: infinite if the choice diverged.
     pub regret: f64,
 }
 
@@ -84,70 +103,96 @@ pub fn judge(
     let (mut judged, mut regrets, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
     for pair in pairs {
         pair.check(values.len())?;
-        match pair.regrets()? {
+        match &pair.regrets {
             Some(of) => {
-                regrets.push(of);
+                regrets.push(of.clone());
                 judged.push(pair);
             }
             None => left_out.push(format!("{} of {}", pair.sensor, pair.plant)),
         }
     }
-    if judged.is_empty() {
+    let Some(best_default) = best_default(&judged, &regrets, |_| true) else {
         return Err(ValidityError::NoPairs);
-    }
-    let models = models(&judged);
-    let all = Judged { pairs: &judged, regrets: &regrets, models: &models };
-    let seed = options.seed.child("validity");
-    let plants = OverPlants::new(judged.iter().map(|pair| &*pair.plant), options.resamples, seed);
+    };
+    let (models, rules) = (models(&judged), rules(&judged));
+    let all = Judged { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
+    let over = |copies: usize| {
+        let seed = options.seed.child("validity");
+        let plants = (0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant));
+        OverPlants::new(plants, options.resamples, seed)
+    };
+    let plants = over(1);
     let methods = all.methods()?;
-    let (own, others): (Vec<&Chosen>, Vec<&Chosen>) =
-        methods.iter().partition(|chosen| matches!(chosen.method, Method::Model(_)));
-    let rules: Vec<Vec<Chosen>> = models.iter().map(|model| all.rules(model)).collect();
-    let summaries =
-        |of: &mut dyn Iterator<Item = &Chosen>| -> Result<Vec<MethodSummary>, StatsError> {
-            of.map(|chosen| MethodSummary::of(chosen, &plants)).collect()
-        };
-    let mut comparisons = Vec::new();
-    for model in &own {
-        for other in &others {
-            comparisons.extend(Comparison::of(model, other, &plants)?);
-        }
-    }
-    let mut rule_comparisons = Vec::new();
-    for of_model in &rules {
-        for other in &of_model[1..] {
-            rule_comparisons.extend(Comparison::of(other, &of_model[0], &plants)?);
-        }
-    }
+    let comparisons = comparisons(&methods, |of| of.method.is_model(), &plants)?;
+    let of_models: Vec<Chosen> = models.iter().flat_map(|model| all.rules_of(model)).collect();
     let agreement = models.iter().map(|model| RankAgreement::of(model, &judged, &plants));
     let agreement = agreement.collect::<Result<Vec<_>, _>>()?;
+    let summaries = summaries(&methods, &plants)?;
     Ok(Validity {
-        plants: all.plants().into_iter().map(str::to_owned).collect(),
+        plants: names(judged.iter().map(|pair| &pair.plant)),
         pairs: judged.len(),
         left_out,
+        not_learnt: judged.iter().filter(|of| of.skill.is_some_and(|skill| skill <= 0.0)).count(),
         resamples: options.resamples,
-        best_default: all.best_default(|_| true)?,
-        comparisons,
+        best_default,
+        best_defaults_of_optimisers: of_optimisers(&judged, &regrets),
+        tests: claims::all(&summaries, &comparisons, &options.networks),
+        power: comparisons.iter().map(Power::of).collect::<Result<_, _>>()?,
         agreement: agreement.into_iter().flatten().collect(),
-        rules: summaries(&mut rules.iter().flatten())?,
-        rule_comparisons,
+        rules: self::summaries(&of_models, &plants)?,
+        rule_comparisons: self::comparisons(&all.rules_of_all(), |_| true, &over(models.len()))?,
+        groups: groups(&judged, &methods, &plants)?,
         accuracy: accuracy::accuracies(&judged, &regrets, &plants)?,
         each: each(&methods),
-        methods: summaries(&mut methods.iter())?,
+        methods: summaries,
+        comparisons,
+        judged,
         models,
         values,
     })
 }
 
-/// Names of the models, in the order in which they come.
-fn models(pairs: &[Pair]) -> Vec<String> {
-    let mut models: Vec<String> = Vec::new();
-    for model in pairs.iter().flat_map(|pair| &pair.models) {
-        if !models.contains(&model.model) {
-            models.push(model.model.clone());
+fn summaries(all: &[Chosen], plants: &OverPlants) -> Result<Vec<MethodSummary>, StatsError> {
+    let known = all.iter().filter(|of| of.regrets.iter().any(Option::is_some));
+    known.map(|chosen| MethodSummary::of(chosen, plants)).collect()
+}
+
+/// Each method that `is_own` holds for against all others, each two of them once.
+fn comparisons(
+    methods: &[Chosen],
+    is_own: impl Fn(&Chosen) -> bool,
+    plants: &OverPlants,
+) -> Result<Vec<Comparison>, StatsError> {
+    let mut all = Vec::new();
+    for (place, own) in methods.iter().enumerate().filter(|(_, own)| is_own(own)) {
+        let others = methods.iter().enumerate();
+        for (_, other) in others.filter(|&(other, of)| other > place || !is_own(of)) {
+            all.extend(Comparison::of(own, other, plants)?);
         }
     }
-    models
+    Ok(all)
+}
+
+/// Names of the models, in the order in which they come.
+fn models(pairs: &[Pair]) -> Vec<String> {
+    names(pairs.iter().flat_map(|pair| &pair.models).map(|of| &of.model))
+}
+
+/// Names of the rules, in the order in which they come.
+fn rules(pairs: &[Pair]) -> Vec<String> {
+    let models = pairs.iter().flat_map(|pair| &pair.models);
+    names(models.flat_map(|of| &of.rules).map(|of| &of.rule))
+}
+
+/// Different ones, in the order in which they come.
+fn names<'a>(all: impl Iterator<Item = &'a String>) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for name in all {
+        if !names.contains(name) {
+            names.push(name.clone());
+        }
+    }
+    names
 }
 
 fn each(methods: &[Chosen]) -> Vec<PairRegret> {
@@ -168,4 +213,4 @@ fn each(methods: &[Chosen]) -> Vec<PairRegret> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

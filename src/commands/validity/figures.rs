@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use calib_agent::Part;
 use calib_report::{
     Axis, Cell, Chart, Colour, Dash, Figure, Marker, OverviewFigure, Point, Scale, ScaleKind,
     Series, Side, Table,
 };
-use calib_validity::{Method, MethodSummary, ModelPair};
+use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
-use super::{super::figures, Judgement, show::short};
+use super::{super::figures, Judgement, show, tables::short};
 
 /// Regrets below this are drawn here: logarithms have no zero.
 const FLOOR: f64 = 1e-3;
@@ -28,21 +29,27 @@ pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<(
 
 /// All figures with their names.
 pub(super) fn all(judgement: &Judgement) -> Vec<(&'static str, OverviewFigure)> {
-    let mut all = vec![("regret", regrets(judgement)), ("profile", profile(judgement))];
+    let first = judgement.first();
+    let mut all = vec![("regret", regrets(first, "")), ("profile", profile(first))];
+    let later = judgement.scores.iter().skip(1).find(|of| of.part == Part::AfterFirstQuarter);
+    all.extend(later.map(|score| {
+        let by = format!(". {}", show::of_score(score));
+        ("regret-after-first-quarter", regrets(&score.validity, &by))
+    }));
     let one_step = "one-step error of the sensor / no change";
     let of = [
         ("one-step", one_step, (|of| of.one_step_relative) as fn(&ModelPair) -> Option<f64>),
         ("dtw", "normalised warping distance", |of| of.dtw),
     ];
     for (name, label, value) in of {
-        all.extend(scatter(judgement, label, value).map(|figure| (name, figure)));
+        all.extend(scatter(first, label, value).map(|figure| (name, figure)));
     }
     all
 }
 
-/// Typical regret of each method, with its interval.
-fn regrets(judgement: &Judgement) -> OverviewFigure {
-    let methods = &judgement.validity.methods;
+/// Typical regret of each method, with its interval; `by` says by what score.
+fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
+    let methods = &validity.methods;
     let percent = |share: f64| 100.0 * share;
     let ends =
         |of: &MethodSummary| of.typical_interval.map(|of| (percent(of.low), percent(of.high)));
@@ -68,7 +75,7 @@ fn regrets(judgement: &Judgement) -> OverviewFigure {
         .into_iter()
         .enumerate()
         .map(|(number, (label, models))| of_points(label, number, broken(points(models))));
-    let title = "Typical regret of each way to choose".to_owned();
+    let title = format!("Typical regret of each way to choose{by}");
     OverviewFigure {
         caption: "Geometric mean over plant–sensor pairs of the Online error of the choice over that of the best value, minus \
                   one; 95 % intervals over plants. Lower is better."
@@ -104,10 +111,15 @@ fn regrets(judgement: &Judgement) -> OverviewFigure {
 }
 
 /// Share of pairs with at most a regret.
-fn profile(judgement: &Judgement) -> OverviewFigure {
-    let validity = &judgement.validity;
-    let shown = |of: &&MethodSummary| {
-        !matches!(of.method, Method::Random | Method::MostAccurate | Method::LeastWarped)
+fn profile(validity: &Validity) -> OverviewFigure {
+    let shown = |of: &&MethodSummary| match of.method {
+        Method::Model(_)
+        | Method::LogReplay
+        | Method::Default
+        | Method::BestDefault
+        | Method::OtherPlants
+        | Method::AnotherWindow => true,
+        _ => false,
     };
     let methods: Vec<&MethodSummary> = validity.methods.iter().filter(shown).collect();
     let mut rows = Vec::new();
@@ -184,16 +196,15 @@ fn steps(regrets: &[f64]) -> Vec<Point> {
 
 /// Regret of every model in every pair against something that is known of the model.
 fn scatter(
-    judgement: &Judgement,
+    validity: &Validity,
     label: &str,
     value: fn(&ModelPair) -> Option<f64>,
 ) -> Option<OverviewFigure> {
-    let validity = &judgement.validity;
     let mut rows = Vec::new();
     let mut of_model = |name: &String| -> Vec<Point> {
         let own = validity.each.iter().filter(|of| of.method == Method::Model(name.clone()));
         let points = own.filter_map(|of| {
-            let pair = &judgement.pairs[of.pair];
+            let pair = &validity.judged[of.pair];
             let model = pair.models.iter().find(|model| model.model == *name)?;
             let x = value(model).filter(|x| *x > 0.0)?;
             let names = [&pair.plant, &pair.sensor, name].map(|name| Cell::Text(name.clone()));

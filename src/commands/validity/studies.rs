@@ -7,26 +7,62 @@ use calib_core::Seed;
 use calib_knn::ModelKind;
 use calib_sweep::{Candidate, candidates};
 
-use super::super::{artefact::MANIFEST, chain, evaluate, load_study};
+use super::{
+    super::{
+        artefact::MANIFEST,
+        chain::{self, Extent},
+        evaluate, load_study,
+        plant_of_study::PlantOfStudy,
+        simulate::Found,
+        streams::Unscorable,
+        sweep,
+    },
+    protocol::Named,
+};
 use crate::{
     cli::{StudyArgs, ValidityArgs},
     output::Printer,
-    study::{Chosen, Study},
+    study::{Chosen, Drawn, Study, StudyPaths, UnsetVariable},
 };
 
-/// A study on the command line.
+/// What is judged together.
+pub(super) struct Listing {
+    pub(super) studies: Vec<Listed>,
+    /// The protocol that draws them, if one does.
+    pub(super) protocol: Option<Named>,
+}
+
+/// A study, which stands for a plant.
 pub(super) struct Listed {
     /// What the plant is called: the name of the file without `.toml`.
     pub(super) plant: String,
     pub(super) path: PathBuf,
+    /// What is laid over the file; a drawn one has it in it.
+    set: Vec<String>,
+    /// The whole study, no model or deployment of it chosen.
+    pub(super) study: Study,
+    paths: StudyPaths,
     /// Its models; `None` for a study with one model that has no name.
     pub(super) models: Vec<Option<String>>,
     /// Its deployments; `None` for a study with one held-out range that has no name.
     pub(super) deployments: Vec<Option<String>>,
+    /// What the file is to be, where a protocol draws it.
+    pub(super) drawn: Option<Drawn>,
 }
 
-/// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order.
-pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Vec<Listed>> {
+/// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
+pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Listing> {
+    if let Some(protocol) = Named::find(args)? {
+        let drawn = protocol.draw(&args.set)?;
+        let listed = |drawn: Drawn| {
+            let (study, paths) = drawn.study(&protocol.studies())?;
+            let path = paths.study().to_owned();
+            let plant = drawn.plant.clone();
+            Ok(Listed::new(plant, path, Vec::new(), (study, paths), Some(drawn)))
+        };
+        let studies = drawn.into_iter().map(listed).collect::<anyhow::Result<_>>()?;
+        return Ok(Listing { studies, protocol: Some(protocol) });
+    }
     let mut studies: Vec<Listed> = Vec::new();
     for path in &args.studies {
         for path in files(path)? {
@@ -40,43 +76,174 @@ pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Vec<Listed>> {
                     path.display()
                 );
             }
-            let models = or_the_only(Study::model_names(&path, &args.set, None)?);
-            let (study, _) = Study::load(&path, &args.set, Chosen::default())?;
-            let deployments = or_the_only(study.deployment_names());
-            studies.push(Listed { plant, path, models, deployments });
+            let study = Study::load(&path, &args.set, Chosen::default())?;
+            studies.push(Listed::new(plant, path, args.set.clone(), study, None));
         }
     }
-    Ok(studies)
+    Ok(Listing { studies, protocol: None })
 }
 
-/// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep the same.
-pub(super) fn check(studies: &[Listed], args: &ValidityArgs) -> anyhow::Result<()> {
+impl Listed {
+    fn new(
+        plant: String,
+        path: PathBuf,
+        set: Vec<String>,
+        (study, paths): (Study, StudyPaths),
+        drawn: Option<Drawn>,
+    ) -> Self {
+        let models = or_the_only(study.compared_models());
+        let deployments = or_the_only(study.deployment_names());
+        Self { plant, path, set, study, paths, models, deployments, drawn }
+    }
+
+    /// The arguments of the other commands for a model of it in a deployment.
+    pub(super) fn args(&self, (model, deployment): (Option<&str>, Option<&str>)) -> StudyArgs {
+        StudyArgs {
+            study: self.path.clone(),
+            set: self.set.clone(),
+            model: model.map(str::to_owned),
+            deployment: deployment.map(str::to_owned),
+            profile: None,
+            output: None,
+            force: false,
+            dry_run: false,
+            json: false,
+        }
+    }
+
+    /// Why its data cannot be looked for here, if that is so: they lie where a variable of the environment says, and it is not set.
+    pub(super) fn out_of_reach(&self) -> anyhow::Result<Option<String>> {
+        match self.study.data_to_read(&self.paths) {
+            Err(error) => match error.downcast_ref::<UnsetVariable>() {
+                Some(UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
+                None => Err(error),
+            },
+            Ok(_) => Ok(None),
+        }
+    }
+
+    /// The arguments for each of its models in each of its deployments.
+    fn parts(&self) -> impl Iterator<Item = StudyArgs> {
+        self.models.iter().flat_map(|model| {
+            let of =
+                |deployment: &Option<String>| self.args((model.as_deref(), deployment.as_deref()));
+            self.deployments.iter().map(of)
+        })
+    }
+
+    /// How many of its models, in how many deployments each, are still to be swept by this calib.
+    pub(super) fn left(&self) -> anyhow::Result<usize> {
+        let is_written = self.is_written()?;
+        let mut left = 0;
+        for part in self.parts().filter(|part| !self.lacks(part.model.as_deref())) {
+            left += usize::from(!is_written || !evaluate::is_swept(&part)?);
+        }
+        Ok(left)
+    }
+
+    /// How long its sweeps took, as far as they say so.
+    pub(super) fn swept_secs(&self) -> anyhow::Result<f64> {
+        let mut secs = 0.0;
+        for part in self.parts() {
+            secs += sweep::wall_secs(&load_study(&part)?.1).unwrap_or(0.0);
+        }
+        Ok(secs)
+    }
+
+    /// Whether its file is what it is to be.
+    fn is_written(&self) -> anyhow::Result<bool> {
+        let Some(drawn) = &self.drawn else { return Ok(true) };
+        match std::fs::read_to_string(&self.path) {
+            Ok(text) => Ok(text == drawn.text),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+            Err(error) => {
+                Err(error).with_context(|| format!("cannot read {}", self.path.display()))
+            }
+        }
+    }
+
+    /// Write the file of a drawn study, if it is not there as it is to be.
+    fn write(&self) -> anyhow::Result<()> {
+        if let Some(drawn) = &self.drawn
+            && !self.is_written()?
+        {
+            calib_files::write_atomically(&self.path, |file| {
+                std::io::Write::write_all(file, drawn.text.as_bytes())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Run what is missing of it, as far as `extent` says: `calib run`, whose results are only steps here. Returns why it cannot be
+    /// scored, if it cannot.
+    pub(super) fn complete(
+        &self,
+        extent: Extent,
+        printer: &Printer,
+    ) -> anyhow::Result<Option<String>> {
+        self.write()?;
+        let talk = printer.talking();
+        // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
+        if self.drawn.is_some()
+            && let Some(plant) = PlantOfStudy::of(&self.study, &self.paths)?
+            && plant.found == Found::Another
+        {
+            plant.make(true, &talk).context("[simulate]")?;
+        }
+        match chain::run_to(extent, &self.args((None, None)), &talk) {
+            Err(reason) if reason.is::<Unscorable>() => Ok(Some(reason.to_string())),
+            ended => ended.map(|_| None),
+        }
+    }
+
+    /// Whether a model is one that this calib cannot train, and that no other one has trained.
+    pub(super) fn lacks(&self, model: Option<&str>) -> bool {
+        let own = model.and_then(|name| self.study.models.get(name)?.get("model")?.get("kind"));
+        let own = own.and_then(|kind| kind.clone().try_into::<ModelKind>().ok());
+        let kind = own.unwrap_or(self.study.model.kind);
+        let paths = match model {
+            Some(name) => self.paths.clone().of_model(name),
+            None => self.paths.clone(),
+        };
+        let wants_libtorch = matches!(kind, ModelKind::Gru | ModelKind::Torchscript);
+        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
+    }
+}
+
+/// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep and score the same.
+pub(super) fn check(studies: &[Listed]) -> anyhow::Result<()> {
     let mut first: Option<(&Listed, Vec<String>)> = None;
-    for study in studies {
-        let (settings, _) = Study::load(&study.path, &args.set, Chosen::default())?;
-        let data = &settings.data;
+    for listed in studies {
+        let Listed { study, path, plant, .. } = listed;
+        let data = &study.data;
         let holds_nothing_out =
             data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);
         ensure!(
-            !holds_nothing_out || study.deployments.iter().any(Option::is_some),
+            !holds_nothing_out || listed.deployments.iter().any(Option::is_some),
             "{} holds no data out, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
-            study.path.display()
+            path.display()
         );
-        let seed = Seed::new(settings.seed).child("sweep");
-        let candidates = candidates(&settings.sweep, &settings.agent, seed)
-            .with_context(|| study.path.display().to_string())?;
+        let seed = Seed::new(study.seed).child("sweep");
+        let candidates = candidates(&study.sweep, &study.agent, seed)
+            .with_context(|| path.display().to_string())?;
         let values: Vec<String> = candidates.iter().map(Candidate::label).collect();
-        match &first {
-            None => first = Some((study, values)),
-            Some((other, theirs)) if *theirs != values => bail!(
-                "the studies sweep different values: {} has {}, {} has {}; give all the same [sweep.grid], or judge them apart",
-                other.plant,
-                theirs.join(", "),
-                study.plant,
-                values.join(", ")
-            ),
-            Some(_) => {}
-        }
+        let Some((other, theirs)) = &first else {
+            first = Some((listed, values));
+            continue;
+        };
+        ensure!(
+            *theirs == values,
+            "the studies sweep different values: {} has {}, {plant} has {}; give all the same [sweep.grid] and default, or \
+             judge them apart",
+            other.plant,
+            theirs.join(", "),
+            values.join(", ")
+        );
+        ensure!(
+            other.study.part() == study.part(),
+            "the studies score different parts of a run: {} and {plant} differ in sweep.scored or [pretrain]; judge them apart",
+            other.plant
+        );
     }
     Ok(())
 }
@@ -85,7 +252,8 @@ fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
     if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() }
 }
 
-fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+/// The file, or all `*.toml` of a folder.
+pub(super) fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
@@ -99,70 +267,4 @@ fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
     files.sort();
     Ok(files)
-}
-
-/// The arguments of the other commands for a model of a study in a deployment.
-pub(super) fn args_of(
-    study: &Listed,
-    (model, deployment): (Option<&str>, Option<&str>),
-    args: &ValidityArgs,
-) -> StudyArgs {
-    StudyArgs {
-        study: study.path.clone(),
-        set: args.set.clone(),
-        model: model.map(str::to_owned),
-        deployment: deployment.map(str::to_owned),
-        profile: None,
-        output: None,
-        force: false,
-        dry_run: false,
-        json: false,
-    }
-}
-
-/// Say what there is and what would be run.
-pub(super) fn announce(
-    studies: &[Listed],
-    args: &ValidityArgs,
-    printer: &Printer,
-) -> anyhow::Result<()> {
-    for study in studies {
-        for model in &study.models {
-            let first = study.deployments.first().and_then(Option::as_deref);
-            let args = args_of(study, (model.as_deref(), first), args);
-            load_study(&args)?;
-            let state = if evaluate::judge(&args).is_ok() { "is swept" } else { "is to be run" };
-            let model = model.as_deref().map_or_else(String::new, |name| format!(", {name}"));
-            printer.result(&format!("{}{model} {state}", study.plant))?;
-        }
-    }
-    Ok(())
-}
-
-/// Run what is missing of a study: `calib run`, whose results are only steps here.
-pub(super) fn complete(
-    study: &Listed,
-    args: &ValidityArgs,
-    printer: &Printer,
-) -> anyhow::Result<()> {
-    chain::run(&args_of(study, (None, None), args), &printer.talking()).map(|_| ())
-}
-
-/// Why a model is not there, if it is one that this calib cannot train.
-pub(super) fn missing(
-    study: &Listed,
-    model: Option<&str>,
-    args: &ValidityArgs,
-) -> anyhow::Result<Option<String>> {
-    let (settings, paths) = load_study(&args_of(study, (model, None), args))?;
-    let wants_libtorch = matches!(settings.model.kind, ModelKind::Gru | ModelKind::Torchscript);
-    let is_missing =
-        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists();
-    Ok(is_missing.then(|| {
-        format!(
-            "{} of {} is left out: it wants libtorch, which this calib was built without, and no other one has built it",
-            model.unwrap_or("the model"),
-            study.plant
-        )
-    }))
 }

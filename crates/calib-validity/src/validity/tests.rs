@@ -1,12 +1,33 @@
-use calib_stats::{Direction, select};
-
 use super::*;
-use crate::ModelPair;
+use crate::{
+    Badness, CAP, Claim, Finding, ModelPair, Outcome, Predictor, RuleChoice, TaskValue, Test,
+};
 
-fn model(name: &str, members: &[[f64; 3]], one_step: f64, spearman: f64) -> ModelPair {
+pub(crate) fn pair(plant: &str, sensor: &str, regrets: [f64; 3]) -> Pair {
+    Pair {
+        plant: plant.to_owned(),
+        sensor: sensor.to_owned(),
+        optimiser: "adam".to_owned(),
+        task: Vec::new(),
+        online: vec![0.5; 3],
+        skill: Some(0.5),
+        regrets: Some(regrets.to_vec()),
+        default: Some(2),
+        log_replay: Some(0),
+        latest_window: None,
+        another_window: Some(0.5),
+        models: Vec::new(),
+    }
+}
+
+fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
+    let rule = |rule: &str, chosen| RuleChoice { rule: rule.to_owned(), chosen };
     ModelPair {
         model: name.to_owned(),
-        selection: select(members, Direction::LowerIsBetter).expect("numbers"),
+        chosen,
+        stability: Some(0.75),
+        saved: Some(if name == "a" { 0.5 } else { 0.25 }),
+        rules: vec![rule("worst_rank", chosen), rule("pooled", 0)],
         spearman: Some(spearman),
         one_step: Some(one_step),
         one_step_relative: None,
@@ -15,26 +36,14 @@ fn model(name: &str, members: &[[f64; 3]], one_step: f64, spearman: f64) -> Mode
     }
 }
 
-fn pair(plant: &str, sensor: &str, online: [f64; 3], models: Vec<ModelPair>) -> Pair {
-    Pair {
-        plant: plant.to_owned(),
-        sensor: sensor.to_owned(),
-        online: online.to_vec(),
-        default: Some(2),
-        log_replay: Some(0),
-        models,
-    }
-}
-
 /// Two plants; in each pair model "a" chooses value 1 and "b" value 2.
 fn pairs() -> Vec<Pair> {
-    let models = |a: f64, b: f64| {
-        vec![model("a", &[[0.3, 0.1, 0.2]], a, 1.0), model("b", &[[0.3, 0.2, 0.1]], b, 0.5)]
-    };
+    let with =
+        |pair| Pair { models: vec![model("a", 1, 1.0, 1.0), model("b", 2, 2.0, 0.5)], ..pair };
     vec![
-        pair("north", "p", [0.25, 0.125, 0.375], models(1.0, 2.0)), // regrets 1, 0, 2
-        pair("north", "q", [0.5, 0.625, 0.75], models(1.0, 2.0)),   // 0, 0.25, 0.5
-        pair("south", "p", [0.75, 0.5, 0.25], models(1.0, 2.0)),    // 2, 1, 0
+        with(pair("north", "p", [1.0, 0.0, 2.0])),
+        with(pair("north", "q", [0.0, 0.25, 0.5])),
+        with(pair("south", "p", [2.0, 1.0, 0.0])),
     ]
 }
 
@@ -47,6 +56,11 @@ fn summary<'a>(validity: &'a Validity, name: &str) -> &'a MethodSummary {
     validity.methods.iter().find(|of| of.method.name() == name).expect("it is there")
 }
 
+fn comparison<'a>(all: &'a [Comparison], method: &str, against: &str) -> &'a Comparison {
+    let found = all.iter().find(|of| of.method.name() == method && of.against.name() == against);
+    found.expect("it is there")
+}
+
 fn near(a: f64, b: f64) {
     assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
 }
@@ -55,44 +69,111 @@ fn near(a: f64, b: f64) {
 fn regrets_of_all_methods_by_hand() {
     let validity = judged(pairs());
     assert_eq!((validity.pairs, validity.plants.len(), validity.models.len()), (3, 2, 2));
-    // Mean regrets of x, y, z are 1, 5/12 and 5/6.
+    // Products of 1 + regret of x, y, z are 6, 2.5 and 4.5.
     assert_eq!(validity.best_default, 1);
-    near(summary(&validity, "model:a").mean, 1.25 / 3.0);
+    let mean = |name: &str| summary(&validity, name).mean;
+    near(mean("model:a"), 1.25 / 3.0);
     near(summary(&validity, "model:a").median, 0.25);
     near(summary(&validity, "model:a").good, 1.0 / 3.0);
-    near(summary(&validity, "model:a").typical, (1.25_f64 * 2.0).cbrt() - 1.0);
-    near(summary(&validity, "model:b").mean, 2.5 / 3.0);
-    near(summary(&validity, "best_default").mean, 1.25 / 3.0);
-    near(summary(&validity, "log_replay").mean, 1.0);
-    near(summary(&validity, "default").mean, 2.5 / 3.0);
-    near(summary(&validity, "random").mean, (1.0 + 0.25 + 1.0) / 3.0);
-    // For the north the south says z (2 and 0.5); for the south the north says y (mean 1/8): regret 1.
-    near(summary(&validity, "best_default_of_other_plants").mean, 3.5 / 3.0);
-    // One-step errors prefer a everywhere; there are no warping distances.
-    near(summary(&validity, "most_accurate_model").mean, 1.25 / 3.0);
-    assert!(validity.methods.iter().all(|of| of.method != Method::LeastWarped));
+    near(summary(&validity, "model:a").typical, 2.5_f64.cbrt() - 1.0);
+    near(mean("model:b"), 2.5 / 3.0);
+    near(mean("best_default"), 1.25 / 3.0);
+    near(mean("log_replay"), 1.0);
+    near(mean("default"), 2.5 / 3.0);
+    near(mean("random"), (1.0 + 0.25 + 1.0) / 3.0);
+    // For the north the south says z (2 and 0.5); for the south the north says y (products 2, 1.25, 4.5): regret 1.
+    near(mean("best_default_of_other_plants"), 3.5 / 3.0);
+    near(mean("hindsight"), 0.0);
+    near(mean("another_window"), 0.5);
+    // One-step errors prefer a everywhere; there are no warping distances, and no latest windows.
+    near(mean("most_accurate_model"), 1.25 / 3.0);
+    let absent = [Method::LeastWarped, Method::LatestWindow, Method::BestDefaultOfOptimiser];
+    assert!(validity.methods.iter().all(|of| !absent.contains(&of.method)));
+    assert_eq!(validity.agreement[0].stability, Some(0.75));
+    let saved: Vec<_> = validity.agreement.iter().map(|of| of.saved).collect();
+    assert_eq!(saved, [Some(0.5), Some(0.25)]);
+}
+
+#[test]
+fn a_default_may_depend_on_the_optimiser() {
+    let mut all = pairs();
+    all.push(pair("west", "p", [0.0, 0.5, 1.0]));
+    for pair in &mut all[2..] {
+        pair.optimiser = "sgd".to_owned();
+    }
+    let validity = judged(all);
+    // All: products 6, 3.75, 9. Adam's: 2, 1.25, 4.5. SGD's: 3, 3, 2.
+    assert_eq!(validity.best_default, 1);
+    let own = validity.best_defaults_of_optimisers.iter();
+    let own: Vec<(&str, usize)> = own.map(|of| (of.optimiser.as_str(), of.value)).collect();
+    assert_eq!(own, [("adam", 1), ("sgd", 2)]);
+    near(summary(&validity, "best_default_of_optimiser").mean, (0.0 + 0.25 + 0.0 + 1.0) / 4.0);
+    // The north has no other plant with Adam; the west says x (regret 2) for the south, the south z (regret 1) for the west.
+    let others = summary(&validity, "best_default_of_other_plants_with_optimiser");
+    assert_eq!(others.pairs, 2);
+    near(others.mean, 1.5);
 }
 
 #[test]
 fn two_by_two() {
     let validity = judged(pairs());
-    let of = |method: &str, against: &str| {
-        let found = validity
-            .comparisons
-            .iter()
-            .find(|of| of.method.name() == method && of.against.name() == against);
-        found.expect("it is there").clone()
-    };
+    let of = |method: &str, against: &str| comparison(&validity.comparisons, method, against);
     let random = of("model:a", "random"); // 0, 0.25, 1 against 1, 0.25, 1
     assert_eq!((random.wins, random.ties, random.losses), (1, 2, 0));
-    near(random.difference.expect("finite"), -1.0 / 3.0);
+    near(random.difference, -1.0 / 3.0);
+    near(random.error_ratio, 0.5_f64.cbrt());
     let replay = of("model:b", "log_replay"); // 2, 0.5, 0 against 1, 0, 2
     assert_eq!((replay.wins, replay.ties, replay.losses), (1, 0, 2));
-    near(replay.error_ratio.expect("finite"), (1.5_f64 * 1.5 / 3.0).cbrt());
+    near(replay.error_ratio, (1.5_f64 * 1.5 / 3.0).cbrt());
     // Bootstrapping two plants gives (north, north), (south, south) or both.
     let interval = replay.interval.expect("two plants");
     near(interval.low, -2.0);
     near(interval.high, 0.75);
+    assert_eq!(replay.finding, Finding::Untold);
+    // Two models are compared once.
+    assert_eq!(of("model:a", "model:b").wins, 2);
+    assert!(
+        validity
+            .comparisons
+            .iter()
+            .all(|of| of.method.name() != "model:b" || !of.against.is_model())
+    );
+}
+
+#[test]
+fn what_plants_can_tell_follows_from_their_means() {
+    let validity = judged(pairs());
+    let power = validity.power.iter();
+    let power =
+        power.clone().find(|of| of.method.name() == "model:a" && of.against == Method::Random);
+    let power = power.expect("it is there");
+    // The north's mean logarithm is −ln 2 / 2, the south's 0: a deviation of ln 2 / 2 / √2.
+    let std = 2.0_f64.ln() / 8.0_f64.sqrt();
+    assert_eq!(power.plants, 2);
+    near(power.std.expect("two plants"), std);
+    let visible = calib_stats::smallest_difference(std, 2).expect("two").exp_m1();
+    near(power.visible.expect("two plants"), visible);
+    assert_eq!(power.needed[2], calib_stats::observations_needed(std, 1.05_f64.ln()));
+}
+
+#[test]
+fn claims_are_of_models_against_what_one_would_do_without() {
+    let options = Options { resamples: 400, networks: vec!["b".to_owned()], ..Options::default() };
+    let values = ["x", "y", "z"].map(str::to_owned).to_vec();
+    let validity = judge(values, pairs(), &options).expect("valid");
+    let of = |claim, method: &str, against: Option<&str>| -> Option<&Test> {
+        validity.tests.iter().find(|of| {
+            let other = of.against.as_ref().map(Method::name);
+            of.claim == claim && of.method.name() == method && other.as_deref() == against
+        })
+    };
+    let regret = of(Claim::SmallRegret, "model:a", None).expect("claimed");
+    assert_eq!(regret.outcome, Outcome::Fails, "0.125 in the north and 1 in the south");
+    near(regret.value, 1.25 / 3.0);
+    assert!(of(Claim::NoWorse, "model:a", Some("log_replay")).is_some());
+    assert!(of(Claim::Better, "model:a", Some("model:b")).is_some(), "b is a network");
+    assert!(of(Claim::Better, "model:b", Some("default")).is_some());
+    assert!(validity.tests.iter().all(|of| !of.against.as_ref().is_some_and(Method::is_floor)));
 }
 
 #[test]
@@ -103,59 +184,88 @@ fn the_more_accurate_model_chooses_better_or_not() {
         all.find(|of| of.predictor == predictor && of.outcome == outcome).expect("there").clone()
     };
     // a is more accurate in all three pairs and has the smaller regret in two of them.
-    let regret = of(crate::Predictor::OneStep, crate::Outcome::Regret);
+    let regret = of(Predictor::OneStep, Badness::Regret);
     assert_eq!((regret.pairs, regret.models), (3, 6));
     near(regret.correlation.expect("defined"), 1.0 / 3.0);
-    let ranking = of(crate::Predictor::OneStep, crate::Outcome::Disagreement);
+    let ranking = of(Predictor::OneStep, Badness::Disagreement);
     near(ranking.correlation.expect("defined"), 1.0);
-    assert_eq!(of(crate::Predictor::Dtw, crate::Outcome::Regret).correlation, None);
+    assert_eq!(of(Predictor::Dtw, Badness::Regret).correlation, None);
 }
 
 #[test]
-fn rules_are_compared_with_the_papers() {
-    let mut all = pairs();
-    for pair in &mut all {
-        // Worst ranks 3, 2, 3: value 1; mean ranks 5/3, 2, 7/3: value 0.
-        pair.models =
-            vec![model("a", &[[0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [0.3, 0.2, 0.1]], 1.0, 0.0)];
-    }
-    let validity = judged(all);
+fn rules_are_compared_over_the_pairs_of_all_models() {
+    let validity = judged(pairs());
     let rule = |name: &str| {
         let found = validity.rules.iter().find(|of| of.method.name() == name);
         found.expect("it is there").mean
     };
     near(rule("model:a:worst_rank"), 1.25 / 3.0);
-    near(rule("model:a:mean_rank"), 1.0);
-    let comparison = &validity.rule_comparisons[0];
-    assert_eq!((comparison.wins, comparison.ties, comparison.losses), (1, 0, 2));
-    near(comparison.difference.expect("finite"), 1.75 / 3.0);
+    near(rule("model:b:pooled"), 1.0);
+    assert_eq!(validity.rule_comparisons.len(), 1, "two rules are compared once");
+    // 0, 0.25, 1 of a and 2, 0.5, 0 of b against 1, 0, 2 in both.
+    let of = comparison(&validity.rule_comparisons, "rule:worst_rank", "rule:pooled");
+    assert_eq!((of.pairs, of.wins, of.ties, of.losses), (6, 3, 0, 3));
+    near(of.error_ratio, (2.5_f64 * 4.5 / 36.0).powf(1.0 / 6.0));
+    assert_eq!(of.of_plants.len(), 2, "the plant stays the unit");
 }
 
 #[test]
-fn diverged_values_lose_but_do_not_blur_the_rest() {
+fn tasks_that_are_alike_are_summarised() {
     let mut all = pairs();
-    all[0].online[2] = f64::INFINITY;
+    for (pair, gamma) in all.iter_mut().zip([0.8, 0.8, 0.9]) {
+        pair.task = vec![("gamma".to_owned(), TaskValue::Number(gamma))];
+    }
     let validity = judged(all);
-    let b = summary(&validity, "model:b");
-    assert_eq!((b.diverged, b.mean, b.interval), (1, f64::INFINITY, None));
-    let against = validity
-        .comparisons
-        .iter()
-        .find(|of| of.method.name() == "model:b" && of.against == Method::LogReplay);
-    let against = against.expect("it is there");
-    assert_eq!((against.wins, against.losses, against.finite), (1, 2, 2));
+    let mut groups = validity.groups.iter();
+    let own = groups.find(|of| of.group == "0.8" && of.method.name() == "model:a");
+    let own = own.expect("it is there");
+    assert_eq!((own.feature.as_str(), own.pairs, own.plants), ("gamma", 2, 1));
+    near(own.typical, 1.25_f64.sqrt() - 1.0);
+    near(own.against_default.expect("known"), (1.25_f64 / 4.5).sqrt());
+    assert_eq!(own.interval, None, "one plant alone has none");
+    assert!(validity.groups.iter().all(|of| of.feature == "gamma"), "all have one optimiser");
+}
+
+#[test]
+fn diverged_choices_count_as_the_cap() {
+    let mut all = pairs();
+    let diverging = vec![1.0, 0.0, f64::INFINITY];
+    all[0].regrets = Some(diverging);
+    all[1].regrets = Some(vec![0.0, 0.25, 2.0 * CAP]);
+    let validity = judged(all);
+    let b = summary(&validity, "model:b"); // ∞ and 20 count as 10
+    assert_eq!((b.diverged, b.capped), (1, 2));
+    near(b.mean, 20.0 / 3.0);
+    near(b.typical, 121.0_f64.cbrt() - 1.0);
+    near(summary(&validity, "random").mean, (11.0 / 3.0 + 10.25 / 3.0 + 1.0) / 3.0);
+    let against = comparison(&validity.comparisons, "model:b", "log_replay");
+    assert_eq!((against.wins, against.losses, against.pairs), (1, 2, 3));
+    near(against.error_ratio, (121.0_f64 / 6.0).cbrt());
+    let each = validity.each.iter().find(|of| of.method.name() == "model:b");
+    assert_eq!(each.map(|of| of.regret), Some(f64::INFINITY), "what it was stays known");
 }
 
 #[test]
 fn what_cannot_be_judged_is_left_out_or_refused() {
     let mut all = pairs();
-    all[1].online = vec![f64::INFINITY; 3];
-    assert_eq!(judged(all.clone()).left_out, ["q of north"]);
+    all[1].regrets = None;
+    all[2].skill = Some(-0.1);
+    let validity = judged(all.clone());
+    assert_eq!((&*validity.left_out, validity.not_learnt), (&["q of north".to_owned()][..], 1));
+    assert_eq!(validity.judged.len(), 2);
+    let refused = |all: Vec<Pair>| {
+        let values = ["x", "y", "z"].map(str::to_owned).to_vec();
+        judge(values, all, &Options::default()).expect_err("refused").to_string()
+    };
+    assert!(refused(Vec::new()).contains("there is no plant and sensor to judge"));
+    let mut odd = all.clone();
+    odd[0].log_replay = Some(3);
+    assert_eq!(refused(odd), "p of north: the choice of log replay is value 3, but there are 3");
+    let mut odd = all.clone();
+    odd[0].another_window = Some(f64::NAN);
+    assert!(refused(odd).contains("p of north has a regret of NaN"));
     all[0].online.pop();
-    let options = Options::default();
-    let values = || vec!["x".to_owned(), "y".to_owned(), "z".to_owned()];
-    assert!(judge(values(), all, &options).unwrap_err().to_string().contains("p of north"));
-    assert_eq!(judge(values(), Vec::new(), &options), Err(ValidityError::NoPairs));
+    assert!(refused(all).contains("p of north has Online errors of 2 values, expected 3"));
 }
 
 #[test]

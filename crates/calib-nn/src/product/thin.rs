@@ -1,0 +1,187 @@
+//! Products with one row or column, or with few values: the library sums them by the processor's vectors.
+//!
+//! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
+
+use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
+
+use super::Matrix;
+
+/// Partial sums of a dot product, whatever the processor's vectors hold.
+const SUMS: usize = 16;
+
+/// Vectors that are taken at a time: their sums, or the weights of them, stay in registers.
+const BLOCK: usize = 4;
+
+/// Each value as a dot product of a row of `left` and a column of `right`, both of which lie in order.
+pub(super) fn dots(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
+    let (m, n) = (left.rows, right.columns);
+    let columns = right.transposed();
+    Arch::new().dispatch(if m >= n {
+        Dots { out, many: left, few: columns, strides: [n, 1] }
+    } else {
+        Dots { out, many: columns, few: left, strides: [1, n] }
+    });
+}
+
+/// `out[i * strides[0] + j * strides[1]]` = row i of `many` · row j of `few`.
+struct Dots<'a> {
+    out: &'a mut [f32],
+    many: Matrix<'a>,
+    few: Matrix<'a>,
+    strides: [usize; 2],
+}
+
+impl WithSimd for Dots<'_> {
+    type Output = ();
+
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { out, many, few, strides } = self;
+        let whole = many.rows - many.rows % BLOCK;
+        for j in 0..few.rows {
+            let vector = few.row(j);
+            for i in (0..whole).step_by(BLOCK) {
+                let rows = [many.row(i), many.row(i + 1), many.row(i + 2), many.row(i + 3)];
+                for (place, value) in dot_products(simd, rows, vector).into_iter().enumerate() {
+                    out[(i + place) * strides[0] + j * strides[1]] = value;
+                }
+            }
+            for i in whole..many.rows {
+                let [value] = dot_products(simd, [many.row(i)], vector);
+                out[i * strides[0] + j * strides[1]] = value;
+            }
+        }
+    }
+}
+
+/// Product l is added to sum l mod 16 by a fused multiply-add, and the sums are added by halves. What is left over of
+/// the vectors is filled up with zeros.
+#[expect(
+    clippy::inline_always,
+    reason = "only what is inlined into the dispatch is compiled for the processor"
+)]
+#[inline(always)]
+fn dot_products<S: Simd, const ROWS: usize>(
+    simd: S,
+    rows: [&[f32]; ROWS],
+    vector: &[f32],
+) -> [f32; ROWS] {
+    let vectors = const { SUMS / S::F32_LANES };
+    let mut sums = [[simd.splat_f32s(0.0); SUMS]; ROWS];
+    let (chunks, rest) = vector.as_chunks::<SUMS>();
+    for (index, chunk) in chunks.iter().enumerate() {
+        let chunk = S::as_simd_f32s(chunk).0;
+        for (sums, row) in sums.iter_mut().zip(rows) {
+            let row = S::as_simd_f32s(&row[index * SUMS..][..SUMS]).0;
+            for vector in 0..vectors {
+                sums[vector] = simd.mul_add_f32s(row[vector], chunk[vector], sums[vector]);
+            }
+        }
+    }
+    if !rest.is_empty() {
+        let chunk = padded(rest);
+        let chunk = S::as_simd_f32s(&chunk).0;
+        for (sums, row) in sums.iter_mut().zip(rows) {
+            let row = padded(&row[chunks.len() * SUMS..]);
+            let row = S::as_simd_f32s(&row).0;
+            for vector in 0..vectors {
+                sums[vector] = simd.mul_add_f32s(row[vector], chunk[vector], sums[vector]);
+            }
+        }
+    }
+    let mut values = [0.0; ROWS];
+    for (value, sums) in values.iter_mut().zip(&mut sums) {
+        let mut half = vectors / 2;
+        while half > 0 {
+            for vector in 0..half {
+                sums[vector] = simd.add_f32s(sums[vector], sums[vector + half]);
+            }
+            half /= 2;
+        }
+        *value = simd.reduce_sum_f32s(sums[0]);
+    }
+    values
+}
+
+/// `values`, fewer than [`SUMS`], and zeros.
+#[expect(clippy::inline_always, reason = "as the loops around it")]
+#[inline(always)]
+fn padded(values: &[f32]) -> [f32; SUMS] {
+    let mut padded = [0.0; SUMS];
+    padded[..values.len()].copy_from_slice(values);
+    padded
+}
+
+/// Each row of the result as a sum of the rows of `right`, which lie in order, one after another.
+pub(super) fn combine(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
+    Arch::new().dispatch(Combine { out, left, right });
+}
+
+struct Combine<'a> {
+    out: &'a mut [f32],
+    left: Matrix<'a>,
+    right: Matrix<'a>,
+}
+
+impl NullaryFnOnce for Combine<'_> {
+    type Output = ();
+
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn call(self) {
+        let Self { out, left, right } = self;
+        let (k, n) = (left.columns, right.columns);
+        if k == 0 {
+            return out.fill(0.0);
+        }
+        let whole = k - k % BLOCK;
+        for (i, out) in out.chunks_exact_mut(n).enumerate() {
+            for l in (0..whole).step_by(BLOCK) {
+                let rows = [right.row(l), right.row(l + 1), right.row(l + 2), right.row(l + 3)];
+                let weights =
+                    [left.at(i, l), left.at(i, l + 1), left.at(i, l + 2), left.at(i, l + 3)];
+                if l == 0 {
+                    add_scaled::<_, true>(out, weights, rows);
+                } else {
+                    add_scaled::<_, false>(out, weights, rows);
+                }
+            }
+            for l in whole..k {
+                let (weights, rows) = ([left.at(i, l)], [right.row(l)]);
+                if l == 0 {
+                    add_scaled::<_, true>(out, weights, rows);
+                } else {
+                    add_scaled::<_, false>(out, weights, rows);
+                }
+            }
+        }
+    }
+}
+
+/// `out` += Σ `weights`ₗ · `rows`ₗ, one row after the other, by fused multiply-adds; what was there does not count if `FRESH`.
+#[expect(
+    clippy::inline_always,
+    reason = "only what is inlined into the dispatch is compiled for the processor"
+)]
+#[inline(always)]
+fn add_scaled<const ROWS: usize, const FRESH: bool>(
+    out: &mut [f32],
+    weights: [f32; ROWS],
+    rows: [&[f32]; ROWS],
+) {
+    let rows = rows.map(|row| &row[..out.len()]);
+    for (index, out) in out.iter_mut().enumerate() {
+        let mut sum = if FRESH { 0.0 } else { *out };
+        for place in 0..ROWS {
+            sum = weights[place].mul_add(rows[place][index], sum);
+        }
+        *out = sum;
+    }
+}

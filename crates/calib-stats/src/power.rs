@@ -1,0 +1,67 @@
+//! What a number of observations can tell.
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// More observations than anybody has.
+const MANY: usize = 1_000_000;
+
+/// The smallest true mean that a two-sided test at 5 % against 0 finds with a power of 80 %, from `n` independent observations with
+/// the standard deviation `std`:
+///
+/// (t₀.₉₇₅(n − 1) + t₀.₈(n − 1)) · std / √n
+///
+/// the usual approximation of the noncentral t distribution. `None` for fewer than two observations, or a `std` that is not finite.
+/// Source: Cohen (1988); t instead of normal quantiles because a dozen observations are usual here.
+pub fn smallest_difference(std: f64, n: usize) -> Option<f64> {
+    let freedom = n.checked_sub(1).filter(|&freedom| freedom > 0)?;
+    let t = StudentsT::new(0.0, 1.0, freedom as f64).ok()?;
+    let sum = t.inverse_cdf(0.975) + t.inverse_cdf(0.8);
+    (std >= 0.0 && std.is_finite()).then(|| sum * std / (n as f64).sqrt())
+}
+
+/// The fewest observations, two at least, from which a mean of `difference` is found as in [`smallest_difference`]. `None` if a million
+/// do not suffice, or there is no difference to find.
+pub fn observations_needed(std: f64, difference: f64) -> Option<usize> {
+    let suffices = |n| smallest_difference(std, n).is_some_and(|least| least <= difference);
+    if difference.is_nan() || difference <= 0.0 || !suffices(MANY) {
+        return None;
+    }
+    // What suffices grows with n, so halves of what is left decide.
+    let (mut few, mut enough) = (1, MANY);
+    while enough - few > 1 {
+        let between = usize::midpoint(few, enough);
+        if suffices(between) { enough = between } else { few = between }
+    }
+    Some(enough)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn differences_as_in_tables() {
+        // t quantiles of 11 degrees of freedom: 2.200985 and 0.875530; of 1: 12.706205 and 1.376382.
+        let of_twelve = smallest_difference(0.2, 12).unwrap();
+        assert!((of_twelve - (2.200_985 + 0.875_530) * 0.2 / 12_f64.sqrt()).abs() < 1e-6);
+        let of_two = smallest_difference(1.0, 2).unwrap();
+        assert!((of_two - 14.082_587 / 2_f64.sqrt()).abs() < 1e-5);
+        assert_eq!(smallest_difference(1.0, 1), None);
+        assert_eq!(smallest_difference(f64::INFINITY, 9), None);
+        // (1.96 + 0.84)² = 7.85 of normal quantiles for a difference of one standard deviation, and two for so few.
+        assert_eq!(observations_needed(1.0, 1.0), Some(10));
+        assert_eq!(observations_needed(0.0, 0.1), Some(2));
+        assert_eq!(observations_needed(1.0, 1e-6), None);
+        assert_eq!(observations_needed(1.0, 0.0), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_needed_is_the_first_that_suffices(std in 0.01..0.5_f64, difference in 0.05..1.0_f64) {
+            let by_counting = (2..2000).find(|&n| smallest_difference(std, n).unwrap() <= difference);
+            prop_assert_eq!(observations_needed(std, difference), by_counting);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! What each method chooses in every pair.
+
+use calib_stats::{StatsError, mean};
+
+use crate::{Method, ModelPair, Pair, defaults::best_default, pair::capped};
+
+/// Pairs with the regrets of all values, and the models and rules that they have.
+pub(crate) struct Judged<'a> {
+    pub(crate) pairs: &'a [Pair],
+    /// `[pairs, values]`.
+    pub(crate) regrets: &'a [Vec<f64>],
+    pub(crate) models: &'a [String],
+    pub(crate) rules: &'a [String],
+}
+
+/// The choice of a method in every pair, and its regret; `None` where it has none.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Chosen {
+    pub(crate) method: Method,
+    /// The value; none for a mean over values.
+    pub(crate) values: Vec<Option<usize>>,
+    pub(crate) regrets: Vec<Option<f64>>,
+}
+
+impl Chosen {
+    /// The regret in a pair as it counts.
+    pub(crate) fn counted(&self, pair: usize) -> Option<f64> {
+        self.regrets[pair].map(capped)
+    }
+}
+
+impl Judged<'_> {
+    /// All methods: models first, then what one would do without calib, then floors. What no pair has is no method here.
+    pub(crate) fn methods(&self) -> Result<Vec<Chosen>, StatsError> {
+        let models = self.models.iter().map(|name| {
+            let choice = |pair: &Pair| Some(pair.model(name)?.chosen);
+            self.chosen(Method::Model(name.clone()), choice)
+        });
+        let mut all: Vec<Chosen> = models.collect();
+        if self.models.len() > 1 {
+            all.push(self.chosen(Method::MostAccurate, |pair| least(pair, |of| of.one_step)));
+            all.push(self.chosen(Method::LeastWarped, |pair| least(pair, |of| of.dtw)));
+        }
+        all.push(self.chosen(Method::LogReplay, |pair| pair.log_replay));
+        all.push(self.chosen(Method::LatestWindow, |pair| pair.latest_window));
+        all.push(self.chosen(Method::Default, |pair| pair.default));
+        all.extend(self.defaults());
+        let random = self.regrets.iter().map(|of| {
+            let counted: Vec<f64> = of.iter().copied().map(capped).collect();
+            Ok(Some(mean(&counted)?))
+        });
+        all.push(self.without_values(Method::Random, random.collect::<Result<_, StatsError>>()?));
+        all.extend(self.floors());
+        all.retain(|chosen| chosen.regrets.iter().any(Option::is_some));
+        Ok(all)
+    }
+
+    /// One value for several pairs. Those of optimisers say nothing of their own where all agents have the same.
+    fn defaults(&self) -> Vec<Chosen> {
+        let of = |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
+        let other = |pair: &Pair, other: &Pair| other.plant != pair.plant;
+        let alike = |pair: &Pair, other: &Pair| other.optimiser == pair.optimiser;
+        let mut all = vec![
+            self.chosen(Method::BestDefault, |_| of(&|_| true)),
+            self.chosen(Method::OtherPlants, |pair| of(&|with| other(pair, with))),
+        ];
+        if self.pairs.windows(2).any(|pair| !alike(&pair[0], &pair[1])) {
+            let own =
+                self.chosen(Method::BestDefaultOfOptimiser, |pair| of(&|with| alike(pair, with)));
+            all.insert(1, own);
+            all.push(self.chosen(Method::OtherPlantsWithOptimiser, |pair| {
+                of(&|with| other(pair, with) && alike(pair, with))
+            }));
+        }
+        all
+    }
+
+    fn floors(&self) -> [Chosen; 2] {
+        let least = |of: &Vec<f64>| of.iter().copied().reduce(f64::min);
+        let another = self.pairs.iter().map(|pair| pair.another_window);
+        [
+            self.without_values(Method::Hindsight, self.regrets.iter().map(least).collect()),
+            self.without_values(Method::AnotherWindow, another.collect()),
+        ]
+    }
+
+    /// What each rule chooses in `model`.
+    pub(crate) fn rules_of(&self, model: &str) -> Vec<Chosen> {
+        let of_rule = |rule: &String| {
+            let choice = |pair: &Pair| pair.model(model)?.by(rule);
+            self.chosen(Method::RuleOf(model.to_owned(), rule.clone()), choice)
+        };
+        self.rules.iter().map(of_rule).collect()
+    }
+
+    /// What each rule chooses in every model: one entry a model and pair, model by model.
+    pub(crate) fn rules_of_all(&self) -> Vec<Chosen> {
+        let of_rule = |rule: &String| {
+            let each: Vec<Chosen> = self
+                .models
+                .iter()
+                .map(|model| {
+                    let choice = |pair: &Pair| pair.model(model)?.by(rule);
+                    self.chosen(Method::Rule(rule.clone()), choice)
+                })
+                .collect();
+            Chosen {
+                method: Method::Rule(rule.clone()),
+                values: each.iter().flat_map(|of| of.values.clone()).collect(),
+                regrets: each.iter().flat_map(|of| of.regrets.clone()).collect(),
+            }
+        };
+        self.rules.iter().map(of_rule).collect()
+    }
+
+    fn chosen(&self, method: Method, choice: impl Fn(&Pair) -> Option<usize>) -> Chosen {
+        let values: Vec<Option<usize>> = self.pairs.iter().map(choice).collect();
+        let regrets = values.iter().zip(self.regrets);
+        let regrets = regrets.map(|(value, of)| value.map(|value| of[value])).collect();
+        Chosen { method, values, regrets }
+    }
+
+    fn without_values(&self, method: Method, regrets: Vec<Option<f64>>) -> Chosen {
+        Chosen { method, values: vec![None; self.pairs.len()], regrets }
+    }
+}
+
+/// The choice of the model with the least of something, if at least two models have it; the first of equals.
+fn least(pair: &Pair, of: impl Fn(&ModelPair) -> Option<f64>) -> Option<usize> {
+    let known = pair.models.iter().filter_map(|model| Some((of(model)?, model)));
+    let known: Vec<(f64, &ModelPair)> = known.collect();
+    let (_, model) = known.iter().min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    (known.len() > 1).then_some(model.chosen)
+}

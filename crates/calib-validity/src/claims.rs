@@ -1,0 +1,129 @@
+//! What was to be shown, named before anything was run.
+
+use calib_stats::Interval;
+use serde::Serialize;
+
+use crate::{Comparison, GOOD, MARGIN, Method, MethodSummary};
+
+/// What is claimed of the choices of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Claim {
+    /// The mean regret is at most [`GOOD`].
+    SmallRegret,
+    /// Less error than the other method.
+    Better,
+    /// At most [`MARGIN`] more error than the other method.
+    NoWorse,
+}
+
+/// How a claim stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The whole 95 % interval lies where the claim has it.
+    Holds,
+    /// The whole interval lies elsewhere.
+    Fails,
+    /// The interval reaches both, or there is none.
+    Open,
+}
+
+/// A claim, and what was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Test {
+    /// The claim.
+    pub claim: Claim,
+    /// Of which method.
+    pub method: Method,
+    /// Against which other; none of a regret.
+    pub against: Option<Method>,
+    /// Mean regret, or quotient of errors.
+    pub value: f64,
+    /// 95 % interval of it, over plants.
+    pub interval: Option<Interval>,
+    /// How the claim stands.
+    pub outcome: Outcome,
+}
+
+/// All claims of every model, as far as there is something to compare with: a small mean regret; less error than the alternatives, of
+/// which `networks` are some for models that are none; no more error than log replay.
+pub(crate) fn all(
+    summaries: &[MethodSummary],
+    comparisons: &[Comparison],
+    networks: &[String],
+) -> Vec<Test> {
+    let is_network =
+        |method: &Method| matches!(method, Method::Model(name) if networks.contains(name));
+    let mut tests = Vec::new();
+    for summary in summaries.iter().filter(|of| of.method.is_model()) {
+        tests.push(Test {
+            claim: Claim::SmallRegret,
+            method: summary.method.clone(),
+            against: None,
+            value: summary.mean,
+            interval: summary.interval,
+            outcome: outcome(summary.interval, GOOD),
+        });
+        let own = comparisons.iter().filter(|of| of.method == summary.method);
+        let claims = own.filter_map(|of| {
+            let claim = match &of.against {
+                Method::LogReplay => Claim::NoWorse,
+                Method::Default
+                | Method::BestDefault
+                | Method::BestDefaultOfOptimiser
+                | Method::OtherPlants
+                | Method::OtherPlantsWithOptimiser
+                | Method::Random => Claim::Better,
+                network if is_network(network) && !is_network(&of.method) => Claim::Better,
+                _ => return None,
+            };
+            Some((claim, of))
+        });
+        tests.extend(claims.map(|(claim, of)| Test {
+            claim,
+            method: of.method.clone(),
+            against: Some(of.against.clone()),
+            value: of.error_ratio,
+            interval: of.error_ratio_interval,
+            outcome: outcome(of.error_ratio_interval, claim.limit()),
+        }));
+    }
+    tests
+}
+
+impl Claim {
+    /// What the value has to stay below.
+    pub const fn limit(self) -> f64 {
+        match self {
+            Self::SmallRegret => GOOD,
+            Self::Better => 1.0,
+            Self::NoWorse => 1.0 + MARGIN,
+        }
+    }
+}
+
+fn outcome(interval: Option<Interval>, limit: f64) -> Outcome {
+    match interval {
+        Some(Interval { high, .. }) if high < limit => Outcome::Holds,
+        Some(Interval { low, .. }) if low > limit => Outcome::Fails,
+        _ => Outcome::Open,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_claim_holds_where_all_of_its_interval_does() {
+        let of = |low, high, claim: Claim| outcome(Some(Interval { low, high }), claim.limit());
+        assert_eq!(of(0.01, 0.049, Claim::SmallRegret), Outcome::Holds);
+        assert_eq!(of(0.01, 0.051, Claim::SmallRegret), Outcome::Open);
+        assert_eq!(of(0.06, 0.07, Claim::SmallRegret), Outcome::Fails);
+        assert_eq!(of(0.9, 1.009, Claim::NoWorse), Outcome::Holds);
+        assert_eq!(of(0.9, 1.0, Claim::Better), Outcome::Open);
+        assert_eq!(of(1.001, 1.2, Claim::Better), Outcome::Fails);
+        assert_eq!(outcome(None, 1.0), Outcome::Open);
+    }
+}

@@ -1,0 +1,199 @@
+//! Does choosing well depend on the task?
+
+use calib_stats::{Interval, StatsError, mean, median};
+use serde::Serialize;
+
+use crate::{
+    Method, Pair, TaskValue,
+    chosen::Chosen,
+    comparison::quotient,
+    over_plants::{OverPlants, mean_of},
+};
+
+/// Numbers with more different values than this are parted in halves.
+const FEW_VALUES: usize = 4;
+
+/// A method over the pairs whose tasks are alike in one feature.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GroupSummary {
+    /// The feature, such as the optimiser.
+    pub feature: String,
+    /// What the pairs have in common.
+    pub group: String,
+    /// The method.
+    pub method: Method,
+    /// Pairs of the group in which it has a choice.
+    pub pairs: usize,
+    /// Plants of these.
+    pub plants: usize,
+    /// Typical regret, as in [`MethodSummary`](crate::MethodSummary).
+    pub typical: f64,
+    /// 95 % interval of it, over plants.
+    pub interval: Option<Interval>,
+    /// Geometric mean of the method's Online error divided by that of the study's default; none without one.
+    pub against_default: Option<f64>,
+    /// 95 % interval of it, over plants.
+    pub against_default_interval: Option<Interval>,
+}
+
+/// Pairs with a feature in common.
+struct Group {
+    feature: String,
+    name: String,
+    /// Numbers of the pairs.
+    pairs: Vec<usize>,
+}
+
+/// Each of `methods` over each group of each feature.
+pub(crate) fn groups(
+    pairs: &[Pair],
+    methods: &[Chosen],
+    plants: &OverPlants,
+) -> Result<Vec<GroupSummary>, StatsError> {
+    let default = methods.iter().find(|of| of.method == Method::Default);
+    let shown = methods.iter().filter(|of| of.method.is_model() || of.method == Method::LogReplay);
+    let shown: Vec<&Chosen> = shown.collect();
+    let mut all = Vec::new();
+    for group in all_groups(pairs)? {
+        for method in &shown {
+            all.extend(summary(&group, method, default, plants)?);
+        }
+    }
+    Ok(all)
+}
+
+fn summary(
+    group: &Group,
+    method: &Chosen,
+    default: Option<&Chosen>,
+    plants: &OverPlants,
+) -> Result<Option<GroupSummary>, StatsError> {
+    let has = |pair: usize| group.pairs.contains(&pair) && method.regrets[pair].is_some();
+    let own: Vec<usize> = group.pairs.iter().copied().filter(|&pair| has(pair)).collect();
+    if own.is_empty() {
+        return Ok(None);
+    }
+    let regret = |pair: usize| method.counted(pair).unwrap_or(f64::NAN);
+    let logarithm = |pair: usize| regret(pair).ln_1p();
+    let both = |pair: usize| has(pair) && default.is_some_and(|of| of.regrets[pair].is_some());
+    let ratio = |pair: usize| {
+        let other = default.and_then(|of| of.counted(pair)).unwrap_or(f64::NAN);
+        quotient(regret(pair), other)
+    };
+    let compared: Vec<usize> = own.iter().copied().filter(|&pair| both(pair)).collect();
+    let logarithms: Vec<f64> = own.iter().map(|&pair| logarithm(pair)).collect();
+    Ok(Some(GroupSummary {
+        feature: group.feature.clone(),
+        group: group.name.clone(),
+        method: method.method.clone(),
+        pairs: own.len(),
+        plants: plants.each(has).len(),
+        typical: mean(&logarithms)?.exp_m1(),
+        interval: plants.interval(has, |pairs| Some(mean_of(pairs, logarithm)?.exp_m1()))?,
+        against_default: mean_of(&compared, ratio).map(f64::exp),
+        against_default_interval: plants
+            .interval(both, |pairs| Some(mean_of(pairs, ratio)?.exp()))?,
+    }))
+}
+
+/// The groups of every feature in which pairs differ.
+fn all_groups(pairs: &[Pair]) -> Result<Vec<Group>, StatsError> {
+    let optimiser = |pair: &Pair| Some(TaskValue::Name(pair.optimiser.clone()));
+    let mut all = groups_of("optimiser", pairs, optimiser)?;
+    let mut features: Vec<&String> = Vec::new();
+    for (feature, _) in pairs.iter().flat_map(|pair| &pair.task) {
+        if !features.contains(&feature) {
+            features.push(feature);
+        }
+    }
+    for feature in features {
+        let of = |pair: &Pair| {
+            let found = pair.task.iter().find(|(name, _)| name == feature);
+            found.map(|(_, value)| value.clone())
+        };
+        all.extend(groups_of(feature, pairs, of)?);
+    }
+    Ok(all)
+}
+
+/// One group for each name or number, or two halves where there are many numbers; none where all pairs are alike.
+fn groups_of(
+    feature: &str,
+    pairs: &[Pair],
+    of: impl Fn(&Pair) -> Option<TaskValue>,
+) -> Result<Vec<Group>, StatsError> {
+    let values: Vec<(usize, TaskValue)> =
+        pairs.iter().enumerate().filter_map(|(pair, own)| Some((pair, of(own)?))).collect();
+    let mut numbers: Vec<f64> = values.iter().filter_map(|(_, value)| value.number()).collect();
+    numbers.sort_by(f64::total_cmp);
+    let middle = if numbers.is_empty() { 0.0 } else { median(&numbers)? };
+    numbers.dedup();
+    let name = |value: &TaskValue| match value {
+        TaskValue::Name(name) => name.clone(),
+        TaskValue::Number(number) if numbers.len() <= FEW_VALUES => number.to_string(),
+        TaskValue::Number(number) if *number <= middle => format!("up to {middle}"),
+        TaskValue::Number(_) => format!("above {middle}"),
+    };
+    let mut groups: Vec<(TaskValue, Group)> = Vec::new();
+    for (pair, value) in values {
+        let name = name(&value);
+        match groups.iter_mut().find(|(_, group)| group.name == name) {
+            Some((_, group)) => group.pairs.push(pair),
+            None => {
+                let feature = feature.to_owned();
+                groups.push((value, Group { feature, name, pairs: vec![pair] }));
+            }
+        }
+    }
+    groups.sort_by(|(a, x), (b, y)| match (a.number(), b.number()) {
+        (Some(a), Some(b)) => a.total_cmp(&b),
+        _ => x.name.cmp(&y.name),
+    });
+    let groups: Vec<Group> = groups.into_iter().map(|(_, group)| group).collect();
+    Ok(if groups.len() > 1 { groups } else { Vec::new() })
+}
+
+impl TaskValue {
+    fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(number) => Some(*number),
+            Self::Name(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::validity::tests::pair;
+
+    fn groups_by(values: &[TaskValue]) -> Vec<(String, Vec<usize>)> {
+        let pairs: Vec<Pair> = values
+            .iter()
+            .map(|value| Pair {
+                task: vec![("x".to_owned(), value.clone())],
+                ..pair("plant", "s", [0.0; 3])
+            })
+            .collect();
+        let groups = all_groups(&pairs).expect("numbers");
+        assert!(groups.iter().all(|group| group.feature == "x"), "all have one optimiser");
+        groups.into_iter().map(|group| (group.name, group.pairs)).collect()
+    }
+
+    #[test]
+    fn few_values_are_groups_and_many_are_halves() {
+        let numbers = |of: &[f64]| -> Vec<TaskValue> {
+            of.iter().map(|&number| TaskValue::Number(number)).collect()
+        };
+        let few = groups_by(&numbers(&[0.9, 0.8, 0.9]));
+        assert_eq!(few, [("0.8".to_owned(), vec![1]), ("0.9".to_owned(), vec![0, 2])]);
+        let many = groups_by(&numbers(&[5.0, 1.0, 2.0, 4.0, 3.0, 1.0]));
+        assert_eq!(
+            many,
+            [("up to 2.5".to_owned(), vec![1, 2, 5]), ("above 2.5".to_owned(), vec![0, 3, 4])]
+        );
+        let names = ["sgd", "adam"].map(|name| TaskValue::Name(name.to_owned()));
+        assert_eq!(groups_by(&names), [("adam".to_owned(), vec![1]), ("sgd".to_owned(), vec![0])]);
+        assert!(groups_by(&numbers(&[1.0, 1.0])).is_empty(), "all alike");
+    }
+}

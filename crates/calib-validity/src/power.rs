@@ -1,0 +1,44 @@
+//! What so many plants can tell.
+
+use calib_stats::{StatsError, observations_needed, sample_std, smallest_difference};
+use serde::Serialize;
+
+use crate::{Comparison, Method};
+
+/// Differences of errors for which the plants that are needed are told: 1, 2 and 5 %.
+pub const DIFFERENCES: [f64; 3] = [0.01, 0.02, 0.05];
+
+/// What a comparison can see, with 80 % power at 5 % two-sided, in the logarithm of the quotient of errors and with the plant as the
+/// unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Power {
+    /// The method.
+    pub method: Method,
+    /// The other one.
+    pub against: Method,
+    /// Plants in which both have a choice.
+    pub plants: usize,
+    /// Standard deviation over plants of the plant's mean ln(quotient); none for one plant.
+    pub std: Option<f64>,
+    /// The smallest difference that so many plants see, as a share of the error: 0.05 is 5 % more.
+    pub visible: Option<f64>,
+    /// Plants that it takes to see each of [`DIFFERENCES`]; none where a million do not suffice.
+    pub needed: [Option<usize>; 3],
+}
+
+impl Power {
+    pub(crate) fn of(comparison: &Comparison) -> Result<Self, StatsError> {
+        let plants = comparison.of_plants.len();
+        let std = sample_std(&comparison.of_plants)?;
+        let visible = std.and_then(|std| smallest_difference(std, plants)).map(f64::exp_m1);
+        let needed = |difference: f64| observations_needed(std?, difference.ln_1p());
+        Ok(Self {
+            method: comparison.method.clone(),
+            against: comparison.against.clone(),
+            plants,
+            std,
+            visible,
+            needed: DIFFERENCES.map(needed),
+        })
+    }
+}

@@ -1,0 +1,175 @@
+//! Reference values from NumPy and `SciPy`; made by `scripts/golden/validity.py`.
+
+use std::collections::BTreeMap;
+
+use calib_validity::{ModelPair, Options, Pair, RuleChoice, Validity, judge};
+use serde::{Deserialize, Deserializer};
+
+#[derive(Deserialize)]
+struct Golden {
+    pairs: Vec<GoldenPair>,
+    best_default: usize,
+    summaries: BTreeMap<String, Summary>,
+    comparisons: Vec<Comparison>,
+}
+
+#[derive(Deserialize)]
+struct GoldenPair {
+    plant: String,
+    sensor: String,
+    optimiser: String,
+    #[serde(deserialize_with = "numbers")]
+    regrets: Vec<f64>,
+    default: usize,
+    log_replay: usize,
+    latest_window: usize,
+    another_window: Option<f64>,
+    models: BTreeMap<String, Model>,
+}
+
+#[derive(Deserialize)]
+struct Model {
+    chosen: usize,
+    rules: BTreeMap<String, usize>,
+}
+
+#[derive(Deserialize)]
+struct Summary {
+    pairs: usize,
+    diverged: usize,
+    capped: usize,
+    mean: f64,
+    typical: f64,
+    median: f64,
+    good: f64,
+}
+
+#[derive(Deserialize)]
+struct Comparison {
+    method: String,
+    against: String,
+    pairs: usize,
+    wins: usize,
+    ties: usize,
+    losses: usize,
+    difference: f64,
+    error_ratio: f64,
+    plants: usize,
+    std: Option<f64>,
+    visible: Option<f64>,
+    needed: [Option<usize>; 3],
+}
+
+/// JSON has no infinities, so they are written as text.
+fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Number {
+        Finite(f64),
+        Infinite(String),
+    }
+    let all = Vec::<Number>::deserialize(deserializer)?;
+    let number = |number| match number {
+        Number::Finite(value) => value,
+        Number::Infinite(text) => text.parse().expect("inf"),
+    };
+    Ok(all.into_iter().map(number).collect())
+}
+
+fn golden() -> Golden {
+    serde_json::from_str(include_str!("golden.json")).expect("made by the script")
+}
+
+fn pair(of: GoldenPair) -> Pair {
+    let model = |(model, of): (String, Model)| ModelPair {
+        model,
+        chosen: of.chosen,
+        stability: None,
+        saved: None,
+        rules: of.rules.into_iter().map(|(rule, chosen)| RuleChoice { rule, chosen }).collect(),
+        spearman: None,
+        one_step: None,
+        one_step_relative: None,
+        one_step_all: None,
+        dtw: None,
+    };
+    Pair {
+        plant: of.plant,
+        sensor: of.sensor,
+        optimiser: of.optimiser,
+        task: Vec::new(),
+        online: vec![1.0; of.regrets.len()],
+        skill: None,
+        regrets: Some(of.regrets),
+        default: Some(of.default),
+        log_replay: Some(of.log_replay),
+        latest_window: Some(of.latest_window),
+        another_window: of.another_window,
+        models: of.models.into_iter().map(model).collect(),
+    }
+}
+
+fn judged(pairs: Vec<GoldenPair>) -> Validity {
+    let values = ["a", "b", "c", "d", "e"].map(str::to_owned).to_vec();
+    let options = Options { resamples: 10, ..Options::default() };
+    judge(values, pairs.into_iter().map(pair).collect(), &options).expect("valid")
+}
+
+fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
+    let alike = match (ours, theirs) {
+        (Some(ours), Some(theirs)) => (ours - theirs).abs() <= 1e-9 * theirs.abs().max(1.0),
+        (ours, theirs) => ours.is_none() && theirs.is_none(),
+    };
+    assert!(alike, "{what}: {ours:?} instead of {theirs:?}");
+}
+
+#[test]
+fn regrets_of_methods_are_those_of_numpy() {
+    let golden = golden();
+    let validity = judged(golden.pairs);
+    assert_eq!(validity.best_default, golden.best_default);
+    let all: Vec<_> = validity.methods.iter().chain(&validity.rules).collect();
+    assert_eq!(all.len(), golden.summaries.len());
+    for of in all {
+        let name = of.method.name();
+        let theirs = &golden.summaries[&name];
+        let counts = |of: &Summary| (of.pairs, of.diverged, of.capped);
+        assert_eq!((of.pairs, of.diverged, of.capped), counts(theirs), "{name}");
+        near(Some(of.mean), Some(theirs.mean), &name);
+        near(Some(of.typical), Some(theirs.typical), &name);
+        near(Some(of.median), Some(theirs.median), &name);
+        near(Some(of.good), Some(theirs.good), &name);
+    }
+}
+
+#[test]
+fn quotients_and_power_are_those_of_numpy_and_scipy() {
+    let golden = golden();
+    let validity = judged(golden.pairs);
+    let mut compared = 0;
+    for (of, power) in validity.comparisons.iter().zip(&validity.power) {
+        let names = (of.method.name(), of.against.name());
+        let theirs = golden.comparisons.iter();
+        let mut theirs = theirs.filter(|it| (&it.method, &it.against) == (&names.0, &names.1));
+        // The other models are compared by calib alone.
+        let Some(theirs) = theirs.next() else {
+            assert!(of.against.is_model(), "{names:?}");
+            continue;
+        };
+        compared += 1;
+        let what = format!("{names:?}");
+        let counts = (theirs.pairs, theirs.wins, theirs.ties, theirs.losses);
+        assert_eq!((of.pairs, of.wins, of.ties, of.losses), counts, "{what}");
+        near(Some(of.difference), Some(theirs.difference), &what);
+        near(Some(of.error_ratio), Some(theirs.error_ratio), &what);
+        assert_eq!(power.plants, theirs.plants, "{what}");
+        for (ours, theirs) in power.needed.into_iter().zip(theirs.needed) {
+            // Quantiles of t agree to five digits where a hundred thousand plants are needed.
+            let alike = ours.zip(theirs).is_some_and(|(a, b)| a.abs_diff(b) <= b / 20_000);
+            assert!(alike, "{what}: {ours:?} instead of {theirs:?}");
+        }
+        near(power.std, theirs.std, &what);
+        near(power.visible, theirs.visible, &what);
+    }
+    assert_eq!(compared, golden.comparisons.len());
+}

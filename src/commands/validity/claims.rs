@@ -1,0 +1,140 @@
+//! What was to be shown, and what so many plants can show.
+
+use calib_report::{Cell, Table};
+use calib_validity::{
+    Claim, DIFFERENCES, Finding, GOOD, Method, MethodSummary, Outcome, Power, Test, Validity,
+};
+
+use super::tables::{count, quotient, quotients, range, shares, table};
+use crate::output::percent;
+
+/// The tests, and their power.
+pub(super) fn tables(validity: &Validity) -> Vec<Table> {
+    vec![tests(&validity.tests), power(&validity.power)]
+}
+
+fn tests(tests: &[Test]) -> Table {
+    let row = |of: &Test| {
+        let (value, interval) = match of.claim {
+            Claim::SmallRegret => (Cell::Percent(of.value), shares(of.interval)),
+            Claim::Better | Claim::NoWorse => (quotient(Some(of.value)), quotients(of.interval)),
+        };
+        let outcome = match of.outcome {
+            Outcome::Holds => "yes",
+            Outcome::Fails => "no",
+            Outcome::Open => "not told",
+        };
+        vec![
+            Cell::Text(of.method.to_string()),
+            Cell::Text(claimed(of)),
+            value,
+            interval,
+            Cell::Text(outcome.to_owned()),
+        ]
+    };
+    table(
+        "What was to be shown",
+        "Claims that were named before anything was run. Yes: the whole 95 % interval over plants lies where the claim has it; no: \
+         none of it does. No worse: at most 1 % more error.",
+        &["choice of", "claim", "found", "95 %", "shown"],
+        tests.iter().map(row).collect(),
+    )
+}
+
+fn claimed(of: &Test) -> String {
+    let other = of.against.as_ref().map_or_else(String::new, Method::to_string);
+    match of.claim {
+        Claim::SmallRegret => format!("mean regret below {}", percent(GOOD)),
+        Claim::Better => format!("better than {other}"),
+        Claim::NoWorse => format!("no worse than {other}"),
+    }
+}
+
+fn power(power: &[Power]) -> Table {
+    let row = |of: &Power| {
+        let needed = of.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
+        [Cell::Text(of.method.to_string()), Cell::Text(of.against.to_string()), count(of.plants)]
+            .into_iter()
+            .chain([
+                of.std.map_or(Cell::Missing, |std| Cell::Text(format!("{std:.3}"))),
+                of.visible.map_or(Cell::Missing, Cell::Percent),
+            ])
+            .chain(needed)
+            .collect()
+    };
+    let differences = DIFFERENCES.map(|difference| format!("for {}", percent(difference)));
+    let columns = ["choice of", "against", "plants", "deviation", "visible"];
+    let columns: Vec<&str> =
+        columns.into_iter().chain(differences.iter().map(String::as_str)).collect();
+    table(
+        "What so many plants can tell",
+        "Standard deviation over plants of the plant's mean ln(quotient of errors), the smallest difference of errors that so many \
+         plants see with 80 % power at 5 % two-sided, and the plants that it takes to see 1, 2 and 5 %.",
+        &columns,
+        power.iter().map(row).collect(),
+    )
+}
+
+/// What an interval of quotients says, in a word.
+pub(super) const fn finding(finding: Finding) -> &'static str {
+    match finding {
+        Finding::Better => "better",
+        Finding::Worse => "worse",
+        Finding::NoWorse => "no worse",
+        Finding::Untold => "not told",
+    }
+}
+
+/// What was found, a sentence a model.
+pub(super) fn findings(validity: &Validity) -> Vec<String> {
+    let models = validity.methods.iter().filter(|of| of.method.is_model());
+    models.map(|of| sentence(of, validity)).collect()
+}
+
+fn sentence(of: &MethodSummary, validity: &Validity) -> String {
+    let interval = of.interval.map_or_else(String::new, |of| format!(" ({})", range(of)));
+    let floors = validity.methods.iter().filter(|of| of.method.is_floor());
+    let floors: Vec<String> = floors
+        .map(|of| match of.method {
+            Method::AnotherWindow => {
+                format!("a chooser that sees another held-out window {}", percent(of.mean))
+            }
+            _ => format!("the best constant value {}", percent(of.mean)),
+        })
+        .collect();
+    let floors = if floors.is_empty() { String::new() } else { format!("; {}", floors.join(", ")) };
+    let others = [
+        Method::Default,
+        Method::BestDefault,
+        Method::OtherPlants,
+        Method::LogReplay,
+        Method::Random,
+    ];
+    let others: Vec<String> =
+        others.iter().filter_map(|other| against(of, other, validity)).collect();
+    let others =
+        if others.is_empty() { String::new() } else { format!(" It has {}.", others.join("; ")) };
+    format!(
+        "{} chooses with a mean regret of {}{interval} over {} pairs{floors}.{others}",
+        of.method,
+        percent(of.mean),
+        of.pairs
+    )
+}
+
+fn against(method: &MethodSummary, other: &Method, validity: &Validity) -> Option<String> {
+    let mut of = validity.comparisons.iter();
+    let of = of.find(|of| of.method == method.method && of.against == *other)?;
+    let ratio = of.error_ratio;
+    let share = match percent((ratio - 1.0).abs()) {
+        none if none == percent(0.0) => return Some(format!("the same error as {other}")),
+        share if ratio < 1.0 => format!("{share} less"),
+        share => format!("{share} more"),
+    };
+    let told = match of.finding {
+        Finding::Better | Finding::Worse => "",
+        Finding::NoWorse => " (no worse by more than 1 %)",
+        Finding::Untold => ", which may be chance",
+    };
+    Some(format!("{share} error than {other}{told}"))
+}

@@ -1,0 +1,249 @@
+//! The judgement as tables, narrow enough for a terminal.
+
+use calib_report::{Cell, Table};
+use calib_stats::Interval;
+use calib_validity::{
+    Accuracy, Badness, CAP, Comparison, GroupSummary, Method, MethodSummary, Predictor,
+    RankAgreement, Validity,
+};
+
+use super::{Judged, claims};
+use crate::output::percent;
+
+/// All tables of a score, the most important first, but that of every pair.
+pub(super) fn of_score(validity: &Validity) -> Vec<Table> {
+    let mut tables = claims::tables(validity);
+    tables.insert(1, methods("Regret", &validity.methods));
+    tables.insert(2, comparisons("Two by two", &validity.comparisons));
+    tables.extend([
+        methods("Rules of choice", &validity.rules),
+        comparisons("Rules against each other, over all models", &validity.rule_comparisons),
+        groups(&validity.groups),
+        agreement(&validity.agreement),
+        accuracy(&validity.accuracy),
+    ]);
+    tables.retain(|table| !table.rows.is_empty());
+    tables
+}
+
+fn methods(title: &str, methods: &[MethodSummary]) -> Table {
+    let rows = methods.iter().map(|of| {
+        vec![
+            Cell::Text(of.method.to_string()),
+            count(of.pairs),
+            Cell::Percent(of.mean),
+            shares(of.interval),
+            Cell::Percent(of.typical),
+            shares(of.typical_interval),
+            Cell::Percent(of.good),
+            count(of.diverged),
+        ]
+    });
+    table(
+        title,
+        &format!(
+            "Regret is how much larger the Online error of the choice is than that of the best value, geometrically over held-out \
+             windows. Typical: the geometric mean of the errors over the best ones, minus one, which no single pair can dominate. \
+             In both, regrets above {} count as that, those of choices that diverged among them.",
+            percent(CAP)
+        ),
+        &["choice of", "pairs", "mean", "95 %", "typical", "95 %", "≤ 5 %", "diverged"],
+        rows.collect(),
+    )
+}
+
+fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
+    let rows = comparisons.iter().map(|of| {
+        vec![
+            Cell::Text(of.method.to_string()),
+            Cell::Text(of.against.to_string()),
+            Cell::Text(format!("{} / {} / {}", of.wins, of.ties, of.losses)),
+            quotient(Some(of.error_ratio)),
+            quotients(of.error_ratio_interval),
+            Cell::Text(claims::finding(of.finding).to_owned()),
+        ]
+    });
+    table(
+        title,
+        "Wins, ties and losses by regret, pair by pair. The quotient is the geometric mean of the Online errors' quotients: below 1 \
+         the first is better. Better and worse: the interval excludes 1; no worse: it ends below 1.01.",
+        &["choice of", "against", "wins / ties / losses", "quotient", "95 %", "found"],
+        rows.collect(),
+    )
+}
+
+fn groups(groups: &[GroupSummary]) -> Table {
+    let rows = groups.iter().map(|of| {
+        vec![
+            Cell::Text(format!("{} {}", of.feature, of.group)),
+            Cell::Text(of.method.to_string()),
+            count(of.plants),
+            count(of.pairs),
+            Cell::Percent(of.typical),
+            shares(of.interval),
+            quotient(of.against_default),
+            quotients(of.against_default_interval),
+        ]
+    });
+    table(
+        "Does choosing well depend on the task?",
+        "Typical regret over the pairs whose tasks have something in common, and the quotient of errors against the study's default \
+         there.",
+        &["task", "choice of", "plants", "pairs", "typical", "95 %", "/ default", "95 %"],
+        rows.collect(),
+    )
+}
+
+fn agreement(agreement: &[RankAgreement]) -> Table {
+    let number = |value: f64| Cell::Text(format!("{value:.2}"));
+    let rows = agreement.iter().map(|of| {
+        let interval = of.interval.map(|of| format!("{:.2} to {:.2}", of.low, of.high));
+        vec![
+            Cell::Text(of.model.clone()),
+            count(of.pairs),
+            number(of.mean),
+            interval.map_or(Cell::Missing, Cell::Text),
+            number(of.smallest),
+            of.stability.map_or(Cell::Missing, Cell::Percent),
+            of.saved.map_or(Cell::Missing, Cell::Percent),
+        ]
+    });
+    table(
+        "Agreement of rankings with Online, and how firm choices are",
+        "Spearman's correlation of the model's ranking of the values with their regrets Online, mean over pairs. Same choice: the share \
+         of other draws of members, runs and windows of the log from which the same value is chosen. A race saves: the share of the \
+         updates in members and on the log that sweep.race would not have made; what it would have chosen is the rule \"raced\".",
+        &["model", "pairs", "correlation", "95 %", "smallest", "same choice", "a race saves"],
+        rows.collect(),
+    )
+}
+
+fn accuracy(all: &[Accuracy]) -> Table {
+    let rows = all.iter().filter_map(|of| {
+        let correlation = of.correlation?;
+        let predictor = match of.predictor {
+            Predictor::OneStep => "one-step error of the sensor",
+            Predictor::OneStepAll => "one-step error of all columns",
+            Predictor::Dtw => "warping distance",
+        };
+        let outcome = match of.outcome {
+            Badness::Regret => "regret",
+            Badness::Disagreement => "disagreement of rankings",
+        };
+        let interval = of.interval.map(|of| format!("{:.2} to {:.2}", of.low, of.high));
+        Some(vec![
+            Cell::Text(predictor.to_owned()),
+            Cell::Text(outcome.to_owned()),
+            count(of.pairs),
+            count(of.models),
+            Cell::Text(format!("{correlation:.2}")),
+            interval.map_or(Cell::Missing, Cell::Text),
+        ])
+    });
+    table(
+        "Does the more accurate model choose better?",
+        "Rank correlation over models within each plant–sensor pair, pooled. 1: always; 0: accuracy says nothing; below 0: the more \
+         accurate model chooses worse.",
+        &["less", "and less", "pairs", "models", "correlation", "95 %"],
+        rows.collect(),
+    )
+}
+
+/// The task of every plant.
+pub(super) fn plants(plants: &[Judged]) -> Table {
+    let row = |Judged { plant, task }: &Judged| {
+        vec![
+            Cell::Text(plant.clone()),
+            Cell::Text(task.optimiser.to_owned()),
+            Cell::Text(task.agent.clone()),
+            Cell::Text(task.gamma.to_string()),
+            count(task.steps),
+            count(task.batch_size),
+        ]
+    };
+    table(
+        "Plants and tasks",
+        "What the agent of each plant is like, and how many steps it learns.",
+        &["plant", "optimiser", "agent", "gamma", "steps", "batch"],
+        plants.iter().map(row).collect(),
+    )
+}
+
+/// Regret of every method in every pair.
+pub(super) fn each(validity: &Validity) -> Table {
+    let methods: Vec<&Method> = validity.methods.iter().map(|of| &of.method).collect();
+    let mut rows: Vec<Vec<Cell>> = validity
+        .judged
+        .iter()
+        .map(|pair| {
+            let regrets = pair.regrets.iter().flatten().copied().enumerate();
+            let best = regrets.min_by(|(_, a), (_, b)| a.total_cmp(b));
+            let best = best.map_or("", |(value, _)| &validity.values[value]);
+            let names = [&pair.plant, &pair.sensor, best].map(|name| Cell::Text(name.to_owned()));
+            names.into_iter().chain(methods.iter().map(|_| Cell::Missing)).collect()
+        })
+        .collect();
+    for of in &validity.each {
+        if let Some(place) = methods.iter().position(|method| **method == of.method) {
+            rows[of.pair][3 + place] = Cell::Percent(of.regret);
+        }
+    }
+    let names = ["plant", "sensor", "best value"].map(str::to_owned).into_iter();
+    Table {
+        title: "Regret in every pair".to_owned(),
+        columns: names.chain(methods.iter().map(|method| short(method))).collect(),
+        rows,
+        ..Table::default()
+    }
+}
+
+/// A method in a narrow column or on an axis.
+pub(super) fn short(method: &Method) -> String {
+    match method {
+        Method::MostAccurate => "1-step".to_owned(),
+        Method::LeastWarped => "DTW".to_owned(),
+        Method::LogReplay => "replay".to_owned(),
+        Method::LatestWindow => "latest".to_owned(),
+        Method::BestDefault => "hindsight".to_owned(),
+        Method::BestDefaultOfOptimiser => "per optimiser".to_owned(),
+        Method::OtherPlants => "others".to_owned(),
+        Method::OtherPlantsWithOptimiser => "alike".to_owned(),
+        Method::Default => "default".to_owned(),
+        Method::Random => "random".to_owned(),
+        Method::Hindsight => "best".to_owned(),
+        Method::AnotherWindow => "window".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// An interval of shares, the unit once.
+pub(super) fn shares(interval: Option<Interval>) -> Cell {
+    interval.map_or(Cell::Missing, |of| Cell::Text(range(of)))
+}
+
+pub(super) fn range(Interval { low, high }: Interval) -> String {
+    let (low, high) = (percent(low), percent(high));
+    format!("{} to {high}", low.trim_end_matches(" %"))
+}
+
+pub(super) fn quotient(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.3}")))
+}
+
+pub(super) fn quotients(interval: Option<Interval>) -> Cell {
+    interval.map_or(Cell::Missing, |of| Cell::Text(format!("{:.3} to {:.3}", of.low, of.high)))
+}
+
+pub(super) fn count(number: usize) -> Cell {
+    Cell::Count(number as u64)
+}
+
+pub(super) fn table(title: &str, caption: &str, columns: &[&str], rows: Vec<Vec<Cell>>) -> Table {
+    Table {
+        title: title.to_owned(),
+        caption: caption.to_owned(),
+        columns: columns.iter().map(|&name| name.to_owned()).collect(),
+        rows,
+        best: None,
+    }
+}

@@ -1,0 +1,56 @@
+//! What the agent of a plant is like.
+
+use calib_agent::{OptimiserKind, ValueFunction};
+use calib_validity::TaskValue;
+use serde::Serialize;
+
+use crate::study::Study;
+
+/// The task of a plant: what is drawn for it, as far as results are grouped by it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Task {
+    pub(super) optimiser: &'static str,
+    pub(super) gamma: f64,
+    /// Steps of every stream.
+    pub(super) steps: usize,
+    pub(super) batch_size: usize,
+    /// `linear`, or hidden layers and units, such as `2 x 16`.
+    pub(super) agent: String,
+}
+
+impl Task {
+    /// Of a study with streams of so many steps.
+    pub(super) fn of(study: &Study, steps: usize) -> Self {
+        let agent = &study.agent;
+        Self {
+            optimiser: match agent.optimiser {
+                OptimiserKind::Adam => "adam",
+                OptimiserKind::Sgd => "sgd",
+            },
+            gamma: agent.gamma,
+            steps,
+            batch_size: agent.batch_size,
+            agent: match agent.value_function {
+                ValueFunction::Linear => "linear".to_owned(),
+                ValueFunction::Mlp => format!("{} x {}", agent.hidden_layers, agent.hidden_units),
+            },
+        }
+    }
+
+    /// All features but the optimiser, which a pair has by itself.
+    pub(super) fn features(&self) -> Vec<(String, TaskValue)> {
+        let number = |name: &str, value: f64| (name.to_owned(), TaskValue::Number(value));
+        vec![
+            number("gamma", self.gamma),
+            number("steps", self.steps as f64),
+            number("batch size", self.batch_size as f64),
+            ("agent".to_owned(), TaskValue::Name(self.agent.clone())),
+        ]
+    }
+
+    /// In words.
+    pub(super) fn text(&self) -> String {
+        let Self { optimiser, gamma, steps, batch_size, agent } = self;
+        format!("{optimiser}, {agent}, gamma {gamma}, {steps} steps, batches of {batch_size}")
+    }
+}
