@@ -5,7 +5,7 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Iterator
 
-MODELS = {"euclidean": "Euclidean kNN", "laplacian": "Laplacian kNN", "nn": "NN"}
+MODELS = {"euclidean": "Euclidean kNN", "laplacian": "Laplacian kNN", "nn": "NN", "gru": "GRU"}
 STEADY, CHANGING = ("small", "tiny"), ("small-change", "tiny-change")
 
 
@@ -33,7 +33,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 def number(value: float) -> str:
     """Three digits."""
-    return f"{value:#.3g}".rstrip(".").replace("-", "−")
+    return f"{value:#.3g}".rstrip(".").replace("-", "−").replace("e+0", "e")
 
 
 def signed(value: float) -> str:
@@ -67,10 +67,19 @@ def verdicts(document: dict) -> dict[str, dict]:
     return {verdict["sensor"]: verdict for verdict in document["verdicts"] if verdict.get("truth")}
 
 
-def collapse(manifest: dict, sensor: str) -> tuple[int, int, int | None]:
-    """Rollouts that stand still at the end, of how many, and the median step from which on they do."""
+def standstill(manifest: dict, sensor: str) -> tuple[int, int]:
+    """Rollouts that stand still at the end, and of how many."""
     found = next(entry for entry in manifest["collapse"]["sensors"] if entry["sensor"] == sensor)
-    return found["collapsed"], manifest["collapse"]["rollouts"], found["median_step"]
+    return found["collapsed"], manifest["collapse"]["rollouts"]
+
+
+def collapse(manifest: dict, sensor: str) -> str:
+    """The same in words, with the median step from which on they do, and how many left the range of the data."""
+    found = next(entry for entry in manifest["collapse"]["sensors"] if entry["sensor"] == sensor)
+    stopped, of = standstill(manifest, sensor)
+    since = f" at {found['median_step']:,.0f}" if stopped else ""
+    ran_away = max(found["escaped"], len(manifest["collapse"]["ended"]))
+    return f"{stopped} of {of}{since}" + (f", {ran_away} run away" if ran_away else "")
 
 
 def warping(manifest: dict, sensor: str) -> dict:
@@ -79,52 +88,63 @@ def warping(manifest: dict, sensor: str) -> dict:
     return next(entry["normalized_distance"] for entry in found["dtw"] if entry["step_pattern"] == "symmetric2")
 
 
+def compared(results: Path) -> tuple[list[tuple[str, Path, dict]], list[str]]:
+    """The runs of a week, and the models that any of them has."""
+    weeks = list(placed(results, "one-week", *STEADY))
+    return weeks, [model for model in MODELS if any(model in summary["models"] for _, _, summary in weeks)]
+
+
 def week_rollouts(results: Path) -> str:
-    rows, nearer, compared = [], {"euclidean": 0, "laplacian": 0}, 0
-    for name, folder, summary in placed(results, "one-week", "small", "tiny"):
-        manifests = {model: read(folder / "models" / model / "rollout" / "manifest.json") for model in MODELS}
+    weeks, models = compared(results)
+    rows, nearer, of_rows = [], {"nn": 0, "laplacian": 0}, 0
+    for name, folder, summary in weeks:
+        manifests = {model: read(folder / "models" / model / "rollout" / "manifest.json") for model in models if model in summary["models"]}
         for position, sensor in enumerate(manifests["euclidean"]["sensors"]):
-            cells = []
-            for manifest in manifests.values():
-                stopped, of, step = collapse(manifest, sensor)
-                since = f" at {step:,.0f}" if stopped else ""
-                cells.append(f"{number(warping(manifest, sensor)['mean'])}; {stopped} of {of}{since}")
-            rows.append([name if position == 0 else "", sensor, *cells])
-            distances = {model: warping(manifests[model], sensor)["mean"] for model in MODELS}
-            compared += 1
-            nearer["euclidean"] += distances["euclidean"] < distances["nn"]
+            cells = [name if position == 0 else "", sensor]
+            for model in models:
+                if model not in manifests:
+                    cells.append("–")
+                    continue
+                cells.append(f"{number(warping(manifests[model], sensor)['mean'])}; {collapse(manifests[model], sensor)}")
+            rows.append(cells)
+            distances = {model: warping(manifests[model], sensor)["mean"] for model in manifests}
+            of_rows += 1
+            nearer["nn"] += distances["euclidean"] < distances["nn"]
             nearer["laplacian"] += distances["laplacian"] < distances["euclidean"]
-    said = f"Euclidean nearer than NN in {nearer['euclidean']}, Laplacian nearer than Euclidean in {nearer['laplacian']} of {compared} rows."
-    return table(["data", "sensor", *MODELS.values()], rows) + "\n\n" + said
+    said = f"Euclidean nearer than NN in {nearer['nn']}, Laplacian nearer than Euclidean in {nearer['laplacian']} of {of_rows} rows."
+    return table(["data", "sensor", *(MODELS[model] for model in models)], rows) + "\n\n" + said
 
 
 def week_choices(results: Path) -> str:
-    rows, regrets, ranks, floors, replayed = [], {model: [] for model in MODELS}, {model: [] for model in MODELS}, [], []
-    for name, _, summary in placed(results, "one-week", "small", "tiny"):
-        by_model = {model: verdicts(document) for model, document in summary["models"].items()}
-        first = True
-        for sensor, verdict in by_model["euclidean"].items():
-            document, truth = summary["models"]["euclidean"], verdict["truth"]
+    weeks, models = compared(results)
+    rows, columns, ranks = [], {"floor": [], "log replay": []} | {model: [] for model in models}, {model: [] for model in models}
+    for name, _, summary in weeks:
+        documents = summary["models"]
+        by_model = {model: verdicts(document) for model, document in documents.items()}
+        for position, (sensor, verdict) in enumerate(by_model["euclidean"].items()):
+            truth = verdict["truth"]
             skill = truth["scores"]["skill"][truth["best"]]
-            cells = [name if first else "", sensor, f"{label(document, truth['best'])} ({signed(skill)})"]
-            cells += [percent(baseline(verdict, "another_window")), percent(baseline(verdict, "log_replay"))]
-            for model in MODELS:
-                made = by_model.get(model, {}).get(sensor)
-                if made is None or made["truth"]["choice"] is None:
+            cells = [name if position == 0 else "", sensor, f"{label(documents['euclidean'], truth['best'])} ({signed(skill)})"]
+            for title, of in (("floor", "another_window"), ("log replay", "log_replay")):
+                columns[title].append(baseline(verdict, of))
+                cells.append(percent(columns[title][-1]))
+            for model in models:
+                choice = (by_model.get(model, {}).get(sensor) or {"truth": {"choice": None}})["truth"]["choice"]
+                if choice is None:
                     cells.append("–")
                     continue
-                choice = made["truth"]["choice"]
-                cells.append(f"{label(document, choice['chosen'])}, {percent(choice['regret']['value'])}, {signed(choice['spearman'])}")
-                regrets[model].append(choice["regret"]["value"])
-                ranks[model].append(choice["spearman"])
-            floors.append(baseline(verdict, "another_window"))
-            replayed.append(baseline(verdict, "log_replay"))
+                regret, spearman = choice["regret"]["value"], choice["spearman"]
+                cells.append(f"{label(documents[model], choice['chosen'])}, {percent(regret)}, {signed(spearman)}")
+                columns[model].append(regret)
+                ranks[model].append(spearman)
             rows.append(cells)
-            first = False
-    said = [f"floor {percent(fmean(floor for floor in floors if floor is not None))}, log replay {percent(fmean(replayed))}"]
-    for model, title in MODELS.items():
-        said.append(f"{title} {percent(fmean(regrets[model]))} (median {percent(median(regrets[model]))}, Spearman {signed(fmean(ranks[model]))})")
-    head = ["data", "sensor", "best Online (skill)", "floor", "log replay", *MODELS.values()]
+    said = []
+    for title, regrets in columns.items():
+        known = [regret for regret in regrets if regret is not None]
+        if known:
+            agreement = f", Spearman {signed(fmean(ranks[title]))}" if title in ranks else ""
+            said.append(f"{MODELS.get(title, title)} {percent(fmean(known))} (median {percent(median(known))}, largest {percent(max(known))}{agreement}; {len(known)} rows)")
+    head = ["data", "sensor", "best Online (skill)", "floor", "log replay", *(MODELS[model] for model in models)]
     return table(head, rows) + "\n\nMean regrets: " + "; ".join(said) + "."
 
 
@@ -164,7 +184,7 @@ def year_rollouts(results: Path, profiles: tuple[str, ...]) -> str:
             cells.append(f"{number(between['mean'])} ± {number(half)}")
             cells.append(" : ".join(str(count) for count in between["smaller"]))
             for each in manifests.values():
-                stopped = [collapse(manifest, sensor) for manifest in each]
+                stopped = [standstill(manifest, sensor) for manifest in each]
                 cells.append(f"{sum(one[0] for one in stopped)} of {sum(one[1] for one in stopped)}")
             rows.append(cells)
     head = ["plant", "sensor", "week", "year", "week − year", "starts nearer", "week stands still", "year"]
