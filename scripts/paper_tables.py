@@ -115,6 +115,31 @@ def week_rollouts(results: Path) -> str:
     return table(["data", "sensor", *(MODELS[model] for model in models)], rows) + "\n\n" + said
 
 
+def spread(values: list[float | None], form: str = ",.0f") -> str:
+    """Smallest to largest; None is more than a million steps."""
+    texts = [">1e6" if value is None else f"{value:{form}}" for value in sorted(values, key=lambda value: float("inf") if value is None else value)]
+    return texts[0] if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]}"
+
+
+def walks(results: Path) -> str:
+    """Where walks of neighbour models end, over members."""
+    rows = []
+    for name, folder, _ in compared(results)[0]:
+        for model in ("euclidean", "laplacian"):
+            members = read(folder / "models" / model / "model" / "manifest.json")["members"]
+            found = [member["recurrence"] for member in members]
+            cells = [name if model == "euclidean" else "", MODELS[model]]
+            cells.append(spread([100 * member["jumps"]["departure_rate"] for member in members], ".2g") + " %")
+            cells.append(spread([of["before"]["traps"] for of in found]))
+            cells.append(spread([100 * of["left_out"] / of["candidates"] for of in found], ".2g") + " %")
+            cells.append(spread([of["exits"] for of in found]))
+            cells.append(spread([100 * of["effective_rows"] / of["candidates"] for of in found], ".2g") + " %")
+            cells.append(spread([of["mixing_steps"] for of in found]))
+            rows.append(cells)
+    head = ["data", "model", "jumps to another time", "traps as found", "left out", "led out of", "spread over", "mix in steps"]
+    return table(head, rows)
+
+
 def week_choices(results: Path) -> str:
     weeks, models = compared(results)
     rows, columns, ranks = [], {"floor": [], "log replay": []} | {model: [] for model in models}, {model: [] for model in models}
@@ -171,7 +196,7 @@ def difference(summary: dict, sensor: str) -> dict:
 
 
 def year_rollouts(results: Path, profiles: tuple[str, ...]) -> str:
-    rows = []
+    rows, still = [], {}
     for name, folder, summary in placed(results, "twelve-months", *profiles):
         manifests = {model: deployed(folder, summary, model) for model in ("week", "year")}
         for position, sensor in enumerate(manifests["week"][0]["sensors"]):
@@ -183,12 +208,13 @@ def year_rollouts(results: Path, profiles: tuple[str, ...]) -> str:
             half = (between["interval"]["high"] - between["interval"]["low"]) / 2
             cells.append(f"{number(between['mean'])} ± {number(half)}")
             cells.append(" : ".join(str(count) for count in between["smaller"]))
-            for each in manifests.values():
-                stopped = [standstill(manifest, sensor) for manifest in each]
-                cells.append(f"{sum(one[0] for one in stopped)} of {sum(one[1] for one in stopped)}")
             rows.append(cells)
-    head = ["plant", "sensor", "week", "year", "week − year", "starts nearer", "week stands still", "year"]
-    return table(head, rows)
+            for model, each in manifests.items():
+                stopped = [standstill(manifest, sensor) for manifest in each]
+                still.setdefault((sensor, model), []).extend(stopped)
+    counts = [f"{model}, {sensor}: {sum(one for one, _ in of)} of {sum(of for _, of in of)}" for (sensor, model), of in still.items()]
+    head = ["plant", "sensor", "week (April, May, July)", "year (April, May, July)", "week − year", "starts nearer"]
+    return table(head, rows) + "\n\nStand still at the end: " + "; ".join(counts) + "."
 
 
 def judged(summary: dict, models: tuple[str, str]) -> Iterator[tuple[str, str, dict, dict[str, dict]]]:
@@ -261,6 +287,7 @@ def spent(times: dict) -> str:
 def page(results: Path, times: dict) -> str:
     parts = {
         "One week: rollouts": week_rollouts(results),
+        "One week: where walks end": walks(results),
         "One week: learning rates": week_choices(results),
         "Twelve months against one week: rollouts": year_rollouts(results, STEADY),
         "Twelve months against one week: what choosing costs": costs(results, "twelve-months", STEADY, ("week", "year"), "default"),
