@@ -258,7 +258,7 @@ def fine_tuning(results: Path) -> str:
                 if of != sensor:
                     continue
                 truth = by_model["month"]["truth"]
-                cells = [name if before[0] != name else "", sensor if before != (name, sensor) else "", deployment.capitalize()]
+                cells = [name if before[0] != name else "", sensor if before != (name, sensor) else "", deployment.title()]
                 cells += [label(document, truth["best"]), percent(truth["regrets"][0]), percent(baseline(by_model["month"], "another_window"))]
                 for verdict in by_model.values():
                     cells.append(f"{label(document, verdict['chosen'])}, {percent(cost(verdict))}")
