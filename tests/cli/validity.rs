@@ -120,7 +120,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     let one = ["validity", "plants/north.toml", "--judge-only", "--output", "one", "--json", "-q"];
     let one = method(&parsed(&place.calib(&one).succeeds()), "model:near");
     let mean = one["mean"].as_f64().expect("finite");
-    assert!((mean - (regret(0) + regret(1)) / 2.0).abs() < 1e-12, "{one}");
+    assert!((mean - f64::midpoint(regret(0), regret(1))).abs() < 1e-12, "{one}");
 
     let results = place.content("plants/validity-results");
     for file in ["validity.json", "pairs.parquet", "report.html", "figures/regret.svg"] {
