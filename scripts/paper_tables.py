@@ -246,7 +246,9 @@ def costs(results: Path, study: str, profiles: tuple[str, ...], models: tuple[st
         columns = [zero, [baseline(verdict, "another_window") for verdict in first], [baseline(verdict, "log_replay") for verdict in first]]
         columns += [[cost(entry[model]) for entry in cells] for model in models]
         rows.append([name, str(len(cells)), *(mean_and_largest(column) for column in columns)])
-    return table(["plant", "verdicts", kept, "floor", "log replay", *(f"{model}'s choice" for model in models)], rows)
+    head = ["plant", "verdicts", kept, "floor", "log replay", *(f"{model}'s choice" for model in models)]
+    shown = [column for column in range(len(head)) if any(row[column] != "–" for row in rows)]
+    return table([head[column] for column in shown], [[row[column] for column in shown] for row in rows])
 
 
 def fine_tuning(results: Path) -> str:
