@@ -58,7 +58,7 @@ pub fn verdict(
         warnings: warnings::all(
             &own,
             candidates,
-            (&selection, judging.rule, chosen),
+            (&selection, judging, chosen),
             &dropped,
             truth.as_ref(),
         ),
