@@ -168,7 +168,7 @@ pub(super) fn run(
             other => ended = other,
         }
     }
-    let what_to_deploy = deployed::all(&parts)?;
+    let what_to_deploy = deployed::all(&parts);
     let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
     let table = show(&parts);

@@ -43,10 +43,10 @@ impl Deployed {
 }
 
 /// Sensor by sensor and model by model; nothing where there are no several deployments.
-pub(super) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
+pub(super) fn all(parts: &[Part]) -> Vec<Deployed> {
     let deployments = by_deployment(parts);
     if deployments.len() < 2 {
-        return Ok(Vec::new());
+        return Vec::new();
     }
     let mut rows = Vec::new();
     for sensor in &parts[0].judged.study.sweep.sensors {
@@ -54,24 +54,21 @@ pub(super) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
             let own = deployments.iter().flatten().copied();
             let own: Vec<&Part> =
                 own.filter(|part| part.model_name() == model.model_name()).collect();
-            rows.extend(of_sensor(sensor, &own)?);
+            rows.extend(of_sensor(sensor, &own));
         }
     }
-    Ok(rows)
+    rows
 }
 
-fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> {
+fn of_sensor(sensor: &str, parts: &[&Part]) -> Option<Deployed> {
     let verdict = |part: &&'_ Part| {
         let verdicts = part.judged.summary.verdicts.iter();
         verdicts.into_iter().position(|verdict| verdict.sensor == sensor)
     };
-    let Some(verdicts) = parts
+    let verdicts = parts
         .iter()
         .map(|part| Some(&part.judged.summary.verdicts[verdict(part)?]))
-        .collect::<Option<Vec<&SensorVerdict>>>()
-    else {
-        return Ok(None);
-    };
+        .collect::<Option<Vec<&SensorVerdict>>>()?;
     let label =
         |index: usize| report::setting(&parts[0].judged.manifest.candidates[index]).to_string();
     let choices = parts.iter().zip(&verdicts).map(|(part, verdict)| Choice {
@@ -84,13 +81,13 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
     let regrets = verdicts.iter().map(|verdict| {
         verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
     });
-    Ok(Some(Deployed {
+    Some(Deployed {
         sensor: sensor.to_owned(),
         model: parts[0].model_name().to_owned(),
         choices: choices.collect(),
         for_all: label(for_all),
         regrets: regrets.collect(),
-    }))
+    })
 }
 
 /// The rule of one deployment over the members of all: the smallest worst rank; ties go to the lower mean rank, then to

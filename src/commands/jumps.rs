@@ -56,8 +56,7 @@ pub(super) fn warn<'a>(
     }
     if !verbatim.is_empty() {
         printer.warn(&format!(
-            "rollouts of members {} replay the log nearly verbatim; consider more neighbors, \
-             a larger preprocess.subsample, or a model.theiler window",
+            "rollouts of members {} replay the log nearly verbatim; consider a larger preprocess.subsample, or more neighbors",
             verbatim.join(", ")
         ));
     }

@@ -14,7 +14,7 @@ use crate::{memory, study::Study};
 /// A model that can be rolled out.
 pub(super) enum Model {
     /// An ensemble whose rollouts visit recorded rows.
-    Knn(KnnModel),
+    Knn(Box<KnnModel>),
     /// One network whose rollouts are predictions.
     Parametric(Box<dyn Dynamics>),
 }

@@ -296,7 +296,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
             let metric = psi.unwrap_or(states);
             let (members, exclusion) = (settings.members, settings.exclusion());
             let knn = KnnModel::open(directory, metric, transitions, members, exclusion);
-            (Model::Knn(knn.with_context(again)?), encoder)
+            (Model::Knn(Box::new(knn.with_context(again)?)), encoder)
         }
         kind => {
             let network = train_model::open(directory, kind, columns).with_context(again)?;

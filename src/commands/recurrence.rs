@@ -152,33 +152,36 @@ fn done(of: &MemberRecurrence) -> String {
         return format!(", with {} {traps}", after.traps);
     }
     let share = *left_out as f64 / (*candidates).max(1) as f64;
-    let mut text = format!(
-        "; {} {traps} before: {} candidates left out ({})",
-        before.traps,
-        count(*left_out),
-        percent(share)
-    );
-    if let Some(most) = of.left_out_times.iter().max_by_key(|stretch| stretch.candidates) {
+    let most = of.left_out_times.iter().max_by_key(|stretch| stretch.candidates);
+    let times = most.map_or_else(String::new, |most| {
         let [first, last] = &most.times;
-        text += &format!(", most of them from {first} to {last}");
-    }
-    if *exits > 0 {
-        let noun = if *exits == 1 { "row leads" } else { "rows lead" };
-        text += &format!("; {} {noun} out of one", count(*exits));
-    }
-    text
+        format!(", most of them from {first} to {last}")
+    });
+    let exits = match exits {
+        0 => String::new(),
+        1 => "; 1 row leads out of one".to_owned(),
+        many => format!("; {} rows lead out of one", count(*many)),
+    };
+    let (traps_before, left_out) = (before.traps, count(*left_out));
+    format!(
+        "; {traps_before} {traps} before: {left_out} candidates left out ({}){times}{exits}",
+        percent(share)
+    )
 }
+
+/// Whether a warning concerns a member, of so many transitions.
+type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
 
 /// Warn of members that walks cannot get far in.
 pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer) {
-    let those = |which: &dyn Fn(&MemberRecurrence, usize) -> bool| {
+    let those = |which: &Concerns| {
         let all = members.iter().enumerate();
         let which = all.filter(|(_, member)| {
             member.recurrence.as_ref().is_some_and(|of| which(of, member.transitions))
         });
         which.map(|(number, _)| number.to_string()).collect::<Vec<_>>().join(", ")
     };
-    let warnings: [(&dyn Fn(&MemberRecurrence, usize) -> bool, String); 7] = [
+    let warnings: [(&Concerns, String); 7] = [
         (
             &|of, _| of.classes.after.traps > 0,
             format!(

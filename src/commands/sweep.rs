@@ -7,7 +7,7 @@ use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_sweep::{
     Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
-    Span, Unit, UnitResult, UnitStore, candidates,
+    Span, SweepError, Unit, UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -127,16 +127,10 @@ pub(super) fn run(
     for note in &notes {
         printer.say(note);
     }
-    let options = PlanOptions {
-        part: streams.demand.part,
-        span,
-        curve_points: study.sweep.curve_points,
-        seed: Seed::new(study.seed).child("agent"),
-    };
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
+    let options = options(&study, &streams);
     let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
-    let sweep = &study.sweep;
-    let plan = if sweep.race { plan.race(sweep.race_error_rate)? } else { plan };
+    let plan = raced(plan, &study)?;
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let Found { own, stored } =
@@ -173,8 +167,6 @@ pub(super) fn run(
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.into_iter().try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
-    let planned =
-        |result: &UnitResult| PlannedUnit { unit: result.unit.clone(), key: result.key.clone() };
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     let failed = failed_rollouts(&results, &dataset.normaliser);
     for note in &failed {
@@ -233,6 +225,24 @@ fn begin(directory: &Path) -> anyhow::Result<Claim> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     Ok(claim)
+}
+
+fn planned(result: &UnitResult) -> PlannedUnit {
+    PlannedUnit { unit: result.unit.clone(), key: result.key.clone() }
+}
+
+fn options(study: &Study, streams: &Streams) -> PlanOptions {
+    PlanOptions {
+        part: streams.demand.part,
+        span: streams.demand.span,
+        curve_points: study.sweep.curve_points,
+        seed: Seed::new(study.seed).child("agent"),
+    }
+}
+
+fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
+    let sweep = &study.sweep;
+    if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
 }
 
 /// A deployment in which nothing can be scored.

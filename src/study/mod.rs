@@ -120,7 +120,7 @@ impl Study {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
-    /// How a value is chosen from the evidence (default: `worst_rank`, the paper's).
+    /// How a value is chosen from the evidence (default: `pooled`).
     pub rule: Rule,
     /// Resamples of intervals (default 2000; 0 gives none).
     pub resamples: usize,
@@ -132,6 +132,6 @@ pub struct EvaluateConfig {
 
 impl Default for EvaluateConfig {
     fn default() -> Self {
-        Self { rule: Rule::WorstRank, resamples: 2000, top_k: 3, title: None }
+        Self { rule: Rule::Pooled, resamples: 2000, top_k: 3, title: None }
     }
 }

@@ -4,6 +4,7 @@ mod template;
 
 use std::{
     collections::BTreeMap,
+    fmt::Write as _,
     fs,
     path::{Path, PathBuf},
 };
@@ -211,7 +212,7 @@ fn text(
         template.file.display()
     );
     for (key, value) in values {
-        text += &format!("#     {key} = {value}\n");
+        writeln!(text, "#     {key} = {value}")?;
     }
     text += "#\n# Written anew where the protocol draws otherwise: change that, or a copy of this file.\n\n";
     Ok(text + &toml::to_string(table)?)

@@ -120,7 +120,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     let one = ["validity", "plants/north.toml", "--judge-only", "--output", "one", "--json", "-q"];
     let one = method(&parsed(&place.calib(&one).succeeds()), "model:near");
     let mean = one["mean"].as_f64().expect("finite");
-    assert!((mean - (regret(0) + regret(1)) / 2.0).abs() < 1e-12, "{one}");
+    assert!((mean - f64::midpoint(regret(0), regret(1))).abs() < 1e-12, "{one}");
 
     let results = place.content("plants/validity-results");
     for file in ["validity.json", "pairs.parquet", "report.html", "figures/regret.svg"] {
@@ -228,7 +228,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
     assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
     let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
-    assert_eq!(rules, 12, "six rules of two models");
+    assert_eq!(rules, 14, "six rules of two models, and what a race leaves");
     assert!(json["scores"][0]["accuracy"][0]["correlation"].is_null(), "there are no rollouts");
 
     // Each drawn study is one like any other.

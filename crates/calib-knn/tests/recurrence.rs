@@ -329,8 +329,8 @@ fn case() -> impl Strategy<Value = Case> {
             proptest::collection::vec(0_u8..4, rows),
         );
         let still = still.prop_map(move |(mut values, moves)| {
-            for row in 1..rows {
-                if moves[row] > 0 {
+            for (row, &moves) in moves.iter().enumerate().skip(1) {
+                if moves > 0 {
                     values.copy_within((row - 1) * columns..row * columns, row * columns);
                 }
             }

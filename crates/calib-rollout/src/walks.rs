@@ -178,7 +178,9 @@ fn after(walks: &[Vec<usize>], lag: usize) -> Moves {
     for (part, row) in moves.iter_mut().enumerate() {
         let sum: f64 = row.iter().sum();
         if sum > 0.0 {
-            row.iter_mut().for_each(|count| *count /= sum);
+            for count in row.iter_mut() {
+                *count /= sum;
+            }
         } else {
             row[part] = 1.0;
         }

@@ -1,4 +1,4 @@
-//! Models without traps and how far their walks get, as NumPy and SciPy have them: `scripts/golden/closed_classes.py`.
+//! Models without traps and how far their walks get, as `NumPy` and `SciPy` have them: `scripts/golden/closed_classes.py`.
 
 use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, ModelConfig, WeightsKind, Workplace};

@@ -137,12 +137,11 @@ fn groups_of(
     let mut groups: Vec<(TaskValue, Group)> = Vec::new();
     for (pair, value) in values {
         let name = name(&value);
-        match groups.iter_mut().find(|(_, group)| group.name == name) {
-            Some((_, group)) => group.pairs.push(pair),
-            None => {
-                let feature = feature.to_owned();
-                groups.push((value, Group { feature, name, pairs: vec![pair] }));
-            }
+        if let Some((_, group)) = groups.iter_mut().find(|(_, group)| group.name == name) {
+            group.pairs.push(pair);
+        } else {
+            let feature = feature.to_owned();
+            groups.push((value, Group { feature, name, pairs: vec![pair] }));
         }
     }
     groups.sort_by(|(a, x), (b, y)| match (a.number(), b.number()) {

@@ -57,14 +57,15 @@ pub(super) fn train(
     let grid = study.representation.candidates().into_iter().map(keyed);
     let grid = grid.collect::<anyhow::Result<Vec<(String, LaplacianConfig)>>>()?;
     let at = |key: &str| directory.join(CANDIDATES).join(short(key));
-    let missing: Vec<&(String, LaplacianConfig)> =
-        grid.iter().filter(|(key, _)| read(&at(key), key).is_none()).collect();
+    let (there, missing): (Vec<_>, Vec<_>) =
+        grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
+    // Who was killed between the record and the end of a training has left what it would have gone on from.
+    there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
     let progress = printer.progress();
     progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
     missing.into_par_iter().try_for_each(|(key, config)| -> anyhow::Result<()> {
         let directory = at(key);
-        let checkpoint =
-            Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.clone() };
+        let checkpoint = checkpoint(&directory, key);
         let trained = match device {
             None => train_one(config, task, Some(&checkpoint), &progress)?,
             Some(device) => torch::represent(config, task, &checkpoint, device, &progress)?,
@@ -82,6 +83,11 @@ pub(super) fn train(
     })?;
     drop(progress);
     grid.iter().map(|(key, _)| finished(&at(key), key)).collect()
+}
+
+/// Where the training of a candidate is put aside.
+fn checkpoint(directory: &Path, key: &str) -> Checkpoint {
+    Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.to_owned() }
 }
 
 /// Forget every candidate and every training that was put aside.

@@ -112,14 +112,15 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
 
 /// Share of pairs with at most a regret.
 fn profile(validity: &Validity) -> OverviewFigure {
-    let shown = |of: &&MethodSummary| match of.method {
-        Method::Model(_)
-        | Method::LogReplay
-        | Method::Default
-        | Method::BestDefault
-        | Method::OtherPlants
-        | Method::AnotherWindow => true,
-        _ => false,
+    let shown = |of: &&MethodSummary| {
+        let other = [
+            Method::LogReplay,
+            Method::Default,
+            Method::BestDefault,
+            Method::OtherPlants,
+            Method::AnotherWindow,
+        ];
+        of.method.is_model() || other.contains(&of.method)
     };
     let methods: Vec<&MethodSummary> = validity.methods.iter().filter(shown).collect();
     let mut rows = Vec::new();

@@ -126,7 +126,7 @@ fn relative(path: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
     let (path, folder) = (without_parents(path)?, without_parents(folder)?);
     let common = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(common).map(|_| "..");
-    let down = path.components().skip(common).map(|part| part.as_os_str());
+    let down = path.components().skip(common).map(Component::as_os_str);
     Ok(up.map(AsRef::as_ref).chain(down).collect())
 }
 

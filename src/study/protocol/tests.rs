@@ -159,11 +159,11 @@ fn what_is_no_protocol_is_left_to_others_and_mistakes_are_named() {
     );
     let none = drawn(place.path(), "[validity]\nseed = 1\n", &[]).expect_err("no plants");
     assert!(format!("{none:#}").contains("a protocol wants plants"));
-    let all = drawn(place.path(), &PROTOCOL.replace("agent.optimiser", "agent.optimizer"), &[]);
+    let all = drawn(place.path(), &PROTOCOL.replace("agent.optimiser", "agent.optimise"), &[]);
     let error = all.expect("drawn")[0].study(Path::new("")).expect_err("no such key");
     let error = format!("{error:#}");
     assert!(
-        error.contains("simulated-01 as the protocol draws it") && error.contains("optimizer"),
+        error.contains("simulated-01 as the protocol draws it") && error.contains("`optimise`"),
         "{error}"
     );
 }

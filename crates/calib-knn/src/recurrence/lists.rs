@@ -19,7 +19,7 @@ const KEPT: usize = 1 << 21;
 /// few at a time, is searched again only when a list is used up, and lists grow.
 #[derive(Default)]
 pub(super) struct Lists {
-    lists: HashMap<u32, List>,
+    of_rows: HashMap<u32, List>,
     /// Rows by a hash of their state.
     rows: HashMap<u64, Vec<u32>>,
     /// Neighbours in all lists.
@@ -56,10 +56,10 @@ impl Lists {
     ) -> Result<&[(u32, f32)], Halt> {
         let gone = &left_out[again.member];
         let key = self.key(again, rows[0]);
-        if !self.lists.entry(key).or_default().has(k, gone) {
+        if !self.of_rows.entry(key).or_default().has(k, gone) {
             self.search(again, key, &rows[1..], k, left_out)?;
         }
-        let nearest = &self.lists[&key].nearest;
+        let nearest = &self.of_rows[&key].nearest;
         Ok(&nearest[..k.min(nearest.len())])
     }
 
@@ -72,7 +72,7 @@ impl Lists {
         k: usize,
         left_out: &[Bits],
     ) -> Result<(), Halt> {
-        let depth = self.lists.get(&key).map_or(0, |list| list.depth);
+        let depth = self.of_rows.get(&key).map_or(0, |list| list.depth);
         let depth = (2 * depth).max(4 * k).min(DEEPEST.max(k));
         if self.kept > KEPT {
             *self = Self::default();
@@ -80,7 +80,7 @@ impl Lists {
         let mut keys = vec![RowIndex(key)];
         for &row in beside {
             let key = RowIndex(self.key(again, row));
-            if !self.lists.contains_key(&key.0) && !keys.contains(&key) {
+            if !self.of_rows.contains_key(&key.0) && !keys.contains(&key) {
                 keys.push(key);
             }
         }
@@ -89,7 +89,7 @@ impl Lists {
             let nearest: Vec<_> = to.iter().copied().zip(distances.iter().copied()).collect();
             self.kept += nearest.len();
             let complete = nearest.len() < depth;
-            self.lists.insert(keys[row].0, List { nearest, depth, complete });
+            self.of_rows.insert(keys[row].0, List { nearest, depth, complete });
         })?;
         Ok(())
     }

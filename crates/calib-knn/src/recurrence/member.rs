@@ -67,19 +67,19 @@ impl<'a> Member<'a> {
     pub(super) fn untrap(
         &self,
         table: &mut Filling,
-        survey: Survey,
+        survey: &Survey,
     ) -> Result<Recurrent, KnnError> {
         if survey.classes.traps(self.enough) == 0 {
-            return Ok(self.as_found(&survey));
+            return Ok(self.as_found(survey));
         }
         let found = self.copy(table)?;
-        match self.without_traps(table, &survey) {
+        match self.without_traps(table, survey) {
             Ok(recurrent) => Ok(recurrent),
             Err(Halt::Error(error)) => Err(error),
             Err(Halt::Lost) => {
                 table.0.copy_from_slice(&found.0);
                 table.1.copy_from_slice(&found.1);
-                Ok(self.as_found(&survey))
+                Ok(self.as_found(survey))
             }
         }
     }

@@ -157,7 +157,7 @@ impl Made<'_> {
     /// If there is no place for the arrays, or the monitor interrupts.
     pub(crate) fn without_traps(self, tables: &mut [Filling]) -> Result<Vec<Recurrent>, KnnError> {
         let untrap = |((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
-            member.untrap(table, survey)
+            member.untrap(table, &survey)
         };
         self.survey(tables)?.into_iter().zip(tables).map(untrap).collect()
     }

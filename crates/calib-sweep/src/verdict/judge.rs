@@ -53,9 +53,15 @@ pub fn verdict(
         rule: judging.rule,
         chosen,
         grade: Grade::of(truth.as_ref()),
-        stability: shares(&resampled.choices),
+        stability: shares(resampled.choices.as_ref()),
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
-        warnings: warnings::all(&own, candidates, (&selection, chosen), &dropped, truth.as_ref()),
+        warnings: warnings::all(
+            &own,
+            candidates,
+            (&selection, judging, chosen),
+            &dropped,
+            truth.as_ref(),
+        ),
         members: all.members.iter().map(Errors::scores).collect::<Result<_, _>>()?,
         log_replay: all.log.as_ref().map(Errors::scores).transpose()?,
         selection,
@@ -199,8 +205,8 @@ fn quotient(losses: &[f64], default: usize, chosen: usize) -> Option<f64> {
 }
 
 /// How often each value is chosen, the most frequent first.
-fn shares(choices: &Option<ChoiceOfResamples>) -> Vec<Share> {
-    let counts = choices.as_ref().map_or(&[][..], |of| &of.counts);
+fn shares(choices: Option<&ChoiceOfResamples>) -> Vec<Share> {
+    let counts = choices.map_or(&[][..], |of| &of.counts);
     let all: usize = counts.iter().sum();
     let share = |(candidate, &count): (usize, &usize)| Share {
         candidate,

@@ -1,6 +1,7 @@
+use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, told_apart, truth::Truth};
+use super::{Dropped, Judging, Rule, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -10,12 +11,12 @@ const FEW_HORIZONS: f64 = 50.0;
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, chosen): (&Selection, usize),
+    (selection, judging, chosen): (&Selection, &Judging<'_>, usize),
     dropped: &[Dropped],
     truth: Option<&Truth>,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
-    warnings.extend(truth.and_then(few_horizons));
+    warnings.extend(truth.and_then(|truth| few_horizons(truth, judging.part)));
     let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
     if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
         warnings.push(
@@ -38,7 +39,10 @@ pub(super) fn all(
     }
     if !told_apart(selection) {
         warnings.push("all values tie: the members do not tell them apart".to_owned());
-    } else if candidates.len() > 1 && selection.tie_set.len() == candidates.len() {
+    } else if judging.rule == Rule::WorstRank
+        && candidates.len() > 1
+        && selection.tie_set.len() == candidates.len()
+    {
         warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
     }
     if selection.mean_errors[chosen].is_infinite() {
@@ -53,13 +57,17 @@ pub(super) fn all(
     warnings
 }
 
-fn few_horizons(truth: &Truth) -> Option<String> {
+fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
+    let whole = match part {
+        Part::WholeRun => "",
+        Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
+    };
     (truth.horizons < FEW_HORIZONS).then(|| {
         let runs: usize = truth.windows.iter().map(|window| window.runs).sum();
         format!(
-            "only {:.0} horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
-             regrets say as much about these stretches as about the values; use a larger sweep.steps, a longer held-out \
-             range, or sweep.scored = \"whole_run\"",
+            "only {:.1} horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
+             regrets say as much about these stretches as about the values; use a larger sweep.steps, and a held-out \
+             range that is long enough for it{whole}",
             truth.horizons,
             truth.windows.len(),
         )
