@@ -124,9 +124,7 @@ pub(super) fn run(
     let scales = error_scales(&dataset, &sensors, &candidates);
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
-    for note in &notes {
-        printer.say(note);
-    }
+    notes.iter().for_each(|note| printer.say(note));
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
     let options = options(&study, &streams);
     let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
@@ -136,18 +134,9 @@ pub(super) fn run(
     let Found { own, stored } =
         if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
     let missing = plan.left(&stored)?;
-    let agents: Vec<AgentConfig> =
-        candidates.iter().map(|candidate| candidate.agent.clone()).collect();
     let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
-    let preview = SweepPlan {
-        candidates: &candidates,
-        units: plan.count(),
-        left: missing,
-        shared: if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 },
-        steps: span.steps,
-        threads: rayon::current_num_threads(),
-        memory: Memory::of(&sizes, &agents, rayon::current_num_threads()),
-    };
+    let shared = if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 };
+    let preview = preview(&candidates, &sizes, [plan.count(), missing, shared], span);
     preview.announce(&study, printer)?;
     if args.dry_run {
         preview.show(args.json, printer)?;
@@ -157,15 +146,12 @@ pub(super) fn run(
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
     let kept = if is_done { finished(&directory, args) } else { None };
-    let mut claim = None;
-    if kept.is_none() {
-        claim = Some(begin(&directory)?);
-        if args.force {
-            store.clear()?;
-        }
+    let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
+    if args.force {
+        store.clear()?;
     }
-    let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
-    shared.into_iter().try_for_each(|(_, result)| store.put(result))?;
+    let mut shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
+    shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     let failed = failed_rollouts(&results, &dataset.normaliser);
@@ -202,16 +188,31 @@ pub(super) fn run(
     let claim = claim.map_or_else(|| begin(&directory), Ok)?;
     sweep_tables::write(&directory, &manifest, &results)?;
     recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
-    manifest.files = artefact::fingerprints(
-        &directory,
-        sweep_tables::FILES.into_iter().chain([recorded::RECORDED]),
-    )?;
+    manifest.files = artefact::fingerprints(&directory, tables())?;
     if ran > 0 {
         write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
+fn preview<'a>(
+    candidates: &'a [Candidate],
+    sizes: &Sizes,
+    [units, left, shared]: [usize; 3],
+    span: Span,
+) -> SweepPlan<'a> {
+    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
+    let threads = rayon::current_num_threads();
+    let memory = Memory::of(sizes, &agents, threads);
+    SweepPlan { candidates, units, left, shared, steps: span.steps, threads, memory }
+}
+
+/// What a sweep writes beside its units.
+fn tables() -> impl Iterator<Item = &'static str> {
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED])
 }
 
 /// The manifest of a sweep whose tables are what was written.

@@ -51,7 +51,7 @@ impl Printer {
             self.say(text);
             return Ok(());
         }
-        self.print(&harmless(text.trim_end_matches('\n'), Lines::One))
+        print(&harmless(text.trim_end_matches('\n'), Lines::One))
     }
 
     /// Several lines of the result, such as a table, whose line breaks are calib's own.
@@ -63,16 +63,7 @@ impl Printer {
             }
             return Ok(());
         }
-        self.print(&text)
-    }
-
-    fn print(&self, text: &str) -> anyhow::Result<()> {
-        let written = writeln!(std::io::stdout().lock(), "{text}");
-        match written {
-            // `calib … | head` is no failure.
-            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-            other => other.context("cannot write to stdout"),
-        }
+        print(&text)
     }
 
     /// The result for machines.
@@ -124,6 +115,14 @@ impl Printer {
 
     fn paint(&self, text: &str, code: &str) -> String {
         if self.color { format!("\x1b[{code};1m{text}\x1b[0m") } else { text.to_owned() }
+    }
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        // `calib … | head` is no failure.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("cannot write to stdout"),
     }
 }
 

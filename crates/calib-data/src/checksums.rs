@@ -116,7 +116,7 @@ impl Chunk {
             if header.crc.is_some() || self.is_gzip {
                 content.resize(size, 0);
                 reader.read_exact(&mut content)?;
-                if let Some(damage) = self.damage(&header, &content) {
+                if let Some(damage) = Self::damage(&header, &content) {
                     return Ok(Some(damage));
                 }
                 if self.is_optional && !counts_its_nulls(&header, &content) {
@@ -150,7 +150,7 @@ impl Chunk {
     }
 
     /// What is wrong with a page's content.
-    fn damage(&self, header: &PageHeader, content: &[u8]) -> Option<String> {
+    fn damage(header: &PageHeader, content: &[u8]) -> Option<String> {
         if let Some(written) = header.crc {
             let whole = crc32fast::hash(content) == written.cast_unsigned();
             return (!whole).then(|| "has a page whose CRC does not fit its content".to_owned());
