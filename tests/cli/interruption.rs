@@ -66,6 +66,23 @@ fn a_killed_training_goes_on() {
 }
 
 #[test]
+fn a_training_that_was_killed_after_its_record_leaves_nothing_behind() {
+    let place = Place::with_study();
+    place.edit_study("[model]", LAPLACIAN);
+    let args = ["represent", "study.toml"];
+    place.calib(&args).succeeds();
+    let whole = place.content("study-results");
+    let representation = place.path().join("study-results/representation");
+    let candidates = std::fs::read_dir(representation.join("candidates")).expect("trained");
+    for candidate in candidates.flatten() {
+        std::fs::write(candidate.path().join("checkpoint.safetensors"), "left").expect("writable");
+    }
+    std::fs::remove_file(representation.join("manifest.json")).expect("it was complete");
+    place.calib(&args).succeeds();
+    assert!(place.content("study-results") == whole);
+}
+
+#[test]
 fn a_killed_training_by_force_is_not_up_to_date() {
     let place = Place::with_study();
     place.edit_study("[model]", &LAPLACIAN.replace("steps = 300", "steps = 4000"));
