@@ -124,7 +124,7 @@ pub(super) fn run(
     let scales = error_scales(&dataset, &sensors, &candidates);
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
-    notes.iter().for_each(|note| printer.say(note));
+    printer.say_all(&notes);
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
     let options = options(&study, &streams);
     let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);

@@ -78,6 +78,13 @@ impl Printer {
         }
     }
 
+    /// Several remarks, a line each.
+    pub(crate) fn say_all(&self, remarks: &[String]) {
+        for remark in remarks {
+            self.say(remark);
+        }
+    }
+
     /// What to type next; a step on the way to another result is followed by the next step anyway.
     pub(crate) fn next(&self, command: &str) {
         if self.results == Results::Stdout {
