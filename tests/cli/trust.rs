@@ -86,7 +86,9 @@ fn what_belongs_to_others_stays() {
     assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
     // A path that is to go where a link leads, or to a device.
     let series = ["a.csv", "b.csv"];
-    series.into_iter().for_each(|name| place.write(name, "1\n2\n3\n"));
+    for name in series {
+        place.write(name, "1\n2\n3\n");
+    }
     place.write("path.csv", "old");
     symlink(at("path.csv"), at("link.csv")).expect("linked");
     place
@@ -153,7 +155,7 @@ fn sensors_may_be_called_anything() {
         "E\u{1b}[2J\nerror: forged",
     ];
     log(&place, "logs", &names, wave);
-    let list = format!("sweep.sensors={:?}", names).replace("\\u{1b}", "\\u001b");
+    let list = format!("sweep.sensors={names:?}").replace("\\u{1b}", "\\u001b");
     let grid = "sweep.grid={ learning_rate = [1e-3, 1e-2] }";
     let ran = place.calib(&[
         "run",
@@ -179,8 +181,10 @@ fn sensors_may_be_called_anything() {
     }
     let figures =
         fs::read_dir(place.path().join("study-results/evaluate/figures")).expect("figures");
-    let grids = figures.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let grids = grids.filter(|name| name.starts_with("rollouts-") && name.ends_with(".svg"));
+    let grids = figures.flatten().map(|entry| entry.path()).filter(|path| {
+        let name = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
+        name.starts_with("rollouts-") && path.extension().is_some_and(|kind| kind == "svg")
+    });
     assert_eq!(grids.count(), names.len());
     let inspected = place.calib(&["inspect", "logs"]);
     assert!(!inspected.succeeds().contains('\u{1b}'), "{}", inspected.stdout());
