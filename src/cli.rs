@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
     Evaluate(StudyArgs),
+    /// Read results, and name what is not what was written
+    Check(CheckArgs),
     /// Judge how well calib chooses, over several studies with held-out data
     Validity(ValidityArgs),
     /// Dynamic time warping distance between two series
@@ -77,6 +79,19 @@ pub(crate) enum Command {
         /// The directory to write to
         directory: PathBuf,
     },
+}
+
+/// What `check` takes.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct CheckArgs {
+    /// A folder of results, such as study-results
+    pub(crate) directory: PathBuf,
+    /// Read also the logs that the results were made from
+    #[arg(long)]
+    pub(crate) read_data: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// What every command on a study takes.

@@ -13,7 +13,13 @@ mod memory;
 mod output;
 mod study;
 
-use std::{ffi::OsString, panic, process::ExitCode};
+use std::{
+    borrow::Cow,
+    ffi::OsString,
+    io::{self, Write as _},
+    panic,
+    process::ExitCode,
+};
 
 use clap::Parser as _;
 
@@ -27,7 +33,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are results; everything else is a usage error, which clap numbers 2.
-            let _ = error.print();
+            let plain = error.render().to_string();
+            // An argument may hold what a terminal obeys: then all of it is printed without clap's colours.
+            match output::harmless(&plain, output::Lines::Several) {
+                Cow::Owned(safe) => drop(io::stderr().write_all(safe.as_bytes())),
+                Cow::Borrowed(_) => drop(error.print()),
+            }
             return ExitCode::from(error.exit_code() as u8);
         }
     };

@@ -6,6 +6,8 @@ use std::{
     str::FromStr,
 };
 
+use crate::output::{bytes, count};
+
 /// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MemorySize(pub(crate) u64);
@@ -41,7 +43,38 @@ pub(crate) fn available() -> Option<u64> {
     let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
     let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
-    system.into_iter().chain(allowed).min()
+    let addresses = fs::read_to_string("/proc/self/limits").ok().and_then(|text| {
+        let mapped = fs::read_to_string("/proc/self/status").ok()?;
+        of_limits(&text, &mapped)
+    });
+    system.into_iter().chain(allowed).chain(addresses).min()
+}
+
+/// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
+/// is no limit.
+fn of_limits(limits: &str, status: &str) -> Option<u64> {
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(limit.saturating_sub(kib * 1024))
+}
+
+/// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.
+pub(crate) fn check_log(data: &calib_data::DataConfig) -> anyhow::Result<()> {
+    let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;
+    if let Some(available) = available() {
+        anyhow::ensure!(
+            least_bytes <= available,
+            "the log in {} declares {} rows, which take {} of memory at least, and {} are available; \
+             choose fewer files with data.path, or use a machine with more memory",
+            data.path.0.join(", "),
+            count(rows as usize),
+            bytes(least_bytes),
+            bytes(available)
+        );
+    }
+    Ok(())
 }
 
 /// `MemAvailable`, which counts what the system would free if asked.
@@ -108,6 +141,16 @@ mod tests {
         let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
         assert_eq!(of_meminfo(text), Some(1 << 20));
         assert_eq!(of_meminfo("MemTotal: 16 kB\n"), None);
+    }
+
+    #[test]
+    fn a_limit_on_addresses_counts_what_is_taken() {
+        let limits =
+            "Limit  Soft Limit  Hard Limit  Units\nMax address space  4096000  unlimited  bytes\n";
+        let status = "Name:\tcalib\nVmSize:\t    1000 kB\n";
+        assert_eq!(of_limits(limits, status), Some(3_072_000));
+        let none = "Max address space         unlimited            unlimited            bytes\n";
+        assert_eq!(of_limits(none, status), None);
     }
 
     #[test]

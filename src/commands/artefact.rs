@@ -1,14 +1,21 @@
 //! Results that are made once: a directory counts only with a manifest that names its inputs.
 
 use std::{
+    collections::BTreeMap,
     fs::{self, File, TryLockError},
     io,
     path::{Path, PathBuf},
 };
 
 use anyhow::{Context as _, bail};
-use calib_files::{Fingerprint, Fingerprinter, read_json, write_atomically, write_json};
+use calib_data::table::{RESULTS_KEY, Table};
+use calib_files::{
+    Fingerprint, Fingerprinter, fingerprint_file, open_lock, read_sealed_json, write_atomically,
+    write_sealed_json,
+};
 use serde::{Serialize, de::DeserializeOwned};
+
+use crate::output::Printer;
 
 /// Version of calib that wrote a file.
 pub(super) const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
@@ -27,13 +34,42 @@ pub(super) trait Manifest: Serialize + DeserializeOwned {
 
 /// The manifest of `directory` if it is complete and of this format.
 pub(super) fn read<M: Manifest>(directory: &Path) -> Option<M> {
-    let manifest: M = read_json(&directory.join(MANIFEST)).ok()?;
+    let manifest: M = read_sealed_json(&directory.join(MANIFEST)).ok()?;
     (manifest.format() == M::FORMAT).then_some(manifest)
 }
 
-/// Whether all these files of a complete directory are still there.
-pub(super) fn has_files<'a>(directory: &Path, names: impl IntoIterator<Item = &'a str>) -> bool {
-    names.into_iter().all(|name| directory.join(name).is_file())
+/// Files of a directory by name, each with the fingerprint of what was written.
+pub(super) type Files = BTreeMap<String, Fingerprint>;
+
+/// Fingerprints of files that were just written.
+pub(super) fn fingerprints<'a>(
+    directory: &Path,
+    names: impl IntoIterator<Item = &'a str>,
+) -> anyhow::Result<Files> {
+    let of = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
+    names.into_iter().map(of).collect()
+}
+
+/// Whether all files of a complete directory are still what was written.
+pub(super) fn are_whole(directory: &Path, files: &Files) -> bool {
+    files.iter().all(|(name, written)| {
+        fingerprint_file(&directory.join(name)).is_ok_and(|found| found == *written)
+    })
+}
+
+/// Check that the files of a complete directory are what was written, before the first use; `command` makes them
+/// again.
+pub(super) fn check_files(directory: &Path, files: &Files, command: &str) -> anyhow::Result<()> {
+    for (name, written) in files {
+        let path = directory.join(name);
+        let found = fingerprint_file(&path).with_context(|| format!("run `{command}` again"))?;
+        anyhow::ensure!(
+            found == *written,
+            "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 /// The manifest of `directory`, or why there is none and which `command` makes it.
@@ -43,10 +79,10 @@ pub(super) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
         bail!("{} does not exist; run `{command}` first", path.display());
     }
     let manifest: M =
-        read_json(&path).with_context(|| format!("run `{command} --force` to make it again"))?;
+        read_sealed_json(&path).with_context(|| format!("run `{command}` to make it again"))?;
     anyhow::ensure!(
         manifest.format() == M::FORMAT,
-        "{} has format {}, this calib reads format {}; run `{command} --force`",
+        "{} has format {}, this calib reads format {}; run `{command}`",
         path.display(),
         manifest.format(),
         M::FORMAT
@@ -69,7 +105,7 @@ impl Claim {
     pub(super) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
         calib_files::create_directory(directory)?;
         let refused = || format!("cannot write to {}", directory.display());
-        let lock = File::create(directory.join(".lock")).with_context(refused)?;
+        let lock = open_lock(&directory.join(".lock")).with_context(refused)?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => bail!(
                 "another calib is writing to {}; wait for it, or choose another --output",
@@ -94,7 +130,7 @@ impl Claim {
 
     /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
     pub(super) fn complete<M: Manifest>(&self, manifest: &M) -> anyhow::Result<()> {
-        Ok(write_json(&self.directory.join(MANIFEST), manifest)?)
+        Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
     }
 }
 
@@ -115,6 +151,27 @@ pub(super) fn adopt<'a, M: Manifest>(
         write_atomically(&directory.join(name), |copy| io::copy(&mut file, copy).map(|_| ()))?;
     }
     claim.complete(manifest)
+}
+
+/// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.
+pub(super) fn or_read_only(
+    written: anyhow::Result<()>,
+    place: &Path,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    let is_refusal = |error: &anyhow::Error| {
+        let mut causes = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>());
+        causes.any(|cause| matches!(cause.kind(), PermissionDenied | ReadOnlyFilesystem))
+    };
+    match written {
+        Err(error) if is_refusal(&error) => {
+            let place = place.display();
+            printer.warn(&format!("{place} was not written: {error:#}; results are only shown"));
+            Ok(())
+        }
+        other => other,
+    }
 }
 
 /// What lies in the directories below a claimed one.
@@ -142,6 +199,16 @@ pub(super) fn remove_temporaries(directory: &Path, below: Below) -> io::Result<(
     Ok(())
 }
 
+/// A table of results, marked as one: a search for logs leaves it out.
+pub(super) fn write_table(table: Table, path: &Path) -> anyhow::Result<()> {
+    Ok(marked(table).write_parquet(path)?)
+}
+
+/// A table that is known as a result.
+pub(super) fn marked(table: Table) -> Table {
+    table.with_metadata(RESULTS_KEY, "1")
+}
+
 /// Fingerprint of some inputs.
 pub(super) fn key(inputs: &impl Serialize) -> anyhow::Result<String> {
     let text = serde_json::to_vec(inputs)?;
@@ -166,6 +233,21 @@ mod tests {
         fn format(&self) -> u32 {
             self.format
         }
+    }
+
+    #[test]
+    fn files_are_whole_as_long_as_no_byte_differs() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a");
+        fs::write(&path, b"content").expect("written");
+        let files = fingerprints(directory.path(), ["a"]).expect("readable");
+        check_files(directory.path(), &files, "calib make").expect("whole");
+        fs::write(&path, b"Content").expect("written");
+        assert!(!are_whole(directory.path(), &files));
+        let error = check_files(directory.path(), &files, "calib make").expect_err("damaged");
+        assert!(error.to_string().contains("run `calib make`"), "{error}");
+        fs::remove_file(&path).expect("removed");
+        assert!(!are_whole(directory.path(), &files));
     }
 
     #[test]

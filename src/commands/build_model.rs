@@ -101,12 +101,11 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
     Ok(status)
 }
 
-/// The manifest of a model that follows from what `key` names, if all its files are there.
+/// The manifest of a model that follows from what `key` names, if all its files are what was written; the profile can
+/// be written again.
 pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
-    artefact::read::<ModelManifest>(directory).filter(|found| {
-        let files = found.files.keys().map(String::as_str);
-        found.key == key && artefact::has_files(directory, files)
-    })
+    artefact::read::<ModelManifest>(directory)
+        .filter(|found| found.key == key && artefact::are_whole(directory, &found.lasting_files()))
 }
 
 /// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
@@ -246,7 +245,7 @@ fn refresh(
     representation: Option<&Representation>,
     directory: &Path,
 ) -> anyhow::Result<ModelManifest> {
-    if manifest.study == *study {
+    if manifest.study == *study && manifest.has_profile(directory) {
         return Ok(manifest);
     }
     let knn = KnnModel::open(

@@ -138,7 +138,7 @@ fn refresh(
     dataset: &Dataset,
     directory: &Path,
 ) -> anyhow::Result<ModelManifest> {
-    if manifest.study == *study {
+    if manifest.study == *study && manifest.has_profile(directory) {
         return Ok(manifest);
     }
     let claim = Claim::new(directory, Below::Ours)?;

@@ -8,7 +8,7 @@ use calib_report::{Report, RolloutGrid, Sensitivity, Verdict};
 use serde::Serialize;
 
 use super::{
-    artefact::{Below, Claim, TOOL},
+    artefact::{self, Below, Claim, TOOL},
     compare_pairs::{self, Comparisons},
     compare_tables,
     comparison::{self, Comparison, Pair},
@@ -86,7 +86,7 @@ impl Part {
                 curves.environment = format!("{} of {name}", curves.environment);
             }
         }
-        let rollouts = rollout::finished(study, paths, &manifest.model);
+        let rollouts = rollout::finished(study, paths, &manifest.model)?;
         let (model, deployment) = (args.model.clone(), args.deployment.clone());
         let starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
@@ -157,7 +157,8 @@ pub(super) fn run(
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
     let mut ended = ExitStatus::Done;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
-        report::write(&judged.paths, report, &judged.summary)?;
+        let written = report::write(&judged.paths, report, &judged.summary);
+        artefact::or_read_only(written, &judged.paths.report(), printer)?;
         if !args.json {
             printer.heading(name);
             print(&judged.summary, &judged.paths, printer)?;
@@ -172,15 +173,13 @@ pub(super) fn run(
     whole.warnings.extend_from_slice(&left_out);
     let table = show(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
-    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
-    write_figures(&paths, &whole)?;
-    report::write_page(&paths, &whole)?;
-    let summaries = summaries(whole.title, parts, what_to_deploy, comparisons);
-    write_json(&paths.evaluate().join("summary.json"), &summaries)?;
+    let title = whole.title.clone();
+    let summaries = summaries(title, parts, what_to_deploy, comparisons);
+    artefact::or_read_only(write(&paths, &whole, &summaries), &paths.report(), printer)?;
     if args.json {
         printer.json(&summaries)?;
     } else {
-        printer.result(&table)?;
+        printer.lines(&table)?;
         comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
         deployed::show(&summaries.what_to_deploy, printer)?;
         printer.result(&format!("report: {}", paths.report().display()))?;
@@ -188,11 +187,20 @@ pub(super) fn run(
     Ok(ended)
 }
 
+/// Write the figures, the page and the summary.
+fn write(paths: &StudyPaths, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
+    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
+    write_figures(paths, whole)?;
+    report::write_page(paths, whole)?;
+    Ok(write_json(&paths.evaluate().join("summary.json"), summaries)?)
+}
+
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
 fn write_figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
     let directory = paths.evaluate().join("figures");
-    for sensitivity in &whole.sensitivities {
-        let name = format!("sensitivity-{}", report::placed(&sensitivity.sensor));
+    let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
+    for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
+        let name = format!("sensitivity-{name}");
         figures::write(&directory, &name, &sensitivity.figure()?)?;
     }
     report::write_comparisons(&directory, whole)

@@ -144,7 +144,7 @@ pub(super) fn show(rows: &[Deployed], printer: &Printer) -> anyhow::Result<()> {
     })?;
     let header = header(rows);
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    printer.result(&table(&header, &rows.iter().map(row).collect::<Vec<_>>()))
+    printer.lines(&table(&header, &rows.iter().map(row).collect::<Vec<_>>()))
 }
 
 /// The same for the report.

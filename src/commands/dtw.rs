@@ -2,7 +2,7 @@ use std::{io::Write as _, path::Path};
 
 use anyhow::{Context as _, bail};
 use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
-use calib_files::write_atomically;
+use calib_files::write_output;
 use serde::Serialize;
 
 use super::series;
@@ -109,7 +109,7 @@ fn aligned(
 }
 
 fn write_path(path: &Path, alignment: &Alignment) -> anyhow::Result<()> {
-    write_atomically(path, |file| {
+    write_output(path, |file| {
         writeln!(file, "query,reference")?;
         for (query, reference) in &alignment.path {
             writeln!(file, "{query},{reference}")?;
@@ -137,5 +137,5 @@ fn show(results: &[PatternResult], printer: &Printer) -> anyhow::Result<()> {
             ]
         })
         .collect();
-    printer.result(&table(&["step pattern", "distance", "normalised"], &rows))
+    printer.lines(&table(&["step pattern", "distance", "normalised"], &rows))
 }

@@ -42,7 +42,7 @@ impl<'a> Environments<'a> {
         let configured = study.sweep_starts();
         let starts = Starts::new(&configured, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
-            &model.manifest.key,
+            model.manifest.content()?,
             (study.model.weights, study.model.temperature),
             &configured,
             // Not the deployment itself: where start states are the same for several, so are the streams.

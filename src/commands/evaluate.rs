@@ -6,11 +6,10 @@ use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, ve
 use serde::Serialize;
 
 use super::{
-    artefact::{self, TOOL},
+    artefact::{self, MANIFEST, TOOL},
     load_study,
     model_files::ModelManifest,
-    report,
-    rollout::{self, RolloutManifest},
+    report, rollout,
     sweep::{SweepManifest, unit_store},
 };
 use crate::{
@@ -54,7 +53,8 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         return Ok(ExitStatus::Done);
     }
     let report = report::assemble(&judged)?;
-    report::write(paths, &report, summary)?;
+    let written = report::write(paths, &report, summary);
+    artefact::or_read_only(written, &paths.report(), printer)?;
     if args.json {
         printer.json(summary)?;
     } else {
@@ -103,7 +103,7 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         advice,
         candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
         verdicts,
-        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)].concat(),
+        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)?].concat(),
     };
     let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
     let (written, _) = load_study(&whole)?;
@@ -143,16 +143,16 @@ pub(super) fn is_swept(args: &StudyArgs) -> anyhow::Result<bool> {
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
-fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> Vec<String> {
-    let there = artefact::read::<RolloutManifest>(&paths.rollout()).is_some();
-    if there && rollout::finished(study, paths, model).is_none() {
-        vec![format!(
-            "the rollouts in {} were made with other settings and are not shown; run `{}` again",
+fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> anyhow::Result<Vec<String>> {
+    let there = paths.rollout().join(MANIFEST).exists();
+    if there && rollout::finished(study, paths, model)?.is_none() {
+        Ok(vec![format!(
+            "the rollouts in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
             paths.rollout().display(),
             paths.command("rollout")
-        )]
+        )])
     } else {
-        Vec::new()
+        Ok(Vec::new())
     }
 }
 
@@ -179,11 +179,11 @@ fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepMani
             paths.command("sweep")
         );
     }
-    if artefact::read::<ModelManifest>(&paths.model())
-        .is_some_and(|model| model.key != manifest.model)
-    {
+    let model = artefact::read::<ModelManifest>(&paths.model());
+    if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
         bail!("the model was built again after the sweep; run `{}` again", paths.command("sweep"));
     }
+    artefact::check_files(&paths.sweep(), &manifest.files, &paths.command("sweep"))?;
     Ok(manifest)
 }
 

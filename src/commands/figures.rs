@@ -7,6 +7,8 @@ use calib_data::table::Table;
 use calib_files::{file_name, write_atomically};
 use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
+use super::trajectory_columns::Columns;
+
 /// Write a figure as `NAME.svg` and `NAME.png`.
 pub(super) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
     let (svg, png) = (figure.svg(), figure.png()?);
@@ -30,9 +32,9 @@ pub(super) fn rollouts(
 ) -> anyhow::Result<Vec<RolloutFigure>> {
     let groups = groups(trajectories)?;
     let mut figures = Vec::with_capacity(sensors.len());
-    for sensor in sensors {
-        let values = trajectories.column::<f64>(sensor)?;
-        let recorded = trajectories.optional::<f64>(&format!("{sensor}.recorded"))?;
+    for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
+        let values = trajectories.column::<f64>(&named.physical)?;
+        let recorded = trajectories.optional::<f64>(&named.recorded)?;
         let known = |group: &Group| recorded[group.rows.clone()].iter().flatten().count();
         let sharing = |group: &Group| {
             let all = groups.iter().filter(|of| of.wanted == group.wanted);
@@ -91,9 +93,9 @@ pub(super) fn starts(
 ) -> anyhow::Result<Vec<Starts>> {
     let groups = groups(trajectories)?;
     let mut all = Vec::with_capacity(sensors.len());
-    for sensor in sensors {
-        let values = trajectories.column::<f64>(sensor)?;
-        let recorded = trajectories.optional::<f64>(&format!("{sensor}.recorded"))?;
+    for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
+        let values = trajectories.column::<f64>(&named.physical)?;
+        let recorded = trajectories.optional::<f64>(&named.recorded)?;
         let mut seen: Vec<u32> = Vec::new();
         let mut pairs = Vec::new();
         for Group { wanted, time, rows, .. } in &groups {

@@ -9,7 +9,7 @@ use crate::{cli::Cli, exit::ExitStatus, output::Printer};
 pub(super) fn completions(shell: Shell, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "calib", &mut script);
-    printer.result(&String::from_utf8_lossy(&script))?;
+    printer.lines(&String::from_utf8_lossy(&script))?;
     Ok(ExitStatus::Done)
 }
 

@@ -5,6 +5,7 @@ use super::plant_of_study;
 use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, percent, significant, table},
     study::{Chosen, Study},
 };
@@ -60,6 +61,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         Study::of_data(&args.data, &args.set)?
     };
+    memory::check_log(&study.data)?;
     Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
 }
 
@@ -107,7 +109,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
             "rows that contradict another of the same time (the first is kept)",
         ),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
-        (profile.null_timestamps, "rows without a timestamp (dropped)"),
+        (profile.null_timestamps, "rows without a timestamp of the years 1 to 9998 (dropped)"),
         (profile.short_steps, "steps shorter than the period (tolerated)"),
         (profile.overlapping_files, "files that overlap another (merged by time)"),
         (profile.rows_outside, "rows outside the training and held-out ranges"),
@@ -128,7 +130,7 @@ fn show_channels(profile: &Profile, args: &InspectArgs, printer: &Printer) -> an
     let shown = if args.all { profile.channels.len() } else { LISTED };
     let rows: Vec<Vec<String>> = profile.channels.iter().take(shown).map(channel_row).collect();
     printer.result("")?;
-    printer.result(&table(&header, &rows))?;
+    printer.lines(&table(&header, &rows))?;
     if profile.channels.len() > shown {
         let more = profile.channels.len() - shown;
         printer.result(&format!("… and {} more; --all shows them", count(more)))?;

@@ -7,6 +7,7 @@ mod build_network;
 mod build_plan;
 mod chain;
 mod changes;
+mod check;
 mod collapse;
 mod compare;
 mod compare_pairs;
@@ -46,6 +47,7 @@ mod sweep_tables;
 mod torch;
 mod train_model;
 mod trajectory;
+mod trajectory_columns;
 mod truth;
 mod validity;
 
@@ -59,16 +61,25 @@ use crate::{
     study::{Chosen, Rollouts, Study, StudyPaths},
 };
 
+/// More threads than any machine gains from; each takes memory and time to start.
+const MANY_THREADS: usize = 1024;
+
 /// Do what the command line says.
 pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
     if let Some(threads) = cli.global.threads {
-        anyhow::ensure!(threads > 0, "--threads must be at least 1");
+        anyhow::ensure!(
+            (1..=MANY_THREADS).contains(&threads),
+            "--threads must be from 1 to {MANY_THREADS}, got {threads}"
+        );
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build_global()
             .context("cannot set the number of threads")?;
     }
-    watch_for_interrupts();
+    // Warping has nothing to finish or to put aside: the system may end it at once.
+    if !matches!(cli.command, Command::Dtw(_)) {
+        watch_for_interrupts();
+    }
     match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
@@ -103,6 +114,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
             [only] if only.is_same_part(&args) => evaluate::run(&args, printer),
             parts => compare::run(&args, parts, &[], printer),
         },
+        Command::Check(args) => check::run(&args, printer),
         Command::Validity(args) => validity::run(&args, printer),
         Command::Dtw(args) => dtw::run(&args, printer),
         Command::Completions { shell } => generate::completions(shell, printer),

@@ -18,7 +18,7 @@ use calib_rollout::JumpStatistics;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest},
+    artefact::{self, Files, Manifest},
     model::Model,
     recurrence::MemberRecurrence,
     represent::{self, Representation},
@@ -62,7 +62,7 @@ pub(super) struct ModelManifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) training: Option<TrainingSummary>,
     /// Fingerprint of every other file.
-    pub(super) files: BTreeMap<String, Fingerprint>,
+    pub(super) files: Files,
 }
 
 /// Times of the first and the last row, as people read them.
@@ -83,9 +83,34 @@ pub(super) struct MemberSummary {
     pub(super) recurrence: Option<MemberRecurrence>,
 }
 
+impl ModelManifest {
+    /// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables
+    /// to the last bit.
+    pub(super) fn content(&self) -> anyhow::Result<String> {
+        // The profile tells of the held-out range too, which nothing that follows from the model does.
+        let files: BTreeMap<_, _> =
+            self.files.iter().filter(|(name, _)| *name != PROFILE).collect();
+        artefact::key(&(&self.key, files))
+    }
+
+    /// The files that do not change as long as the model is the same.
+    pub(super) fn lasting_files(&self) -> Files {
+        let lasting = self.files.iter().filter(|(name, _)| *name != PROFILE);
+        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+    }
+
+    /// Whether the profile is what was written.
+    pub(super) fn has_profile(&self, directory: &Path) -> bool {
+        let written = self.files.get(PROFILE);
+        written.is_some_and(|written| {
+            fingerprint_file(&directory.join(PROFILE)).is_ok_and(|found| found == *written)
+        })
+    }
+}
+
 impl Manifest for ModelManifest {
-    /// 2: models leave out what walks would be trapped in.
-    const FORMAT: u32 = 2;
+    /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -177,7 +202,7 @@ pub(super) fn write(
     knn: Option<&KnnModel>,
 ) -> anyhow::Result<()> {
     let frames = &dataset.train;
-    rows_table(frames, knn).write_parquet(&directory.join("rows.parquet"))?;
+    artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
     write_json(&directory.join(PROFILE), &dataset.profile)?;
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
@@ -187,7 +212,7 @@ pub(super) fn write(
 pub(super) fn rewrite_profile(
     directory: &Path,
     dataset: &Dataset,
-    files: &mut BTreeMap<String, Fingerprint>,
+    files: &mut Files,
 ) -> anyhow::Result<()> {
     let path = directory.join(PROFILE);
     write_json(&path, &dataset.profile)?;
@@ -250,6 +275,7 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
             directory.display()
         );
     }
+    artefact::check_files(directory, &manifest.files, &build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
     let mapped = map_npy::<f32>(&directory.join(STATES)).with_context(again)?;

@@ -9,6 +9,7 @@ use calib_plant::PlantOptions;
 use super::simulate::{self, Found, Simulated};
 use crate::{
     cli::{PlantArgs, SimulateArgs},
+    memory,
     output::Printer,
     study::{Chosen, Study, StudyPaths},
 };
@@ -54,7 +55,9 @@ pub(super) fn data(study: &Study, paths: &StudyPaths) -> anyhow::Result<DataConf
             ),
         }
     }
-    study.data_to_read(paths)
+    let data = study.data_to_read(paths)?;
+    memory::check_log(&data)?;
+    Ok(data)
 }
 
 /// What `calib simulate STUDY` is to write, and where; and what to do next.

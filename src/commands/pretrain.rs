@@ -10,7 +10,7 @@ use calib_files::write_json;
 use serde::Serialize;
 
 use super::{
-    artefact::{self, Below, Claim, MANIFEST, Manifest as _, TOOL},
+    artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
     load_study,
     model_files::sensor_columns,
     partition::{self, Parts, span},
@@ -49,6 +49,12 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
+    if missing.is_empty()
+        && let Some(kept) = up_to_date(&directory, &study, &parts)
+    {
+        finish(args, &paths, &kept, 0, clock, printer)?;
+        return Ok(ExitStatus::Done);
+    }
     let claim = Claim::new(&directory, Below::Ours)?;
     let width = parts.dataset.train.states().columns();
     let file = state_file(&directory, &missing)?;
@@ -76,7 +82,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
-    let manifest = PretrainManifest {
+    let mut manifest = PretrainManifest {
         format: PretrainManifest::FORMAT,
         tool: TOOL.to_owned(),
         study: study.clone(),
@@ -86,8 +92,11 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         normaliser: parts.dataset.normaliser.clone(),
         agents,
         diverged,
+        files: Files::new(),
     };
-    pretrain_files::curves(&manifest.agents).write_parquet(&directory.join("curves.parquet"))?;
+    let curves = pretrain_files::curves(&manifest.agents);
+    artefact::write_table(curves, &directory.join(CURVES))?;
+    manifest.files = artefact::fingerprints(&directory, [CURVES])?;
     if trained > 0 {
         let wall_secs = clock.elapsed().as_secs_f64();
         write_json(&directory.join("timings.json"), &Timings { agents: trained, wall_secs })?;
@@ -138,14 +147,32 @@ fn wanted(study: &Study, parts: &Parts) -> anyhow::Result<Vec<Wanted>> {
     wanted.collect()
 }
 
+/// The learning curves of all agents.
+const CURVES: &str = "curves.parquet";
+
+/// The manifest, where nothing of what it tells has changed and nothing is to be written.
+fn up_to_date(
+    directory: &std::path::Path,
+    study: &Study,
+    parts: &Parts,
+) -> Option<PretrainManifest> {
+    let part = parts.pretrain.as_ref()?;
+    artefact::read::<PretrainManifest>(directory).filter(|kept| {
+        kept.study == *study
+            && kept.data == part.fingerprint
+            && kept.normaliser == parts.dataset.normaliser
+            && artefact::are_whole(directory, &kept.files)
+    })
+}
+
 /// The wanted agents that are there already.
 fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
     };
     let is_wanted = |agent: &PretrainedAgent| {
-        let files = agent.files.keys().map(String::as_str);
-        wanted.iter().any(|wanted| wanted.key == agent.key) && artefact::has_files(directory, files)
+        wanted.iter().any(|wanted| wanted.key == agent.key)
+            && artefact::are_whole(directory, &agent.files)
     };
     let agents = manifest.agents.into_iter().filter(is_wanted);
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
@@ -250,7 +277,7 @@ fn finish(
             "of epoch 1",
         ];
         let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
-        printer.result(&table(&header, &rows))?;
+        printer.lines(&table(&header, &rows))?;
     }
     printer.next(&format!("{} or {}", paths.command("build-model"), paths.command("sweep")));
     Ok(())

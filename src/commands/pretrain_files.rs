@@ -9,15 +9,13 @@ use anyhow::{Context as _, bail, ensure};
 use calib_agent::{AgentConfig, Checkpoint, Epoch, Pretrained, layer_sizes};
 use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
-use calib_files::{
-    Fingerprint, Tensor, Tensors, file_name, fingerprint_file, read_tensors, write_tensors,
-};
+use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
 use calib_nn::{Mlp, Moments, Naming};
 use calib_sweep::{Candidate, Start};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Manifest},
+    artefact::{self, Files, Manifest},
     partition::{PretrainPart, span},
 };
 use crate::study::{MomentsRule, Study, StudyPaths};
@@ -40,10 +38,12 @@ pub(super) struct PretrainManifest {
     /// Sensors whose agents diverged, and the epoch in which they did: they have no agent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) diverged: BTreeMap<String, usize>,
+    /// Fingerprint of the learning curves.
+    pub(super) files: Files,
 }
 
 impl Manifest for PretrainManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -120,7 +120,6 @@ pub(super) fn write_agent(
         write_tensors(&directory.join(&moments), &Tensors { tensors, metadata })?;
         files.push(moments);
     }
-    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
     Ok(PretrainedAgent {
         sensor: sensor.to_owned(),
         column,
@@ -129,7 +128,7 @@ pub(super) fn write_agent(
         layer_sizes,
         epoch: pretrained.epoch,
         curve: pretrained.curve,
-        files: files.into_iter().map(fingerprint).collect::<anyhow::Result<_>>()?,
+        files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
     })
 }
 
@@ -139,14 +138,7 @@ fn read_agent(
     agent: &PretrainedAgent,
     rule: MomentsRule,
 ) -> anyhow::Result<Checkpoint> {
-    for (name, fingerprint) in &agent.files {
-        let path = directory.join(name);
-        ensure!(
-            fingerprint_file(&path)? == *fingerprint,
-            "{} is not what `calib pretrain` wrote; run it again with --force",
-            path.display()
-        );
-    }
+    artefact::check_files(directory, &agent.files, "calib pretrain")?;
     let [weights, moments] = names(&agent.sensor);
     let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
         let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;

@@ -8,8 +8,7 @@ use calib_core::{Frames, Normalised, Timestamp};
 use calib_data::{Dataset, format_time, table::Table, table::read_parquet};
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod, min_max_in_time};
 
-use super::{compare::Part, partition::PretrainPart};
-use crate::study::StudyPaths;
+use super::{artefact::write_table, compare::Part, partition::PretrainPart};
 
 /// The file in the directory of a sweep.
 pub(super) const RECORDED: &str = "recorded.parquet";
@@ -44,7 +43,7 @@ pub(super) fn write(
         .with("sensor", rows.iter().map(|(_, sensor, _)| (*sensor).clone()).collect())
         .with("timestamp", rows.iter().map(|(.., (time, _))| *time).collect())
         .with_optional("value", rows.iter().map(|(.., (_, value))| *value).collect());
-    Ok(table.write_parquet(&directory.join(RECORDED))?)
+    write_table(table, &directory.join(RECORDED))
 }
 
 /// Values of a column in physical units, and nothing where the line breaks, at the time of the value before.
@@ -72,16 +71,12 @@ fn seconds(time: Timestamp) -> f64 {
 }
 
 /// One figure a sensor, of what the sweep in `directory` has kept; `deployment` is what its held-out range is called.
-/// `None` where a sweep of an earlier calib has kept nothing.
 pub(super) fn figures(
     directory: &Path,
     sensors: &[String],
     deployment: Option<&str>,
-) -> anyhow::Result<Option<Vec<RecordedFigure>>> {
+) -> anyhow::Result<Vec<RecordedFigure>> {
     let path = directory.join(RECORDED);
-    if !path.exists() {
-        return Ok(None);
-    }
     let table = read_parquet(&path).with_context(|| path.display().to_string())?;
     let rows = Rows {
         periods: table.column::<String>("period")?,
@@ -97,16 +92,7 @@ pub(super) fn figures(
             .filter_map(|period| rows.period(period, sensor, deployment))
             .collect(),
     };
-    Ok(Some(sensors.iter().map(figure).collect()))
-}
-
-/// What to do where a sweep of an earlier calib has kept nothing.
-pub(super) fn missing(paths: &StudyPaths) -> String {
-    format!(
-        "{} has no {RECORDED}, for the figure of what was recorded; run `{}` again",
-        paths.sweep().display(),
-        paths.command("sweep")
-    )
+    Ok(sensors.iter().map(figure).collect())
 }
 
 /// The table of recorded values.

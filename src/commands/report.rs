@@ -2,6 +2,7 @@
 
 use std::{io::Write as _, path::Path};
 
+use anyhow::ensure;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
@@ -28,6 +29,7 @@ use super::{
     rollout::{self, RolloutManifest},
     streams::part_name,
     sweep::SweepManifest,
+    trajectory_columns::Columns,
 };
 use crate::study::{Study, StudyPaths};
 
@@ -69,15 +71,24 @@ pub(super) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Re
     for recorded in &report.recorded {
         figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
     }
-    for grid in &report.rollout_grids {
-        figures::write(directory, &format!("rollouts-{}", placed(&grid.sensor)), &grid.figure()?)?;
+    let names = placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
+    for (grid, name) in report.rollout_grids.iter().zip(names) {
+        figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?;
     }
     Ok(())
 }
 
-/// A sensor in a deployment or of a model, as a part of file names: "PIT300 (april)" is `PIT300-april`.
-pub(super) fn placed(sensor: &str) -> String {
-    sensor.replace(" (", "-").replace(", ", "-").replace(')', "")
+/// Sensors in a deployment or of a model, as parts of file names: "PIT300 (april)" is `PIT300-april`. Those that would
+/// then be called alike keep the names that they have.
+pub(super) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let sensors: Vec<&str> = sensors.collect();
+    let short = |sensor: &str| sensor.replace(" (", "-").replace(", ", "-").replace(')', "");
+    let alike = |sensor: &str| {
+        let name = short(sensor);
+        sensors.iter().filter(|other| short(other) == name || **other == name).count() > 1
+    };
+    let name = |&sensor: &&str| if alike(sensor) { sensor.to_owned() } else { short(sensor) };
+    sensors.iter().map(name).collect()
 }
 
 /// Everything that is known of a finished sweep and its model.
@@ -85,14 +96,19 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
     let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
+    ensure!(
+        model.has_profile(&paths.model()),
+        "profile.json of the model in {} is not what was written; run `{}` to make it again",
+        paths.model().display(),
+        paths.command("build-model")
+    );
     let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = rollout::finished(study, paths, &model.key);
+    let rollouts = rollout::finished(study, paths, &model.content()?)?;
     let (shown, starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
-    let not_kept = kept.is_none().then(|| recorded::missing(paths));
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -104,14 +120,14 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.iter().cloned().chain(not_kept).collect(),
+        warnings: summary.notes.clone(),
         sensitivities: summary
             .verdicts
             .iter()
             .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
             .collect(),
         learning: learning::curves(&study.sweep.sensors, candidates, results)?,
-        recorded: kept.unwrap_or_default(),
+        recorded: kept,
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
@@ -343,9 +359,8 @@ pub(super) fn rollout_figures(
 ) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
     let mut columns =
         ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
-    for sensor in &manifest.sensors {
-        columns.extend([sensor.clone(), format!("{sensor}.recorded")]);
-    }
+    let of_sensors = Columns::of(&manifest.sensors).into_iter();
+    columns.extend(of_sensors.flat_map(|named| [named.physical, named.recorded]));
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let path = paths.rollout().join("trajectories.parquet");
     let trajectories = read_parquet_columns(&path, &columns)?;
@@ -407,4 +422,23 @@ fn reproduction(
 /// What to type, one command a line.
 pub(super) fn command_lines(paths: &StudyPaths, commands: &[&str]) -> String {
     commands.iter().map(|command| paths.command(command)).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_of_sensors_have_names_of_their_own() {
+        let deployed = ["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"];
+        assert_eq!(
+            placed(deployed.into_iter()),
+            ["PIT300-april", "PIT300-july", "PIT300-july-week"]
+        );
+        let alike = ["X (1)", "X-1", "X, 1", "X 1", "X (1"];
+        let names = placed(alike.into_iter());
+        for (place, name) in names.iter().enumerate() {
+            assert!(!names[..place].contains(name), "{names:?}");
+        }
+    }
 }

@@ -7,7 +7,7 @@ use calib_rollout::{JumpStatistics, RolloutConfig};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Below, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
     collapse::{self, Collapse},
     comparison::{self, Comparison},
     figures, jumps, load_study,
@@ -16,6 +16,7 @@ use super::{
     one_step, partition,
     starts::{StartSummary, Starts, follow_from_deployment, summaries},
     trajectory::Trajectory,
+    trajectory_columns::Columns,
     truth::{self, Record},
 };
 use crate::{
@@ -42,6 +43,8 @@ pub(super) struct RolloutManifest {
     pub(super) collapse: Collapse,
     /// Distances from what was recorded after the same starts, unless they are switched off.
     pub(super) comparison: Option<Comparison>,
+    /// Fingerprint of every table.
+    pub(super) files: Files,
 }
 
 /// What the rollouts of one member were like.
@@ -57,7 +60,7 @@ pub(super) struct MemberRollouts {
 }
 
 impl Manifest for RolloutManifest {
-    const FORMAT: u32 = 6;
+    const FORMAT: u32 = 7;
 
     fn format(&self) -> u32 {
         self.format
@@ -65,8 +68,15 @@ impl Manifest for RolloutManifest {
 }
 
 /// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment.
-pub(super) fn finished(study: &Study, paths: &StudyPaths, model: &str) -> Option<RolloutManifest> {
-    artefact::read::<RolloutManifest>(&paths.rollout()).filter(
+///
+/// # Errors
+/// If a table is not what was written.
+pub(super) fn finished(
+    study: &Study,
+    paths: &StudyPaths,
+    model: &str,
+) -> anyhow::Result<Option<RolloutManifest>> {
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(
         |RolloutManifest { model: of, study: made, .. }| {
             *of == *model
                 && made.rollout == study.rollout
@@ -74,7 +84,11 @@ pub(super) fn finished(study: &Study, paths: &StudyPaths, model: &str) -> Option
                 && made.seed == study.seed
                 && (!follow_from_deployment(study) || made.data.held_out == study.data.held_out)
         },
-    )
+    );
+    if let Some(found) = &found {
+        artefact::check_files(&paths.rollout(), &found.files, &paths.command("rollout"))?;
+    }
+    Ok(found)
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.
@@ -95,7 +109,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let key = artefact::key(&(
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
-        &model.manifest.key,
+        model.manifest.content()?,
         *study.model,
         &study.rollout,
         study.seed,
@@ -109,7 +123,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     let existing = artefact::read::<RolloutManifest>(&directory)
         .filter(|found| found.key == key && !args.force)
-        .filter(|found| artefact::has_files(&directory, files(found)));
+        .filter(|found| artefact::are_whole(&directory, &found.files));
     let (manifest, verb) = if let Some(manifest) = existing {
         (manifest, "up to date:")
     } else {
@@ -141,12 +155,6 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     printer.next(&paths.command("sweep"));
     Ok(ExitStatus::Done)
-}
-
-/// What belongs to a manifest.
-fn files(manifest: &RolloutManifest) -> impl Iterator<Item = &'static str> {
-    let compared = manifest.comparison.is_some().then_some(comparison::FILES);
-    ["trajectories.parquet"].into_iter().chain(compared.into_iter().flatten())
 }
 
 /// The sensors of the sweep, or all, with their columns.
@@ -195,7 +203,7 @@ fn roll_out(
     let place = search_place(&model.model, directory);
     let all = model::roll_out(model, study, starts, &place, &progress)?;
     drop(progress);
-    let trajectories = trajectories(model, record, &all, sensors);
+    let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
     let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
     let period_secs = model.manifest.period.as_secs();
@@ -215,17 +223,20 @@ fn roll_out(
             starts,
         })
         .collect();
+    let compared = comparison.is_some().then_some(comparison::FILES);
+    let files = ["trajectories.parquet"].into_iter().chain(compared.into_iter().flatten());
     let manifest = RolloutManifest {
         format: RolloutManifest::FORMAT,
         tool: TOOL.to_owned(),
         key,
-        model: model.manifest.key.clone(),
+        model: model.manifest.content()?,
         study: study.clone(),
         sensors: names,
         period_secs,
         members,
         collapse,
         comparison,
+        files: artefact::fingerprints(directory, files)?,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
@@ -316,7 +327,8 @@ fn trajectories(
         .with_optional("timestamp", timestamps)
         .with("wanted_row", wanted)
         .with_optional("wanted_timestamp", wanted_times);
-    for (sensor, column) in sensors {
+    let names: Vec<&str> = sensors.iter().map(|(name, _)| name.as_str()).collect();
+    for ((_, column), named) in sensors.iter().zip(Columns::of(&names)) {
         let normalised: Vec<f32> = flat()
             .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
             .collect();
@@ -330,12 +342,9 @@ fn trajectories(
             known.into_iter().chain(std::iter::repeat_n(None, unknown))
         };
         table = table
-            .with(sensor, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
-            .with(format!("{sensor}.normalised"), normalised)
-            .with_optional(
-                format!("{sensor}.recorded"),
-                flat().flat_map(recorded).collect::<Vec<Option<f64>>>(),
-            );
+            .with(named.physical, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
+            .with(named.normalised, normalised)
+            .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
     }
     table
 }

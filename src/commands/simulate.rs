@@ -241,6 +241,14 @@ fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result
     }
     if force {
         remove_days(directory)?;
+        let days = Plant::new(simulation.options.clone())?.days();
+        let day = |day| directory.join(file_name(simulation.options.start, day));
+        if let Some(taken) = (0..days).map(day).find(|path| path.symlink_metadata().is_ok()) {
+            bail!(
+                "{} is in the way, and no simulation wrote it; move it, or choose another directory",
+                taken.display()
+            );
+        }
     }
     Ok(write_json(&path, simulation)?)
 }

@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use calib_agent::AgentConfig;
 use calib_core::{Frames, Normaliser, Period, Seed};
 use calib_data::Dataset;
@@ -12,7 +12,7 @@ use calib_sweep::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Below, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
     environments::Environments,
     load_study, model_files,
     partition::{self, Parts},
@@ -57,6 +57,8 @@ pub(super) struct SweepManifest {
     pub(super) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
     pub(super) notes: Vec<String>,
+    /// Fingerprint of every table.
+    pub(super) files: Files,
 }
 
 /// The states of a deployment.
@@ -75,7 +77,7 @@ impl HeldOut {
 }
 
 impl Manifest for SweepManifest {
-    const FORMAT: u32 = 2;
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -106,10 +108,11 @@ pub(super) fn run(
     ));
     let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
+    let content = model.manifest.content()?;
     let streams = match Streams::of(&study, &dataset, &candidates, printer) {
         Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
             let reason = reason.to_string();
-            let made = LeftOut { study, dataset: &dataset, model: &model.manifest.key, candidates };
+            let made = LeftOut { study, dataset: &dataset, model: &content, candidates };
             return made.leave_out(reason, args, &paths, printer);
         }
         streams => streams?,
@@ -121,9 +124,7 @@ pub(super) fn run(
     let scales = error_scales(&dataset, &sensors, &candidates);
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
-    for note in &notes {
-        printer.say(note);
-    }
+    printer.say_all(&notes);
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
     let options = options(&study, &streams);
     let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
@@ -133,44 +134,37 @@ pub(super) fn run(
     let Found { own, stored } =
         if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
     let missing = plan.left(&stored)?;
-    let agents: Vec<AgentConfig> =
-        candidates.iter().map(|candidate| candidate.agent.clone()).collect();
     let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
-    let preview = SweepPlan {
-        candidates: &candidates,
-        units: plan.count(),
-        left: missing,
-        shared: if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 },
-        steps: span.steps,
-        threads: rayon::current_num_threads(),
-        memory: Memory::of(&sizes, &agents, rayon::current_num_threads()),
-    };
+    let shared = if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 };
+    let preview = preview(&candidates, &sizes, [plan.count(), missing, shared], span);
     preview.announce(&study, printer)?;
     if args.dry_run {
         preview.show(args.json, printer)?;
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let claim = Claim::new(&directory, Below::Ours)?;
-    claim.begin()?;
+    // Nothing is given up, nor need the disk be writable, before there is something to write.
+    let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
+    let kept = if is_done { finished(&directory, args) } else { None };
+    let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
     if args.force {
-        remove_units(&store)?;
+        store.clear()?;
     }
-    let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
-    shared.into_iter().try_for_each(|(_, result)| store.put(result))?;
+    let mut shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
+    shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     let failed = failed_rollouts(&results, &dataset.normaliser);
     for note in &failed {
         printer.warn(note);
     }
-    let manifest = SweepManifest {
+    let mut manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
         key: artefact::key(&units)?,
         study: study.clone(),
         data: dataset.fingerprint.clone(),
-        model: model.manifest.key.clone(),
+        model: content,
         period: dataset.period,
         held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
         span,
@@ -183,15 +177,55 @@ pub(super) fn run(
         candidates,
         units,
         notes: [notes, streams.notes, told_starts, failed].concat(),
+        files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
+    if let Some(kept) = kept
+        && serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?
+    {
+        finish(args, &paths, &manifest, ran, clock, printer)?;
+        return Ok(ExitStatus::Done);
+    }
+    let claim = claim.map_or_else(|| begin(&directory), Ok)?;
     sweep_tables::write(&directory, &manifest, &results)?;
     recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
+    manifest.files = artefact::fingerprints(&directory, tables())?;
     if ran > 0 {
         write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
+fn preview<'a>(
+    candidates: &'a [Candidate],
+    sizes: &Sizes,
+    [units, left, shared]: [usize; 3],
+    span: Span,
+) -> SweepPlan<'a> {
+    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
+    let threads = rayon::current_num_threads();
+    let memory = Memory::of(sizes, &agents, threads);
+    SweepPlan { candidates, units, left, shared, steps: span.steps, threads, memory }
+}
+
+/// What a sweep writes beside its units.
+fn tables() -> impl Iterator<Item = &'static str> {
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED])
+}
+
+/// The manifest of a sweep whose tables are what was written.
+fn finished(directory: &Path, args: &StudyArgs) -> Option<SweepManifest> {
+    let kept = artefact::read::<SweepManifest>(directory)?;
+    (!args.force && artefact::are_whole(directory, &kept.files)).then_some(kept)
+}
+
+/// Claim the directory of a sweep that has something to write.
+fn begin(directory: &Path) -> anyhow::Result<Claim> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    Ok(claim)
 }
 
 fn planned(result: &UnitResult) -> PlannedUnit {
@@ -252,9 +286,9 @@ impl LeftOut<'_> {
             candidates,
             units: Vec::new(),
             notes: Vec::new(),
+            files: Files::new(),
         };
-        let claim = Claim::new(&paths.sweep(), Below::Ours)?;
-        claim.begin()?;
+        let claim = begin(&paths.sweep())?;
         claim.complete(&manifest)?;
         Ok(ExitStatus::Negative)
     }
@@ -321,15 +355,6 @@ fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::R
 pub(super) fn wall_secs(paths: &StudyPaths) -> Option<f64> {
     let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
     Some(timings.wall_secs)
-}
-
-fn remove_units(store: &UnitStore) -> anyhow::Result<()> {
-    match std::fs::remove_dir_all(store.directory()) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", store.directory().display()))
-        }
-        _ => Ok(()),
-    }
 }
 
 fn finish(

@@ -192,7 +192,7 @@ impl SweepPlan<'_> {
                 vec![candidate.label(), candidate.index.to_string(), note.to_owned()]
             })
             .collect();
-        printer.result(&table(&["value", "candidate", ""], &rows))
+        printer.lines(&table(&["value", "candidate", ""], &rows))
     }
 }
 

@@ -6,7 +6,10 @@ use calib_agent::{Part, PartScore};
 use calib_data::table::Table;
 use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
 
-use super::sweep::SweepManifest;
+use super::{artefact::write_table, sweep::SweepManifest};
+
+/// Where runs and learning curves are written.
+pub(super) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
 
 /// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
 pub(super) fn write(
@@ -15,9 +18,9 @@ pub(super) fn write(
     results: &[UnitResult],
 ) -> anyhow::Result<()> {
     let candidates = &sweep.candidates;
-    runs_table(sweep, results)?.write_parquet(&directory.join("runs.parquet"))?;
-    curves_table(candidates, results).write_parquet(&directory.join("curves.parquet"))?;
-    Ok(())
+    let [runs, curves] = FILES.map(|name| directory.join(name));
+    write_table(runs_table(sweep, results)?, &runs)?;
+    write_table(curves_table(candidates, results), &curves)
 }
 
 fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<Table> {

@@ -15,7 +15,8 @@ use calib_dynamics::{
     Transitioning,
 };
 use calib_files::{
-    Fingerprint, fingerprint_file, read_tensors, write_atomically, write_json, write_tensors,
+    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, write_atomically, write_json,
+    write_tensors,
 };
 use calib_knn::ModelKind;
 use serde::{Deserialize, Serialize};
@@ -243,7 +244,7 @@ struct Checkpoint<'a> {
 
 impl Checkpoint<'_> {
     fn read(&self) -> Option<calib_files::Tensors> {
-        let found = read_tensors(&self.path).ok()?;
+        let found = read_sealed_tensors(&self.path).ok()?;
         (found.metadata.get("key").map(String::as_str) == Some(self.key)).then_some(found)
     }
 

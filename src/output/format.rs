@@ -2,6 +2,8 @@ use std::time::Duration;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 
+use super::harmless::{Lines, harmless};
+
 /// `1234567` as `1,234,567`.
 pub(crate) fn count(number: usize) -> String {
     let digits = number.to_string();
@@ -78,7 +80,7 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     table.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled);
     table.set_header(header.iter().copied());
     for row in rows {
-        table.add_row(row);
+        table.add_row(row.iter().map(|cell| harmless(cell, Lines::One)));
     }
     for (position, column) in table.column_iter_mut().enumerate() {
         if position > 0 {

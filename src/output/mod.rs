@@ -1,9 +1,11 @@
 //! What a person or a machine reads: results on stdout, talk and progress on stderr.
 
 mod format;
+mod harmless;
 mod printer;
 mod progress;
 
 pub(crate) use format::{bytes, count, duration, percent, significant, table};
+pub(crate) use harmless::{Lines, harmless};
 pub(crate) use printer::Printer;
 pub(crate) use progress::{ProgressMonitor, watch_for_interrupts};

@@ -3,10 +3,11 @@ use std::io::{IsTerminal as _, Write as _};
 use anyhow::Context as _;
 use serde::Serialize;
 
-use crate::{
-    cli::{ColorChoice, GlobalArgs},
-    output::ProgressMonitor,
+use super::{
+    ProgressMonitor,
+    harmless::{Lines, harmless, harmless_json},
 };
+use crate::cli::{ColorChoice, GlobalArgs};
 
 /// Decides what goes where: results to stdout, talk, warnings and progress to stderr.
 #[derive(Debug)]
@@ -50,23 +51,37 @@ impl Printer {
             self.say(text);
             return Ok(());
         }
-        let written = writeln!(std::io::stdout().lock(), "{}", text.trim_end_matches('\n'));
-        match written {
-            // `calib … | head` is no failure.
-            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-            other => other.context("cannot write to stdout"),
+        print(&harmless(text.trim_end_matches('\n'), Lines::One))
+    }
+
+    /// Several lines of the result, such as a table, whose line breaks are calib's own.
+    pub(crate) fn lines(&self, text: &str) -> anyhow::Result<()> {
+        let text = harmless(text.trim_end_matches('\n'), Lines::Several);
+        if self.results == Results::Talk {
+            if !self.quiet {
+                eprint_line(&text);
+            }
+            return Ok(());
         }
+        print(&text)
     }
 
     /// The result for machines.
     pub(crate) fn json(&self, value: &impl Serialize) -> anyhow::Result<()> {
-        self.result(&serde_json::to_string_pretty(value)?)
+        self.lines(&harmless_json(&serde_json::to_string_pretty(value)?))
     }
 
     /// What calib is doing; silent with `-q`.
     pub(crate) fn say(&self, text: &str) {
         if !self.quiet {
-            eprint_line(text);
+            eprint_line(&harmless(text, Lines::One));
+        }
+    }
+
+    /// Several remarks, a line each.
+    pub(crate) fn say_all(&self, remarks: &[String]) {
+        for remark in remarks {
+            self.say(remark);
         }
     }
 
@@ -80,18 +95,24 @@ impl Printer {
     /// Something that the user should look at.
     pub(crate) fn warn(&self, text: &str) {
         if !self.quiet {
-            eprint_line(&format!("{} {text}", self.paint("warning:", "33")));
+            eprint_line(&format!(
+                "{} {}",
+                self.paint("warning:", "33"),
+                harmless(text, Lines::One)
+            ));
         }
     }
 
     /// Why the command failed; never silent.
     pub(crate) fn error(&self, text: &str) {
-        eprint_line(&format!("{} {text}", self.paint("error:", "31")));
+        eprint_line(&format!("{} {}", self.paint("error:", "31"), harmless(text, Lines::One)));
     }
 
     /// Emphasis for a heading on stderr.
     pub(crate) fn heading(&self, text: &str) {
-        self.say(&self.paint(text, "1"));
+        if !self.quiet {
+            eprint_line(&self.paint(&harmless(text, Lines::One), "1"));
+        }
     }
 
     /// Progress of long work: a bar on a terminal, a line now and then elsewhere.
@@ -101,6 +122,14 @@ impl Printer {
 
     fn paint(&self, text: &str, code: &str) -> String {
         if self.color { format!("\x1b[{code};1m{text}\x1b[0m") } else { text.to_owned() }
+    }
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        // `calib … | head` is no failure.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("cannot write to stdout"),
     }
 }
 

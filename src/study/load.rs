@@ -8,6 +8,7 @@ use serde::{Deserialize as _, de::DeserializeOwned};
 use toml::{Table, Value};
 
 use calib_data::DataConfig;
+use calib_files::{FileError, require_regular};
 
 use super::{
     Study, StudyPaths,
@@ -178,7 +179,11 @@ fn read(
     overrides: &[String],
     profile: Option<&str>,
 ) -> anyhow::Result<(Table, Results)> {
-    let text = fs::read_to_string(path).with_context(|| {
+    let text = match require_regular(path) {
+        Err(FileError::Io { source, .. }) => Err(source),
+        _ => fs::read_to_string(path),
+    };
+    let text = text.with_context(|| {
         format!(
             "cannot read the study {}; expected a TOML file such as configs/quickstart.toml",
             path.display()
@@ -192,6 +197,7 @@ fn read(
     for text in overrides {
         apply(&mut table, text)?;
     }
+    finite(&table, "").with_context(|| path.display().to_string())?;
     // Whoever names other data means these, and not a plant to write there.
     let names_data = |text: &&String| {
         let key = text.split('=').next().unwrap_or_default();
@@ -201,6 +207,25 @@ fn read(
         table.remove("simulate");
     }
     Ok((table, results))
+}
+
+/// Refuse numbers that TOML has and nothing here can work with, nor JSON keep.
+fn finite(table: &Table, section: &str) -> anyhow::Result<()> {
+    fn check(key: &str, value: &Value) -> anyhow::Result<()> {
+        match value {
+            Value::Float(number) => {
+                ensure!(number.is_finite(), "{key} = {number}: expected a finite number");
+                Ok(())
+            }
+            Value::Array(values) => values.iter().try_for_each(|value| check(key, value)),
+            Value::Table(table) => finite(table, key),
+            _ => Ok(()),
+        }
+    }
+    table.iter().try_for_each(|(name, value)| {
+        let key = if section.is_empty() { name.clone() } else { format!("{section}.{name}") };
+        check(&key, value)
+    })
 }
 
 /// Whether a table has the keys and types of a study.
@@ -378,6 +403,13 @@ mod tests {
         assert!(form.contains("expected section.key=value"), "{form}");
         let syntax = of("[agent\n", &[]);
         assert!(syntax.contains("study.toml:1:"), "{syntax}");
+        let infinite = of("", &["model.temperature=inf"]);
+        assert!(
+            infinite.contains("model.temperature = inf: expected a finite number"),
+            "{infinite}"
+        );
+        let list = of("[sweep.grid]\ngamma = [0.5, nan]\n", &[]);
+        assert!(list.contains("sweep.grid.gamma = NaN"), "{list}");
         let range = of("[agent]\ngamma = 2.0\n", &[]);
         assert!(range.contains("gamma"), "{range}");
     }

@@ -83,8 +83,8 @@ impl PretrainConfig {
     pub fn check(&self) -> anyhow::Result<()> {
         let inside = |value: f64| value > 0.0 && value < 1.0;
         ensure!(
-            self.learning_rate > 0.0 && self.learning_rate.is_finite(),
-            "pretrain.learning_rate must be a positive number, got {}",
+            (1e-45..=1e38).contains(&self.learning_rate),
+            "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {}",
             self.learning_rate
         );
         ensure!(

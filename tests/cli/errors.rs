@@ -138,7 +138,7 @@ fn a_model_of_other_settings_is_not_rolled_out() {
 }
 
 #[test]
-fn a_changed_file_of_the_model_is_found_by_verification() {
+fn a_changed_file_of_the_model_is_found_and_made_again() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let path = place.path().join("study-results/model/states.npy");
@@ -146,8 +146,10 @@ fn a_changed_file_of_the_model_is_found_by_verification() {
     let last = states.len() - 4;
     states[last..].copy_from_slice(&0.25_f32.to_le_bytes());
     fs::write(&path, states).expect("writable");
-    let message = place.calib(&["build-model", "study.toml", "--verify", "5"]).fails(2);
+    let message = place.calib(&["rollout", "study.toml"]).fails(2);
     assert!(message.contains("states.npy is not what was written"), "{message}");
+    let again = place.calib(&["build-model", "study.toml", "--verify", "5"]).succeeds();
+    assert!(again.starts_with("wrote"), "{again}");
 }
 
 #[test]
@@ -179,7 +181,8 @@ fn a_damaged_model() {
     fs::write(&path, &whole[..whole.len() - 7]).expect("writable");
     let message = place.calib(&["rollout", "study.toml"]).fails(2);
     assert!(
-        message.contains("members/1/neighbors.npy") && message.contains("--force"),
+        message.contains("members/1/neighbors.npy is not what was written")
+            && message.contains("run `calib build-model study.toml`"),
         "{message}"
     );
 }

@@ -169,6 +169,13 @@ impl Ran {
         error.trim_end().to_owned()
     }
 
+    /// Assert that it exits with one of `codes`, and return what it printed.
+    pub(crate) fn ends(&self, codes: &[i32]) -> String {
+        let told = || format!("calib {}\n{}{}", self.args, self.stdout(), self.stderr());
+        assert!(codes.contains(&self.code()), "{}", told());
+        self.stdout()
+    }
+
     /// Text without what differs from run to run.
     fn clean(&self, bytes: &[u8]) -> String {
         let text = String::from_utf8_lossy(bytes).into_owned();

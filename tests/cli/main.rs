@@ -19,4 +19,6 @@ mod recurrent;
 mod represent;
 mod studies;
 mod sweeps;
+mod torture;
+mod trust;
 mod validity;

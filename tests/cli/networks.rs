@@ -2,7 +2,9 @@
 
 use std::{fs, thread, time::Duration};
 
-use calib_files::{read_tensors, write_tensors};
+use calib_files::{
+    fingerprint_file, read_sealed_json, read_tensors, write_sealed_json, write_tensors,
+};
 
 use crate::harness::Place;
 
@@ -67,6 +69,12 @@ fn rollouts_that_end_at_once_are_left_out_and_told() {
         tensor.values.iter_mut().for_each(|value| *value = 1e30);
     }
     write_tensors(&path, &weights).expect("written");
+    // As if they had been trained like this.
+    let manifest = place.path().join("study-results/model/manifest.json");
+    let mut of = read_sealed_json::<serde_json::Value>(&manifest).expect("sealed");
+    let fingerprint = fingerprint_file(&path).expect("readable");
+    of["files"]["weights.safetensors"] = fingerprint.as_str().into();
+    write_sealed_json(&manifest, &of).expect("written");
     let told = place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(told.contains("2 of 2 rollouts not compared: they ended before"), "{told}");
     let comparison = &json(&place, "rollout/manifest.json")["comparison"];

@@ -109,7 +109,7 @@ fn what_does_not_fit_is_refused() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
     fs::write(&weights, b"damaged").expect("writable");
-    assert!(sweep(&[]).contains("run it again with --force"));
+    assert!(sweep(&[]).contains("run `calib pretrain` to make it again"));
     let none = place.calib(&["pretrain", "study.toml", "--set", "pretrain.epochs=0"]).fails(2);
     assert!(none.contains("pretrain.epochs is 0"), "{none}");
     let diverged = ["pretrain", "study.toml", "--set", "pretrain.learning_rate=1e38"];

@@ -119,7 +119,7 @@ impl AgentConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         let mlp = self.value_function == ValueFunction::Mlp;
         let uniform = self.replay == ReplayKind::Uniform;
-        let positive = |value: f64| value > 0.0 && value.is_finite();
+        let single = |value: f64| (1e-45..=1e38).contains(&value);
         let fraction = |value: f64| (0.0..1.0).contains(&value);
         self.check_traces()?;
         require(
@@ -135,24 +135,24 @@ impl AgentConfig {
             "1 to 16384",
         )?;
         require(
-            self.learning_rate == 0.0 || positive(self.learning_rate),
+            self.learning_rate == 0.0 || single(self.learning_rate),
             "learning_rate",
             &self.learning_rate,
-            "0 or a positive number",
+            "0 or a number from 1e-45 to 1e38 (parameters are in single precision)",
         )?;
         require(fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
         require(fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
         require(
-            self.epsilon >= 1e-30 && self.epsilon.is_finite(),
+            (1e-30..=1e38).contains(&self.epsilon),
             "epsilon",
             &self.epsilon,
-            "a number of at least 1e-30 (smaller ones vanish in single precision)",
+            "a number from 1e-30 to 1e38 (parameters are in single precision)",
         )?;
         require(
-            self.weight_decay == 0.0 || positive(self.weight_decay),
+            self.weight_decay == 0.0 || single(self.weight_decay),
             "weight_decay",
             &self.weight_decay,
-            "0 or a positive number",
+            "0 or a number from 1e-45 to 1e38 (parameters are in single precision)",
         )?;
         require(
             fraction(self.gamma),
@@ -234,7 +234,8 @@ mod tests {
         };
         assert_eq!(
             bad(|config| config.learning_rate = f64::NAN).to_string(),
-            "agent hyperparameter `learning_rate`: expected 0 or a positive number, got NaN"
+            "agent hyperparameter `learning_rate`: expected 0 or a number from 1e-45 to 1e38 \
+             (parameters are in single precision), got NaN"
         );
         assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
         assert_eq!(bad(|config| config.traces = vec![0.9, 1.0]).field, "traces");

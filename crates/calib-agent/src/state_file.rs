@@ -4,7 +4,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
+use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, write_tensors};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -41,7 +41,7 @@ impl StateFile {
     /// Progress and value functions as they were written last. A file that is missing, damaged or of other
     /// training is no state.
     pub fn read<P: DeserializeOwned>(&self) -> Option<(P, Vec<(usize, ValueState)>)> {
-        let mut file = read_tensors(&self.path).ok()?;
+        let mut file = read_sealed_tensors(&self.path).ok()?;
         if file.metadata.get("key") != Some(&self.key) {
             return None;
         }

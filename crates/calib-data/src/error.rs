@@ -137,6 +137,20 @@ pub enum DataError {
         /// Last row of the log.
         end: String,
     },
+    /// A share of the time leaves one range almost without rows.
+    #[error(
+        "data.train_fraction divides the time of the log, most of which lies between {} and {}: {train} rows are for training and {held_out} are held out. \
+         If a timestamp there is none, correct or leave out its row; else say which rows are for what with data.train and data.held_out",
+        gap[0], gap[1]
+    )]
+    Lopsided {
+        /// Rows for training.
+        train: usize,
+        /// Rows held out.
+        held_out: usize,
+        /// Where the time without rows begins and ends.
+        gap: [String; 2],
+    },
     /// A pattern names no channel.
     #[error("data.include has {pattern:?}, which names no channel{hint}")]
     NoSuchPattern {

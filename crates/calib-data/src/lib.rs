@@ -12,6 +12,7 @@
 //! channels in batches, file by file and slice by slice: memory is the states, the timestamps and one batch.
 
 mod channel;
+mod checksums;
 mod config;
 mod dataset;
 mod describe;
@@ -36,6 +37,7 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
+pub use log::Declared;
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,
     ValueProfile,

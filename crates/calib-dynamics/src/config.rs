@@ -101,8 +101,10 @@ impl DynamicsConfig {
             expected: expected.to_owned(),
             got: got.to_string(),
         };
-        if !(self.learning_rate > 0.0 && self.learning_rate.is_finite()) {
-            return Err(number("learning_rate", "a positive number", self.learning_rate));
+        if !(1e-45..=1e38).contains(&self.learning_rate) {
+            let expected =
+                "a positive number, from 1e-45 to 1e38 (weights are in single precision)";
+            return Err(number("learning_rate", expected, self.learning_rate));
         }
         if !(self.validation_fraction > 0.0 && self.validation_fraction < 1.0) {
             let expected = "a number between 0 and 1";

@@ -1,6 +1,6 @@
-use std::{fs, path::Path};
+use std::path::Path;
 
-use crate::FileError;
+use crate::{FileError, read_regular};
 
 /// An array of numbers, as `f64`, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Array {
 /// # Errors
 /// If the file cannot be read, is not NumPy's, is cut off, or holds anything but numbers.
 pub fn read_array(path: &Path) -> Result<Array, FileError> {
-    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    let bytes = read_regular(path)?;
     parse(&bytes).map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
 }
 

@@ -50,7 +50,53 @@ pub fn write_atomically(
     drop(writer);
     temporary.as_file().sync_all().map_err(refused)?;
     temporary.persist(path).map_err(|failed| refused(failed.error))?;
-    Ok(())
+    sync_directory(directory).map_err(refused)
+}
+
+/// Without this a renamed file may be gone after a power failure: its name is the directory's content.
+fn sync_directory(directory: &Path) -> io::Result<()> {
+    use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
+    match File::open(directory).and_then(|opened| opened.sync_all()) {
+        // Not every file system syncs directories, and a directory may be writable without being readable.
+        Err(error) if !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => {
+            Err(error)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Write a file that the user named: as [`write_atomically`], but what a link leads to is replaced rather than the
+/// link, and a device or a pipe is written to.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_output(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> Result<(), FileError> {
+    let refused = |source| FileError::io("write", path, source);
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() => {
+            write_atomically(&fs::canonicalize(path).map_err(refused)?, fill)
+        }
+        Ok(found) if found.is_dir() => {
+            Err(refused(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")))
+        }
+        Ok(_) => {
+            let mut device = File::options().write(true).open(path).map_err(refused)?;
+            let mut writer = BufWriter::new(&mut device);
+            fill(&mut writer).and_then(|()| writer.flush()).map_err(refused)
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => match fs::read_link(path) {
+            // The link leads to where nothing is yet.
+            Ok(end) => {
+                let beside = path.parent().unwrap_or(Path::new(""));
+                write_atomically(&beside.join(end), fill)
+            }
+            Err(_) => write_atomically(path, fill),
+        },
+        Err(error) => Err(refused(error)),
+    }
 }
 
 /// Temporary files are private by default; results should be readable like any other file.
@@ -69,6 +115,27 @@ fn default_permissions() -> fs::Permissions {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_a_link_leads_to_is_replaced_and_devices_are_written_to() {
+        use std::os::unix::fs::{FileTypeExt as _, symlink};
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = |name: &str| directory.path().join(name);
+        fs::write(at("own"), b"old").expect("written");
+        symlink("own", at("link")).expect("linked");
+        symlink("later", at("dangling")).expect("linked");
+        for (link, end) in [("link", "own"), ("dangling", "later")] {
+            write_output(&at(link), |file| file.write_all(b"new")).expect("written");
+            assert_eq!(fs::read(at(end)).expect("readable"), b"new");
+            assert!(fs::symlink_metadata(at(link)).expect("there").is_symlink());
+        }
+        symlink("/dev/null", at("null")).expect("linked");
+        write_output(&at("null"), |file| file.write_all(b"new")).expect("written");
+        let device = fs::metadata(at("null")).expect("there");
+        assert!(device.file_type().is_char_device());
+        assert!(write_output(directory.path(), |_| Ok(())).is_err());
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_content() {

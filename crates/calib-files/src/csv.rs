@@ -1,8 +1,8 @@
-use std::{fs, path::Path};
+use std::path::Path;
 
 use csv_core::{ReadRecordResult, Reader};
 
-use crate::FileError;
+use crate::{FileError, read_regular};
 
 /// A column of a CSV file.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,7 @@ impl CsvColumn {
 /// # Errors
 /// If the file cannot be read, has no records, or has records of different lengths.
 pub fn read_csv(path: &Path) -> Result<Vec<CsvColumn>, FileError> {
-    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    let bytes = read_regular(path)?;
     parse(&bytes).map_err(|reason| FileError::Csv { path: path.to_owned(), reason })
 }
 

@@ -40,6 +40,14 @@ pub enum FileError {
         /// What was expected and what was found.
         reason: String,
     },
+    /// A file that is not what was written.
+    #[error("{} is damaged: {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// How that is known.
+        reason: &'static str,
+    },
     /// A JSON file that does not have the expected form.
     #[error("{} is not valid", path.display())]
     Json {

@@ -1,13 +1,12 @@
 use std::{
     fmt,
-    fs::File,
     io::{self, Read as _},
     path::Path,
 };
 
 use serde::{Deserialize, Serialize};
 
-use crate::FileError;
+use crate::{FileError, open_regular};
 
 /// The BLAKE3 hash of some content, as 64 hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -54,19 +53,23 @@ impl Fingerprinter {
     }
 }
 
-/// The fingerprint of a file's content.
+/// Bytes that are read at a time; their chunks are hashed side by side.
+const READ_AT_ONCE: usize = 1 << 23;
+
+/// The fingerprint of a file's content. Large files are hashed on all threads.
 ///
 /// # Errors
-/// If the file cannot be read.
+/// If the file cannot be read, or is none: a pipe has no content that could be read twice.
 pub fn fingerprint_file(path: &Path) -> Result<Fingerprint, FileError> {
-    let hash = || -> io::Result<Fingerprint> {
-        let mut file = File::open(path)?;
+    let mut file = open_regular(path)?;
+    let mut hash = || -> io::Result<Fingerprint> {
+        let size = usize::try_from(file.metadata()?.len()).unwrap_or(READ_AT_ONCE);
         let mut hasher = blake3::Hasher::new();
-        let mut buffer = vec![0; 1 << 18];
+        let mut buffer = vec![0; size.clamp(1, READ_AT_ONCE)];
         loop {
             match file.read(&mut buffer)? {
                 0 => return Ok(Fingerprint(hasher.finalize().to_hex().to_string())),
-                read => hasher.update(&buffer[..read]),
+                read => hasher.update_rayon(&buffer[..read]),
             };
         }
     };
@@ -95,5 +98,8 @@ mod tests {
         let file = tempfile::NamedTempFile::new().expect("a file");
         std::fs::write(file.path(), b"content").expect("written");
         assert_eq!(fingerprint_file(file.path()).expect("readable"), Fingerprint::of(b"content"));
+        let long: Vec<u8> = (0..2 * READ_AT_ONCE + 77).map(|place| (place % 251) as u8).collect();
+        std::fs::write(file.path(), &long).expect("written");
+        assert_eq!(fingerprint_file(file.path()).expect("readable"), Fingerprint::of(&long));
     }
 }

@@ -1,15 +1,15 @@
-use std::{fs, io, path::Path};
+use std::{io, path::Path};
 
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::{FileError, write_atomically};
+use crate::{FileError, read_regular, write_atomically};
 
 /// Read a JSON file.
 ///
 /// # Errors
 /// If it cannot be read or does not have the form of `T`.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
-    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    let bytes = read_regular(path)?;
     serde_json::from_slice(&bytes)
         .map_err(|source| FileError::Json { path: path.to_owned(), source })
 }

@@ -6,7 +6,8 @@
 //! Working arrays that may exceed the memory live in nameless mapped files ([`Scratch`]).
 //! Series that come from elsewhere are read as `f64` from NumPy files of any number type
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
-//! ([`read_tensors`], [`write_tensors`]).
+//! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
+//! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
 
 mod array;
 mod atomic;
@@ -14,18 +15,24 @@ mod csv;
 mod error;
 mod fingerprint;
 mod json;
+mod lock;
 mod name;
 mod npy;
+mod open;
 mod scratch;
+mod sealed;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{create_directory, is_temporary, write_atomically};
+pub use atomic::{create_directory, is_temporary, write_atomically, write_output};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};
+pub use lock::open_lock;
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
+pub use open::{open_regular, read_regular, require_regular};
 pub use scratch::{Scratch, ScratchPlace};
-pub use tensors::{Tensor, Tensors, read_tensors, write_tensors};
+pub use sealed::{read_sealed_json, write_sealed_json};
+pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};

@@ -1,7 +1,28 @@
+use crate::Fingerprint;
+
 /// A name as a file name: everything unusual is written as its code, so that different names never share a
 /// place and none leads elsewhere. Letters keep their case, so names that differ in case alone still collide
-/// on file systems that ignore it.
+/// on file systems that ignore it. A name that would be too long for a file system ends in `~` and a fingerprint of
+/// itself.
 pub fn file_name(name: &str) -> String {
+    let whole = encoded(name);
+    if whole.len() <= LONGEST {
+        return whole;
+    }
+    let fingerprint = Fingerprint::of(name.as_bytes());
+    let digits = &fingerprint.as_str()[..DIGITS];
+    format!("{}~{digits}", &whole[..LONGEST - DIGITS - 1])
+}
+
+/// Bytes of a name: what is put before and after it, such as `learning-` and `.safetensors`, fits into the 255 of a
+/// file system as well.
+const LONGEST: usize = 120;
+
+/// Digits of the fingerprint of a name that was cut.
+const DIGITS: usize = 16;
+
+/// Only ASCII, so that it can be cut anywhere.
+fn encoded(name: &str) -> String {
     use std::fmt::Write as _;
     name.chars().enumerate().fold(String::new(), |mut file, (position, character)| {
         let usual = character.is_ascii_alphanumeric()
@@ -20,6 +41,16 @@ pub fn file_name(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_names_fit_and_stay_apart() {
+        let long = "温".repeat(40);
+        let [one, other] = ["a", "b"].map(|end| file_name(&format!("{long}{end}")));
+        assert_ne!(one, other);
+        assert!(one.len() == LONGEST && other.len() == LONGEST, "{one}");
+        assert_eq!(file_name(&"x".repeat(LONGEST)), "x".repeat(LONGEST));
+        assert_ne!(file_name(&one), one, "`~` stands in no other name");
+    }
 
     #[test]
     fn names_have_places_of_their_own() {

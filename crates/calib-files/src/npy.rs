@@ -1,9 +1,9 @@
-use std::{fs::File, io::Write as _, marker::PhantomData, path::Path};
+use std::{io::Write as _, marker::PhantomData, path::Path};
 
 use bytemuck::Pod;
 use memmap2::Mmap;
 
-use crate::{FileError, write_atomically};
+use crate::{FileError, open_regular, write_atomically};
 
 /// A number type that calib stores in NumPy files.
 pub trait NpyElement: Pod {
@@ -101,7 +101,7 @@ impl<T: NpyElement> AsRef<[T]> for MappedNpy<T> {
 /// # Errors
 /// If the file cannot be read, has another element type or shape, or is truncated.
 pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
-    let file = File::open(path).map_err(|source| FileError::io("read", path, source))?;
+    let file = open_regular(path)?;
     // SAFETY: files of a model directory are replaced by renaming, never changed in place,
     // so a map keeps the content that it was opened with.
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]

@@ -2,13 +2,12 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    fs,
     path::Path,
 };
 
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
-use crate::{FileError, write_atomically};
+use crate::{FileError, Fingerprint, Fingerprinter, read_regular, write_atomically};
 
 /// A named `f32` array in row-major order.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,10 +60,9 @@ pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
         }
     }
     // The format's library keeps texts in a hash map, whose order differs from run to run; one text keeps bytes equal.
-    let metadata = match content.metadata.len() {
-        0 => None,
-        _ => Some(HashMap::from([(METADATA.to_owned(), texts(&content.metadata))])),
-    };
+    let mut own = content.metadata.clone();
+    own.insert(SEAL.to_owned(), seal(views.iter().map(of_view), &content.metadata).to_string());
+    let metadata = Some(HashMap::from([(METADATA.to_owned(), texts(&own))]));
     let bytes =
         safetensors::serialize(views, metadata).map_err(|error| refuse(error.to_string()))?;
     write_atomically(path, |file| std::io::Write::write_all(file, &bytes))
@@ -73,10 +71,26 @@ pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
 /// Read a safetensors file of floats; `f64` and the half-precision types are converted to `f32`.
 ///
 /// # Errors
-/// If it cannot be read, is no safetensors file, or holds an array that is not of floats.
+/// If it cannot be read, is no safetensors file, or holds an array that is not of floats; or if calib wrote it, and it
+/// is not what was written.
 pub fn read_tensors(path: &Path) -> Result<Tensors, FileError> {
+    read(path).map(|(content, _)| content)
+}
+
+/// As [`read_tensors`], of a file that must have been written by [`write_tensors`].
+///
+/// # Errors
+/// As [`read_tensors`], and if the file has no fingerprint of itself.
+pub fn read_sealed_tensors(path: &Path) -> Result<Tensors, FileError> {
+    let (content, seal) = read(path)?;
+    let reason = "it has no fingerprint of itself: another version wrote it";
+    seal.map(|_| content).ok_or_else(|| FileError::Damaged { path: path.to_owned(), reason })
+}
+
+/// The content, and the fingerprint that it carries and has, if it carries one.
+fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
     let refuse = |reason: String| FileError::Tensors { path: path.to_owned(), reason };
-    let bytes = fs::read(path).map_err(|source| FileError::io("read", path, source))?;
+    let bytes = read_regular(path)?;
     let file = SafeTensors::deserialize(&bytes).map_err(|error| refuse(error.to_string()))?;
     let (_, header) =
         SafeTensors::read_metadata(&bytes).map_err(|error| refuse(error.to_string()))?;
@@ -97,7 +111,40 @@ pub fn read_tensors(path: &Path) -> Result<Tensors, FileError> {
             _ => drop(metadata.insert(name.clone(), text.clone())),
         }
     }
-    Ok(Tensors { tensors, metadata })
+    let carried = metadata.remove(SEAL);
+    if let Some(carried) = &carried {
+        let views = file.iter().collect::<BTreeMap<_, _>>();
+        if seal(views.iter().map(|(name, view)| of_view((name, view))), &metadata).as_str()
+            != carried
+        {
+            let reason = "its content does not have the fingerprint in its metadata";
+            return Err(FileError::Damaged { path: path.to_owned(), reason });
+        }
+    }
+    Ok((Tensors { tensors, metadata }, carried))
+}
+
+/// The text that holds the fingerprint of all else.
+const SEAL: &str = "fingerprint";
+
+/// What a fingerprint is of: name, type, shape and bytes of an array.
+type Sealed<'a> = (&'a str, Dtype, &'a [usize], &'a [u8]);
+
+fn of_view<'a, N: AsRef<str>>((name, view): (&'a N, &'a TensorView<'_>)) -> Sealed<'a> {
+    (name.as_ref(), view.dtype(), view.shape(), view.data())
+}
+
+/// The fingerprint of the arrays, ordered by name, and the texts.
+fn seal<'a>(
+    arrays: impl Iterator<Item = Sealed<'a>>,
+    metadata: &BTreeMap<String, String>,
+) -> Fingerprint {
+    let mut all = Fingerprinter::default();
+    for (name, dtype, shape, bytes) in arrays {
+        all.add(name.as_bytes()).add(format!("{dtype:?} {shape:?}").as_bytes()).add(bytes);
+    }
+    all.add(texts(metadata).as_bytes());
+    all.finish()
 }
 
 /// The one text under which calib keeps its own.
@@ -137,6 +184,8 @@ fn half(bits: u16) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn content() -> Tensors {
@@ -172,6 +221,40 @@ mod tests {
         written.tensors.reverse();
         write_tensors(&b, &written).unwrap();
         assert_eq!(fs::read(&a).unwrap(), fs::read(&b).unwrap());
+    }
+
+    #[test]
+    fn damage_is_found() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("weights");
+        write_tensors(&path, &content()).unwrap();
+        let whole = fs::read(&path).unwrap();
+        let bits = |content: &Tensors| {
+            content
+                .tensors
+                .iter()
+                .flat_map(|of| &of.values)
+                .map(|v| v.to_bits())
+                .collect::<Vec<_>>()
+        };
+        let mut silent = 0;
+        for place in 0..whole.len() {
+            let mut other = whole.clone();
+            other[place] ^= 1 << (place % 8);
+            fs::write(&path, &other).unwrap();
+            if let Ok(read) = read_sealed_tensors(&path) {
+                // Blanks between the header's entries are no content.
+                let same = read.metadata == content().metadata && bits(&read) == bits(&content());
+                silent += usize::from(!same);
+            }
+        }
+        assert_eq!(silent, 0, "damages that are read with other content");
+        let foreign = safetensors::serialize(
+            [("a", TensorView::new(Dtype::F32, vec![1], &[0; 4]).unwrap())],
+            None,
+        );
+        fs::write(&path, foreign.unwrap()).unwrap();
+        assert!(read_tensors(&path).is_ok() && read_sealed_tensors(&path).is_err());
     }
 
     #[test]

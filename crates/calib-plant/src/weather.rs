@@ -124,8 +124,8 @@ struct Storm {
 impl Storms {
     fn new(seed: Seed, per_day: f64) -> Self {
         let mut rng = seed.rng();
-        // Infinite for a rate of zero: no storm ever.
-        let mean_wait = SECONDS_PER_DAY / per_day;
+        // Infinite for a rate of zero, also of a negative zero: no storm ever.
+        let mean_wait = SECONDS_PER_DAY / per_day.abs();
         let next = mean_wait * rng.exponential();
         Self { rng, mean_wait, next, active: Vec::new() }
     }
@@ -165,6 +165,16 @@ mod tests {
     fn mean(values: impl Iterator<Item = f64>) -> f64 {
         let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
         sum / f64::from(count)
+    }
+
+    #[test]
+    fn no_storms_whatever_the_sign_of_zero() {
+        let of = |storms_per_day: f64| {
+            hourly(&PlantOptions { storms_per_day, ..PlantOptions::default() }, 2)
+        };
+        let turbidities =
+            |all: Vec<Conditions>| all.iter().map(|of| of.turbidity).collect::<Vec<_>>();
+        assert_eq!(turbidities(of(-0.0)), turbidities(of(0.0)));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, fs, io, path::PathBuf};
 
-use calib_files::{FileError, Tensor, Tensors, read_tensors, write_tensors};
+use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, write_tensors};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize};
 
@@ -80,7 +80,7 @@ pub(crate) fn read(
         return Ok(None);
     }
     let refuse = |reason: String| RepresentError::Checkpoint { path: path.clone(), reason };
-    let content = read_tensors(path)?;
+    let content = read_sealed_tensors(path)?;
     let text = content.metadata.get(PROGRESS).ok_or_else(|| refuse("no progress".to_owned()))?;
     let progress: Progress =
         serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;

@@ -122,7 +122,7 @@ impl LaplacianConfig {
         real("beta", self.loss.beta, f64::MAX, positive)?;
         real("zeta", self.loss.zeta, f64::MAX, positive)?;
         real("kappa", self.kappa, 1.0, "above 0, at most 1")?;
-        real("learning_rate", self.learning_rate, f64::MAX, positive)?;
+        real("learning_rate", self.learning_rate, 1e38, positive)?;
         whole("trajectory", self.trajectory, 2, 1_000_000, "from 2 to 1000000")?;
         whole("dimension", self.dimension, 1, 1024, "from 1 to 1024")?;
         whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;

@@ -1,6 +1,10 @@
-use std::path::{Path, PathBuf};
+use std::{
+    fs::DirEntry,
+    io,
+    path::{Path, PathBuf},
+};
 
-use calib_files::{file_name, read_json, write_json};
+use calib_files::{FileError, file_name, read_sealed_json, write_sealed_json};
 
 use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult};
 
@@ -32,7 +36,7 @@ impl UnitStore {
     /// The stored result of `unit`, if it was made from the inputs that `key` stands for.
     /// A file that is missing, damaged or made from other inputs is no result.
     pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitResult> {
-        let own = read_json(&self.path(unit)).ok();
+        let own = read_sealed_json(&self.path(unit)).ok();
         own.filter(|result: &UnitResult| result.key == key && result.unit == *unit)
             .or_else(|| self.beside.iter().find_map(|other| other.get(unit, key)))
     }
@@ -60,7 +64,33 @@ impl UnitStore {
     /// # Errors
     /// If the file cannot be written.
     pub fn put(&self, result: &UnitResult) -> Result<(), SweepError> {
-        Ok(write_json(&self.path(&result.unit), result)?)
+        Ok(write_sealed_json(&self.path(&result.unit), result)?)
+    }
+
+    /// Forget all units. Only files that are called as a unit's are removed, and folders that are empty then: where links
+    /// lead, and what somebody else put here, stays.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
+    pub fn clear(&self) -> Result<(), SweepError> {
+        self.forget_unfinished();
+        for sensor in folders(&self.directory)? {
+            for environment in folders(&sensor)? {
+                for entry in listed(&environment)? {
+                    let name = entry.file_name();
+                    let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+                    if is_file && is_unit(&name.to_string_lossy()) {
+                        let path = entry.path();
+                        std::fs::remove_file(&path)
+                            .map_err(|source| FileError::io("remove", &path, source))?;
+                    }
+                }
+                // What is not empty stays.
+                let _ = std::fs::remove_dir(&environment);
+            }
+            let _ = std::fs::remove_dir(&sensor);
+        }
+        Ok(())
     }
 
     /// Where the state of an unfinished run of this unit's environment is kept.
@@ -83,6 +113,31 @@ impl UnitStore {
     }
 }
 
+/// Whether a file is called `run-0000.json`.
+fn is_unit(name: &str) -> bool {
+    let number = name.strip_prefix("run-").and_then(|rest| rest.strip_suffix(".json"));
+    number.is_some_and(|number| {
+        number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit())
+    })
+}
+
+/// What lies in a folder, which need not be there; nothing at the end of a link.
+fn listed(folder: &Path) -> Result<Vec<DirEntry>, FileError> {
+    let is_own = std::fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir());
+    if !is_own {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<io::Result<_>>);
+    entries.map_err(|source| FileError::io("read", folder, source))
+}
+
+/// The folders in a folder.
+fn folders(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let inside = listed(folder)?.into_iter();
+    let inside = inside.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+    Ok(inside.map(|entry| entry.path()).collect())
+}
+
 /// The folder of unfinished runs; no sensor's folder begins with a dot.
 const UNFINISHED: &str = ".unfinished";
 
@@ -97,6 +152,34 @@ fn environment(unit: &Unit) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn clearing_leaves_what_is_not_a_unit() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = |name: &str| directory.path().join(name);
+        let write = |name: &str| {
+            std::fs::create_dir_all(at(name).parent().expect("below")).expect("made");
+            std::fs::write(at(name), b"content").expect("written");
+        };
+        let own = ["units/P/online/run-0000.json", "units/P/member-0/run-12345.json"];
+        let foreign = [
+            "units/notes.txt",
+            "units/P/online/run-7.json",
+            "units/P/online/deeper/run-0001.json",
+            "theirs/online/run-0000.json",
+        ];
+        own.iter().chain(&foreign).for_each(|name| write(name));
+        std::os::unix::fs::symlink(at("theirs"), at("units/linked")).expect("linked");
+        UnitStore::new(at("units")).clear().expect("cleared");
+        assert!(own.iter().all(|name| !at(name).exists()) && !at("units/P/member-0").exists());
+        assert!(foreign.iter().all(|name| at(name).exists()));
+        std::fs::rename(at("units"), at("elsewhere")).expect("renamed");
+        write("elsewhere/P/online/run-0000.json");
+        std::os::unix::fs::symlink(at("elsewhere"), at("units")).expect("linked");
+        UnitStore::new(at("units")).clear().expect("nothing to clear");
+        assert!(at("elsewhere/P/online/run-0000.json").exists());
+    }
 
     #[test]
     fn only_results_of_the_same_inputs_count() {

@@ -5,7 +5,7 @@ use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 
 use super::{MEASURES, pair::Pair};
-use crate::cli::STEP_PATTERNS;
+use crate::{cli::STEP_PATTERNS, commands::artefact::write_table};
 
 const DTW: &str = "dtw.parquet";
 const OTHERS: &str = "measures.parquet";
@@ -15,9 +15,8 @@ pub(in crate::commands) const FILES: [&str; 2] = [DTW, OTHERS];
 
 /// Write one row a rollout, sensor and step pattern, and one row a rollout and sensor.
 pub(in crate::commands) fn write(directory: &Path, pairs: &[Pair]) -> anyhow::Result<()> {
-    dtw(pairs).write_parquet(&directory.join(DTW))?;
-    measures(pairs).write_parquet(&directory.join(OTHERS))?;
-    Ok(())
+    write_table(dtw(pairs), &directory.join(DTW))?;
+    write_table(measures(pairs), &directory.join(OTHERS))
 }
 
 /// Remove what an earlier run wrote, where nothing is compared any more.

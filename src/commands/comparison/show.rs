@@ -55,7 +55,7 @@ fn list(
 ) -> anyhow::Result<()> {
     let row = |sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat();
     let rows: Vec<Vec<String>> = comparison.sensors.iter().take(LISTED).map(row).collect();
-    printer.result(&table(header, &rows))?;
+    printer.lines(&table(header, &rows))?;
     let more = comparison.sensors.len().saturating_sub(LISTED);
     if more > 0 {
         printer.result(&format!("… and {} more in the files", count(more)))?;
@@ -128,5 +128,5 @@ pub(in crate::commands) fn show_pairs(
     printer.result(
         "models two by two: warping distance of the first minus that of the second, by start state",
     )?;
-    printer.result(&table(&["sensor", "models", "mean ± 95 %", "starts nearer"], &rows))
+    printer.lines(&table(&["sensor", "models", "mean ± 95 %", "starts nearer"], &rows))
 }

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
-use calib_files::{Fingerprint, read_json, write_json};
+use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
 use calib_stats::{Interval, StepErrors};
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ const MOST_TRANSITIONS: usize = 4000;
 /// Its file, in the directory of rollouts.
 const FILE: &str = "one_step.json";
 
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// `one_step.json`: errors of predictions one step ahead, of all members taken together.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -49,6 +49,8 @@ pub(super) struct OneStep {
     /// Over all columns of the states.
     pub(super) all_columns: StepError,
     pub(super) sensors: Vec<SensorError>,
+    /// Fingerprint of the errors of every transition.
+    steps: Fingerprint,
 }
 
 /// One sensor.
@@ -87,10 +89,13 @@ impl StepError {
     }
 }
 
-/// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
+/// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
+/// what was written.
 pub(super) fn read(study: &Study, paths: &StudyPaths, model: &str) -> Option<OneStep> {
-    let stored: OneStep = read_json(&paths.rollout().join(FILE)).ok()?;
-    let same = stored.model == model && stored.window == study.data.held_out;
+    let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
+    let steps = fingerprint_file(&Steps::file(&paths.rollout())).ok()?;
+    let same =
+        stored.model == model && stored.window == study.data.held_out && stored.steps == steps;
     (stored.format == FORMAT && same).then_some(stored)
 }
 
@@ -118,11 +123,11 @@ pub(super) fn ensure(
     printer: &Printer,
 ) -> anyhow::Result<Option<OneStep>> {
     let weights = (study.model.weights, study.model.temperature);
-    let inputs = (FORMAT, MOST_TRANSITIONS, &model.manifest.key, weights, fingerprint, sensors);
+    let content = model.manifest.content()?;
+    let inputs = (FORMAT, MOST_TRANSITIONS, &content, weights, fingerprint, sensors);
     let key = artefact::key(&inputs)?;
-    let stored = read(study, paths, &model.manifest.key);
-    let complete = Steps::file(&paths.rollout()).is_file() && !force;
-    if let Some(stored) = stored.filter(|stored| stored.key == key && complete) {
+    let stored = read(study, paths, &content);
+    if let Some(stored) = stored.filter(|stored| stored.key == key && !force) {
         return Ok(Some(stored));
     }
     if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
@@ -137,20 +142,21 @@ pub(super) fn ensure(
         let error = StepError::new(errors.of_column(*column), &steps, Some(sensor))?;
         Ok(SensorError { sensor: sensor.clone(), error })
     };
+    steps.write(&paths.rollout())?;
     let one_step = OneStep {
         format: FORMAT,
         tool: TOOL.to_owned(),
         key,
-        model: model.manifest.key.clone(),
+        model: content,
         window: study.data.held_out.clone(),
         held_out: transitions.len(),
         transitions: rows.len(),
         members: model.model.members(),
         all_columns: StepError::new(errors.of_all(), &steps, None)?,
         sensors: sensors.iter().map(of_sensor).collect::<anyhow::Result<_>>()?,
+        steps: fingerprint_file(&Steps::file(&paths.rollout()))?,
     };
-    steps.write(&paths.rollout())?;
-    write_json(&paths.rollout().join(FILE), &one_step)?;
+    write_sealed_json(&paths.rollout().join(FILE), &one_step)?;
     Ok(Some(one_step))
 }
 

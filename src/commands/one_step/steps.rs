@@ -9,6 +9,8 @@ use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 use calib_stats::{ErrorRatio, error_ratio};
 
+use super::super::artefact::write_table;
+
 /// Its file, in the directory of rollouts.
 const FILE: &str = "one_step.parquet";
 
@@ -120,13 +122,12 @@ impl Steps {
         };
         let times = self.series.iter().flat_map(|_| &self.times).copied();
         let sensor = |of: &Series| vec![of.sensor.clone(); self.times.len()];
-        Table::new()
+        let table = Table::new()
             .with("timestamp", times.collect::<Vec<Timestamp>>())
             .with_optional("sensor", self.series.iter().flat_map(sensor).collect())
             .with("squared_error", all(|of| &of.squares))
-            .with("no_change_squared_error", all(|of| &of.of_no_change))
-            .write_parquet(&Self::file(directory))?;
-        Ok(())
+            .with("no_change_squared_error", all(|of| &of.of_no_change));
+        write_table(table, &Self::file(directory))
     }
 
     /// What was written to `directory`.

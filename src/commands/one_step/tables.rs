@@ -49,7 +49,7 @@ pub(in crate::commands) fn show(one_step: &OneStep, printer: &Printer) -> anyhow
             vec![label(name), or_none(error.rmse), no_change, relative]
         })
         .collect();
-    printer.result(&table(&["sensor", "model", "no change", "model / no change (95 %)"], &rows))
+    printer.lines(&table(&["sensor", "model", "no change", "model / no change (95 %)"], &rows))
 }
 
 /// Sensors, and last all columns together, which have no name.

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, io, path::Path};
 use anyhow::Context as _;
 use calib_core::{Monitor as _, Seed};
 use calib_data::Dataset;
-use calib_files::{read_json, write_json};
+use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
 use calib_nn::Mlp;
 use calib_represent::{
     Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
@@ -35,6 +35,8 @@ struct TrainingRecord {
     config: LaplacianConfig,
     divergence: Option<Divergence>,
     points: Vec<Point>,
+    /// Fingerprint of the encoder's file.
+    encoder: Fingerprint,
 }
 
 const RECORD: &str = "training.json";
@@ -74,8 +76,9 @@ pub(super) fn train(
             config: *config,
             divergence: trained.divergence,
             points: trained.points,
+            encoder: fingerprint_file(&directory.join(ENCODER))?,
         };
-        write_json(&directory.join(RECORD), &record)?;
+        write_sealed_json(&directory.join(RECORD), &record)?;
         Ok(checkpoint.remove()?)
     })?;
     drop(progress);
@@ -103,13 +106,23 @@ fn short(key: &str) -> &str {
     &key[..16]
 }
 
+/// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken
+/// over from another model comes without.
+pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
+    let Some(name) = &candidate.directory else { return true };
+    let own = directory.join(CANDIDATES).join(name);
+    let record = |record: TrainingRecord| read(&own, &record.key).is_some();
+    !own.exists() || read_sealed_json(&own.join(RECORD)).is_ok_and(record)
+}
+
 fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
-    let record: TrainingRecord = read_json(&directory.join(RECORD)).ok()?;
-    (record.key == key && directory.join(ENCODER).is_file()).then_some(record)
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD)).ok()?;
+    let encoder = fingerprint_file(&directory.join(ENCODER)).ok()?;
+    (record.key == key && record.encoder == encoder).then_some(record)
 }
 
 fn finished(directory: &Path, key: &str) -> anyhow::Result<(Candidate, Option<Mlp>)> {
-    let record: TrainingRecord = read_json(&directory.join(RECORD))?;
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD))?;
     let encoder = match record.divergence {
         Some(_) => None,
         None => Some(read_encoder(&directory.join(ENCODER))?),

@@ -6,7 +6,7 @@ mod table;
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, bail};
 use calib_core::{Seed, States};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
@@ -18,7 +18,7 @@ use calib_represent::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, Below, Claim, Manifest, TOOL},
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
     load_study, partition, plant_of_study, torch,
 };
 use crate::{
@@ -47,7 +47,7 @@ pub(super) struct RepresentationManifest {
     /// Position of the chosen one; none if none qualifies.
     pub(super) chosen: Option<usize>,
     /// Fingerprint of every other file.
-    pub(super) files: BTreeMap<String, Fingerprint>,
+    pub(super) files: Files,
 }
 
 /// A representation that could be used.
@@ -65,7 +65,7 @@ pub(super) struct Candidate {
 }
 
 impl Manifest for RepresentationManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -132,8 +132,9 @@ fn find(
 ) -> anyhow::Result<Option<RepresentationManifest>> {
     let up_to_date = |directory: &Path| {
         artefact::read::<RepresentationManifest>(directory).filter(|found| {
-            let files = found.files.keys().map(String::as_str);
-            found.key == key && artefact::has_files(directory, files)
+            found.key == key
+                && artefact::are_whole(directory, &found.files)
+                && found.candidates.iter().all(|of| grid::is_whole(directory, of))
         })
     };
     let directory = paths.representation();
@@ -244,7 +245,6 @@ fn make(
         files.push(PSI);
     }
     table::write(&directory, &candidates, chosen)?;
-    let fingerprint = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
     let manifest = RepresentationManifest {
         format: RepresentationManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -254,7 +254,7 @@ fn make(
         validation_rows: split.validation.len(),
         candidates,
         chosen,
-        files: files.into_iter().map(fingerprint).collect::<anyhow::Result<_>>()?,
+        files: artefact::fingerprints(&directory, files)?,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
@@ -262,7 +262,7 @@ fn make(
 
 /// The chosen representation of the training states.
 pub(super) struct Representation {
-    /// Names all that it follows from.
+    /// Names all that it follows from, and what it is.
     pub(super) key: String,
     /// ψ of every state.
     pub(super) psi: States,
@@ -292,15 +292,10 @@ pub(super) fn open(
         bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
     }
     let again = || format!("{} is damaged; run `{command} --force`", directory.display());
-    for name in [PSI, ENCODER] {
-        let Some(written) = manifest.files.get(name) else { continue };
-        let path = directory.join(name);
-        ensure!(
-            fingerprint_file(&path).with_context(again)? == *written,
-            "{} is not what was written; run `{command} --force`",
-            path.display()
-        );
-    }
+    let used = [PSI, ENCODER].into_iter();
+    let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
+    let used: Files = used.collect();
+    artefact::check_files(&directory, &used, &command)?;
     let psi = mapped(&directory.join(PSI)).with_context(again)?;
     let encoder = manifest
         .files
@@ -308,7 +303,7 @@ pub(super) fn open(
         .then(|| read_encoder(&directory.join(ENCODER)))
         .transpose()
         .with_context(again)?;
-    Ok(Some(Representation { key: manifest.key, psi, encoder }))
+    Ok(Some(Representation { key: artefact::key(&(manifest.key, used))?, psi, encoder }))
 }
 
 /// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
@@ -354,7 +349,7 @@ pub(super) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<V
 /// What a model's directory holds of the representation that its neighbours were searched in.
 pub(super) fn of_model(
     directory: &Path,
-    files: &BTreeMap<String, Fingerprint>,
+    files: &Files,
 ) -> anyhow::Result<(Option<States>, Option<Mlp>)> {
     let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
     let psi = has(PSI).map(|path| mapped(&path)).transpose()?;

@@ -8,7 +8,10 @@ use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
 use calib_stats::Direction;
 
 use super::{Candidate, RepresentationManifest};
-use crate::output::{Printer, significant, table};
+use crate::{
+    commands::artefact,
+    output::{Printer, significant, table},
+};
 
 /// A hyperparameter: its name as in a study, and its value.
 type Field = (&'static str, fn(&LaplacianConfig) -> f64);
@@ -48,7 +51,8 @@ pub(super) fn write(
     let score = |value: fn(&calib_represent::Scores) -> f64| {
         candidates.iter().map(|of| of.scores.as_ref().map(value)).collect::<Vec<Option<f64>>>()
     };
-    of.with_optional("dynamics_awareness", score(|of| of.dynamics_awareness))
+    let of = of
+        .with_optional("dynamics_awareness", score(|of| of.dynamics_awareness))
         .with_optional("uniqueness", score(|of| of.uniqueness))
         .with_optional("live_dimensions", score(|of| of.live_dimensions as f64))
         .with_optional("successive_distance", score(|of| of.successive_distance))
@@ -58,14 +62,14 @@ pub(super) fn write(
             "divergence",
             candidates.iter().map(|of| Some(of.divergence?.to_string())).collect(),
         )
-        .with_optional("directory", candidates.iter().map(|of| of.directory.clone()).collect())
-        .write_parquet(&directory.join("candidates.parquet"))?;
+        .with_optional("directory", candidates.iter().map(|of| of.directory.clone()).collect());
+    artefact::write_table(of, &directory.join("candidates.parquet"))?;
     let points: Vec<_> = candidates
         .iter()
         .enumerate()
         .flat_map(|(number, of)| of.points.iter().map(move |point| (number as u32, point)))
         .collect();
-    Table::new()
+    let curves = Table::new()
         .with("candidate", points.iter().map(|(number, _)| *number).collect())
         .with("step", points.iter().map(|(_, of)| of.step as u32).collect())
         .with("loss", points.iter().map(|(_, of)| of.loss).collect())
@@ -77,9 +81,8 @@ pub(super) fn write(
         .with(
             "live_dimensions",
             points.iter().map(|(_, of)| of.scores.live_dimensions as u32).collect(),
-        )
-        .write_parquet(&directory.join("curves.parquet"))?;
-    Ok(())
+        );
+    artefact::write_table(curves, &directory.join("curves.parquet"))
 }
 
 /// Hyperparameters in which the candidates differ, or else what is most often asked for.
@@ -120,7 +123,7 @@ pub(super) fn show(manifest: &RepresentationManifest, printer: &Printer) -> anyh
             row
         })
         .collect();
-    printer.result(&table(&header, &rows))
+    printer.lines(&table(&header, &rows))
 }
 
 fn verdict(number: usize, of: &Candidate, chosen: Option<usize>) -> String {

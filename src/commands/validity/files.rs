@@ -6,10 +6,10 @@ use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
-use super::{Judgement, Task, show::part_name};
+use super::{super::artefact::write_table, Judgement, Task, show::part_name};
 
 pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<()> {
-    pairs(judgement).write_parquet(&directory.join("pairs.parquet"))?;
+    write_table(pairs(judgement), &directory.join("pairs.parquet"))?;
     Ok(write_json(&directory.join("validity.json"), &judgement.summary())?)
 }
 

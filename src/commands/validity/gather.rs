@@ -93,7 +93,7 @@ fn of_model(
 ) -> anyhow::Result<OfModel> {
     let judged = evaluate::judge(&study.args((model, deployment)))?;
     let key = &judged.manifest.model;
-    let rollouts = rollout::finished(&judged.study, &judged.paths, key);
+    let rollouts = rollout::finished(&judged.study, &judged.paths, key)?;
     let one_step =
         rollouts.as_ref().and_then(|_| one_step::read(&judged.study, &judged.paths, key));
     let name = model.unwrap_or_else(|| judged.study.model_name()).to_owned();

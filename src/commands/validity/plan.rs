@@ -29,7 +29,7 @@ pub(super) fn show(listing: &Listing, printer: &Printer) -> anyhow::Result<()> {
         rows.push(names.into_iter().chain(numbers).chain([state]).collect());
     }
     let header = ["plant", "optimiser", "agent", "gamma", "steps", "batch", "models"];
-    printer.result(&table(&header, &rows))?;
+    printer.lines(&table(&header, &rows))?;
     let estimate = if finished > 0 && unfinished > 0 {
         let left = Duration::from_secs_f64(secs / f64::from(finished)) * unfinished;
         format!("; about {} if their sweeps take as long as those that are done", duration(left))

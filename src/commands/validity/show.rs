@@ -35,7 +35,7 @@ fn print(of: &Table, printer: &Printer) -> anyhow::Result<()> {
     printer.result(&of.title)?;
     let header: Vec<&str> = of.columns.iter().map(String::as_str).collect();
     let rows: Vec<Vec<String>> = of.rows.iter().map(|row| row.iter().map(text).collect()).collect();
-    printer.result(&table(&header, &rows))
+    printer.lines(&table(&header, &rows))
 }
 
 fn text(cell: &Cell) -> String {

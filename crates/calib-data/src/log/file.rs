@@ -1,13 +1,19 @@
 //! One Parquet file of the log.
 
-use std::{fs::File, ops::Range, path::Path, sync::Arc};
+use std::{
+    collections::BTreeSet,
+    fs::File,
+    ops::Range,
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
+};
 
-use calib_files::FileError;
+use calib_files::{FileError, open_regular};
 use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::source::Source;
-use crate::{DataError, guard::guard};
+use crate::{DataError, checksums, guard::guard, table::RESULTS_KEY};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -18,7 +24,11 @@ pub(crate) struct LogFile {
     pub(crate) fields: Vec<Field>,
     pub(crate) rows: usize,
     pub(crate) bytes: u64,
+    /// Whether calib wrote it as a result, not as a log.
+    pub(crate) is_result: bool,
     metadata: Arc<pl::FileMetadata>,
+    /// Fields whose pages have been checked.
+    checked: Mutex<BTreeSet<usize>>,
 }
 
 /// A column of the file.
@@ -68,7 +78,9 @@ impl LogFile {
                 Field { name: name.to_string(), kind, type_name }
             })
             .collect();
-        Ok(Self { source, fields, rows, bytes, metadata })
+        let is_result =
+            metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
+        Ok(Self { source, fields, rows, bytes, is_result, metadata, checked: Mutex::default() })
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -103,6 +115,7 @@ impl LogFile {
         fields: &[usize],
         rows: &Range<usize>,
     ) -> Result<Vec<pl::Column>, DataError> {
+        self.check_pages(fields)?;
         let file = open(self.path())?;
         let columns = guard(|| {
             let mut reader = pl::ParquetReader::new(file);
@@ -122,6 +135,22 @@ impl LogFile {
         Ok(columns)
     }
 
+    /// Check the pages of `fields`, unless they have been: the reader does not look at their checksums.
+    fn check_pages(&self, fields: &[usize]) -> Result<(), DataError> {
+        let mut checked = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
+        let left: BTreeSet<&str> = fields
+            .iter()
+            .filter(|field| !checked.contains(field))
+            .map(|&field| self.fields[field].name.as_str())
+            .collect();
+        if !left.is_empty() {
+            checksums::verify(self.path(), &self.metadata, |name| left.contains(name))?
+                .map_err(|reason| self.not_parquet(reason))?;
+            checked.extend(fields);
+        }
+        Ok(())
+    }
+
     pub(crate) fn damaged(&self, error: &pl::PolarsError) -> DataError {
         self.not_parquet(error.to_string())
     }
@@ -132,7 +161,7 @@ impl LogFile {
 }
 
 fn open(path: &Path) -> Result<File, DataError> {
-    Ok(File::open(path).map_err(|source| FileError::io("open", path, source))?)
+    Ok(open_regular(path)?)
 }
 
 fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {

@@ -62,9 +62,19 @@ impl Log {
                 return Err(DataError::Interrupted);
             }
             let file = LogFile::open(source)?;
+            monitor.advance(1);
+            if file.is_result {
+                continue;
+            }
             times.push(times::read_timestamps(&file, data)?);
             files.push(file);
-            monitor.advance(1);
+        }
+        if files.is_empty() {
+            return Err(DataError::NoFile {
+                pattern: data.path.0.join(", "),
+                reason: "the only Parquet files there are results of calib, which are no logs"
+                    .to_owned(),
+            });
         }
         let total: usize = times.iter().map(Vec::len).sum();
         if u32::try_from(total).is_err() {
@@ -79,6 +89,11 @@ impl Log {
         drop(times);
         refuse_mixed_partitions(&files, &rows.irregularities)?;
         let (train, held_out) = row_ranges(data, &split, &rows.timestamps, first, last)?;
+        if data.train.is_none()
+            && let Some(held_out) = &held_out
+        {
+            split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
+        }
         // By the training range where that is enough: what is held out must not change what a model follows from.
         let detected = || {
             gaps::detect_period(&rows.timestamps[train.clone()])
@@ -163,6 +178,34 @@ fn refuse_mixed_partitions(
     }
     Ok(())
 }
+
+/// What the footers of a log say, before anything of it is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Declared {
+    /// Rows of all files.
+    pub rows: u64,
+    /// Memory that reading takes at the least, in bytes: the states come on top of it.
+    pub least_bytes: u64,
+}
+
+impl Declared {
+    /// Read the footers of the files that `data` names.
+    ///
+    /// # Errors
+    /// If there are none, or one is not Parquet.
+    pub fn of(data: &DataConfig) -> Result<Self, DataError> {
+        let mut rows = 0_u64;
+        for source in source::find_files(data)? {
+            let file = LogFile::open(source)?;
+            rows += if file.is_result { 0 } else { file.rows as u64 };
+        }
+        Ok(Self { rows, least_bytes: rows.saturating_mul(BYTES_PER_ROW) })
+    }
+}
+
+/// Per row: the timestamp as it is read and in order, and two channels at least that are read together, each as the file
+/// has it and as numbers.
+const BYTES_PER_ROW: u64 = 8 + 8 + 2 * (8 + 8);
 
 /// The union of the files' columns, in order of appearance.
 fn list_channels(files: &[LogFile], timestamp: &str) -> Vec<Channel> {

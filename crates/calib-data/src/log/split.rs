@@ -76,6 +76,33 @@ pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usi
     before(range.start)..before(range.end)
 }
 
+/// Refuse ranges that a share of the *time* leaves almost without rows, because most of the time lies in one gap: rows
+/// at a date that stands for something else (1970, 2999) stretch the log, and all others fall into one range.
+pub(crate) fn refuse_lopsided(
+    fraction: f64,
+    timestamps: &[Timestamp],
+    train: &Range<usize>,
+    held_out: &Range<usize>,
+) -> Result<(), DataError> {
+    let gap = |pair: &[Timestamp]| pair[1].as_micros().saturating_sub(pair[0].as_micros());
+    let Some(longest) = timestamps.windows(2).max_by_key(|pair| gap(pair)) else { return Ok(()) };
+    let (first, last) = (timestamps[0], timestamps[timestamps.len() - 1]);
+    let most_of_it = gap(longest) > last.as_micros().saturating_sub(first.as_micros()) / 2;
+    let rows = (train.len() + held_out.len()) as f64;
+    let lacks = |part: &Range<usize>, share: f64| (part.len() as f64) < LEAST_SHARE * share * rows;
+    if most_of_it && (lacks(train, fraction) || lacks(held_out, 1.0 - fraction)) {
+        return Err(DataError::Lopsided {
+            train: train.len(),
+            held_out: held_out.len(),
+            gap: [longest[0], longest[1]].map(format_time),
+        });
+    }
+    Ok(())
+}
+
+/// A range that has fewer rows than this share of those that its share of the time would have.
+const LEAST_SHARE: f64 = 0.01;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +126,25 @@ mod tests {
         assert_eq!(Split::new(&whole, 100, 1100).expect("valid").held_out, None);
         let one_row = Split::new(&data, 100, 100).expect("valid");
         assert_eq!((one_row.train, one_row.held_out), (100..101, None));
+    }
+
+    #[test]
+    fn a_date_that_stands_for_something_else_is_told() {
+        let mut times: Vec<Timestamp> =
+            (1..1000).map(|hour| Timestamp::from_micros(DAY * 20_000 + hour * DAY / 24)).collect();
+        let check = |times: &[Timestamp], train: usize| {
+            let (train, held_out) = (0..train, train..times.len());
+            refuse_lopsided(0.8, times, &train, &held_out).map_err(|error| error.to_string())
+        };
+        assert_eq!(check(&times, 998), Ok(()), "no gap");
+        times.push(Timestamp::from_micros(DAY * 370_000));
+        let late = check(&times, 999).expect_err("2983");
+        assert!(late.contains("999 rows") && late.contains("2983"), "{late}");
+        times.pop();
+        times.insert(0, Timestamp::from_micros(0));
+        let early = check(&times, 1).expect_err("1970");
+        assert!(early.contains("1970-01-01"), "{early}");
+        assert_eq!(check(&times, 500), Ok(()), "two periods far apart");
     }
 
     #[test]

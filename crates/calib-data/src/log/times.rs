@@ -1,5 +1,7 @@
 //! The timestamps of one file.
 
+use std::ops::Range;
+
 use calib_core::Timestamp;
 use polars::prelude as pl;
 
@@ -100,13 +102,18 @@ pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i
     } else if !floats.is_empty() {
         times = from_floats(&floats, data.timestamp_unit);
     }
+    for time in times.iter_mut().filter(|time| !CALENDAR.contains(time)) {
+        *time = NO_TIME;
+    }
     Ok(times)
 }
 
 fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
-    let present = times.iter().filter(|&&time| time != NO_TIME);
-    let largest = present.map(|time| time.unsigned_abs()).max();
-    let unit = unit.unwrap_or_else(|| guess_unit(largest.unwrap_or_default() as f64));
+    let present = || times.iter().filter(|&&time| time != NO_TIME);
+    let unit = unit.unwrap_or_else(|| {
+        let sizes = present().map(|time| time.unsigned_abs() as f64);
+        guess_unit(typical(sizes, present().count()))
+    });
     for time in times.iter_mut().filter(|time| **time != NO_TIME) {
         *time = match unit {
             TimestampUnit::Seconds => time.saturating_mul(1_000_000),
@@ -119,9 +126,9 @@ fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
 }
 
 fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
-    let finite = times.iter().filter(|time| time.is_finite());
-    let largest = finite.fold(0.0_f64, |largest, time| largest.max(time.abs()));
-    let micros = match unit.unwrap_or_else(|| guess_unit(largest)) {
+    let finite = || times.iter().filter(|time| time.is_finite());
+    let typical = || typical(finite().map(|time| time.abs()), finite().count());
+    let micros = match unit.unwrap_or_else(|| guess_unit(typical())) {
         TimestampUnit::Seconds => 1e6,
         TimestampUnit::Milliseconds => 1e3,
         TimestampUnit::Microseconds => 1.0,
@@ -132,6 +139,24 @@ fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
         .map(|&time| if time.is_finite() { (time * micros).round() as i64 } else { NO_TIME })
         .collect()
 }
+
+/// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,
+/// and what is no instant is no row of a log.
+const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
+
+/// The (upper) median of `count` sizes, evenly thinned where there are many: a single number that stands for something
+/// else must not tell the unit of all others.
+fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
+    let mut thinned: Vec<f64> = sizes.step_by(count / THINNED + 1).collect();
+    let middle = thinned.len() / 2;
+    if thinned.is_empty() {
+        return 0.0;
+    }
+    *thinned.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Timestamps that are looked at for their unit.
+const THINNED: usize = 1 << 16;
 
 /// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps.
 fn guess_unit(largest: f64) -> TimestampUnit {
@@ -157,6 +182,8 @@ mod tests {
             let floats = from_floats(&[f64::NAN, number as f64], None);
             assert_eq!(floats, [NO_TIME, micros]);
         }
+        let sentinel = from_integers(vec![second, second + 1, i64::MAX], None);
+        assert_eq!(sentinel[..2], [micros, micros + 1_000_000]);
         let odd = from_integers(vec![micros * 1_000 + 1_999], None);
         assert_eq!(odd, [micros + 1], "whole microseconds, no rounding through floats");
         let milliseconds = from_integers(vec![1_500], Some(TimestampUnit::Milliseconds));

@@ -12,7 +12,7 @@ const OTHER_WORDS: &str = "(other words)";
 /// What was no number in a channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct NotNumbers {
-    /// NaN and infinite values.
+    /// NaN, infinite values and those beyond ±1e150.
     pub(crate) non_finite: u64,
     /// Text that is not a number, with how often it occurs.
     pub(crate) words: BTreeMap<String, u64>,
@@ -86,7 +86,7 @@ pub(crate) fn to_numbers(
         _ => {
             let column = column.cast(&D::Float64)?;
             for (out, value) in out.iter_mut().zip(column.f64()?.iter()) {
-                *out = value.unwrap_or(f64::NAN);
+                *out = value.map_or(f64::NAN, |value| finite(value, &mut not_numbers.non_finite));
             }
         }
     }
@@ -110,8 +110,12 @@ pub(crate) fn to_labels(column: &pl::Column) -> pl::PolarsResult<Vec<Option<Stri
     Ok(labels.map(|value| (!value.is_nan()).then(|| value.to_string())).collect())
 }
 
+/// No plant measures more, and sums of squares of what is larger are no numbers any more.
+const LARGEST: f64 = 1e150;
+
+/// The value, or NaN, counted, for what no calculation can go on with.
 fn finite(value: f64, non_finite: &mut u64) -> f64 {
-    if value.is_finite() {
+    if value.abs() <= LARGEST {
         value
     } else {
         *non_finite += 1;

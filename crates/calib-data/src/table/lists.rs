@@ -1,11 +1,11 @@
-use std::{fs::File, path::Path};
+use std::{fs::File, path::Path, sync::Arc};
 
-use calib_files::FileError;
+use calib_files::open_regular;
 use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::TableError;
-use crate::guard::guard;
+use crate::{checksums, guard::guard};
 
 /// A column of lists of equal length.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +39,8 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
         let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.to_owned(), available });
     }
+    let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
+    checksums::verify(path, &metadata, |column| column == name)?.map_err(refuse)?;
     let frame =
         guard(|| reader.with_columns(Some(vec![name.to_owned()])).finish()).map_err(refuse)?;
     let column =
@@ -67,8 +69,7 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
 }
 
 fn open(path: &Path) -> Result<pl::ParquetReader<File>, TableError> {
-    let file = File::open(path).map_err(|source| FileError::io("open", path, source))?;
-    Ok(pl::ParquetReader::new(file))
+    Ok(pl::ParquetReader::new(open_regular(path)?))
 }
 
 #[cfg(test)]

@@ -33,6 +33,9 @@ pub use lists::{Lists, parquet_names, read_parquet_list};
 pub use log::write_log;
 pub use read::{read_parquet, read_parquet_columns};
 
+/// Key of the metadata that marks a table as a result: a folder that is searched for logs may hold some, which are none.
+pub const RESULTS_KEY: &str = "calib.result";
+
 /// Columns of equal length, in order, with text metadata.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {

@@ -1,12 +1,12 @@
-use std::{collections::BTreeMap, fs::File, path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use calib_core::Timestamp;
-use calib_files::FileError;
+use calib_files::open_regular;
 use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::{Cells, Table, TableError, Values};
-use crate::guard::guard;
+use crate::{checksums, guard::guard};
 
 /// Key under which Parquet writers keep their own description of the types; not ours to show.
 const SCHEMA_KEY: &str = "ARROW:schema";
@@ -32,11 +32,11 @@ pub fn read_parquet_columns(path: &Path, names: &[&str]) -> Result<Table, TableE
 
 fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
-    let file = File::open(path).map_err(|source| FileError::io("open", path, source))?;
+    let file = open_regular(path)?;
     let mut reader = pl::ParquetReader::new(file);
     let (metadata, schema) = guard(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
         .map_err(not_parquet)?;
-    let metadata = metadata
+    let texts = metadata
         .key_value_metadata
         .iter()
         .flatten()
@@ -51,6 +51,8 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
         return Err(TableError::NoColumn { name: name.clone(), available: available() });
     }
+    let wanted = |column: &str| names.iter().any(|name| name == column);
+    checksums::verify(path, &metadata, wanted)?.map_err(not_parquet)?;
     let read = guard(|| {
         let frame = reader.with_columns(Some(names.clone())).finish()?;
         let read = |name: &String| {
@@ -64,7 +66,7 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
         Some(values) => Ok((name, values)),
         None => Err(TableError::UnknownType { path: path.to_owned(), name, got }),
     });
-    Ok(Table { columns: columns.collect::<Result<_, _>>()?, metadata })
+    Ok(Table { columns: columns.collect::<Result<_, _>>()?, metadata: texts })
 }
 
 fn from_polars(column: &pl::Column) -> pl::PolarsResult<Option<Values>> {

@@ -1,5 +1,6 @@
 //! From files to datasets, through the public interface.
 
+mod checksums;
 mod cleaning;
 mod columns;
 mod inputs;

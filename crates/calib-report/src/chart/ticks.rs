@@ -26,6 +26,15 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
     }
 }
 
+/// More ticks than any axis has room for.
+const MOST: f64 = 1000.0;
+
+/// Only the two ends, where nothing between them can be told apart.
+fn ends(scale: &Scale) -> Vec<Tick> {
+    let finite = [scale.min, scale.max].into_iter().filter(|value| value.is_finite());
+    finite.map(|value| Tick { value, label: Some(number(value)) }).collect()
+}
+
 /// Multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
 fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
     let (low, high) = (scale.min.min(scale.max), scale.min.max(scale.max));
@@ -37,8 +46,12 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
         .find(|step| *step >= rough * 0.999)
         .unwrap_or(10.0 * power)
         .max(smallest_step);
-    let first = (low / step).ceil() as i64;
-    let last = (high / step).floor() as i64;
+    let (first, last) = ((low / step).ceil(), (high / step).floor());
+    // Below the smallest or above the largest numbers there are steps that no number can tell apart.
+    if !(step > 0.0 && (first + 1.0) * step > first * step && last - first <= MOST) {
+        return ends(scale);
+    }
+    let (first, last) = (first as i64, last as i64);
     let tick = |i: i64| {
         let value = i as f64 * step;
         Tick { value, label: Some(label(value, step)) }
@@ -53,6 +66,9 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
 
 /// Powers of ten with a label and their multiples without; multiples by 2 and 5 get one where there is room.
 fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
+    if !(scale.min >= f64::MIN_POSITIVE && scale.max.is_finite()) {
+        return ends(scale);
+    }
     let (first, last) = (scale.min.log10().floor() as i32, scale.max.log10().ceil() as i32);
     let decades = scale.max.log10() - scale.min.log10();
     let every = (decades / wanted.max(1) as f64).ceil().max(1.0) as i32;
@@ -62,8 +78,11 @@ fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
         _ => &[1],
     };
     let mut ticks = Vec::new();
-    for exponent in first..=last {
-        for digit in 1..10u32 {
+    // Over many decades only those are marked that have a label.
+    let digits = if last - first > 40 { 1..2_u32 } else { 1..10_u32 };
+    let far = last - first > 40;
+    for exponent in (first..=last).filter(|exponent| !far || exponent.rem_euclid(every) == 0) {
+        for digit in digits.clone() {
             // Parsing gives the nearest number to what is printed; multiplying would not.
             let value: f64 = format!("{digit}e{exponent}").parse().unwrap_or(f64::NAN);
             if scale.min <= value && value <= scale.max {
@@ -105,6 +124,28 @@ mod tests {
 
     fn labels(scale: &Scale) -> Vec<String> {
         ticks(scale, 6).into_iter().filter_map(|tick| tick.label).collect()
+    }
+
+    #[test]
+    fn no_range_has_too_many_ticks() {
+        let ends = [0.0, 5e-324, 1e-323, 1e-310, 1e-3, 1.0, 1e300, 1.5e308, f64::MAX];
+        for (place, &low) in ends.iter().enumerate() {
+            for &high in &ends[place..] {
+                let values = [low, high];
+                let scales = [
+                    Scale::linear(low, high),
+                    Scale::linear(-high, -low),
+                    Scale::linear(-high, high),
+                    Scale::around(&values),
+                    Scale::log_around(&values),
+                    Scale::linear_around(&values),
+                ];
+                for scale in scales {
+                    let ticks = ticks(&scale, 6);
+                    assert!(ticks.len() < 400, "{scale:?}: {} ticks", ticks.len());
+                }
+            }
+        }
     }
 
     #[test]

@@ -1,0 +1,56 @@
+use std::{
+    fs::{self, File, OpenOptions},
+    io,
+    path::Path,
+};
+
+use crate::FileError;
+
+/// Open or make the file that a lock is held on. Its content stays as it is, and a link is not followed: whatever lies
+/// at its end is somebody's.
+///
+/// # Errors
+/// If it cannot be made, or something else than a file is called so.
+pub fn open_lock(path: &Path) -> Result<File, FileError> {
+    let refuse = |source| FileError::io("lock", path, source);
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt as _;
+        let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+        options.custom_flags(flags.bits().cast_signed());
+    }
+    if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
+        let reason = "it is a link, a folder or a device, and calib keeps a file there; remove it";
+        return Err(refuse(io::Error::new(io::ErrorKind::InvalidInput, reason)));
+    }
+    options.open(path).map_err(refuse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_emptied() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let lock = directory.path().join(".lock");
+        open_lock(&lock).expect("made");
+        fs::write(&lock, b"a user's own").expect("written");
+        open_lock(&lock).expect("opened");
+        assert_eq!(fs::read(&lock).expect("readable"), b"a user's own");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_not_followed() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (lock, own) = (directory.path().join(".lock"), directory.path().join("thesis.tex"));
+        fs::write(&own, b"a user's own").expect("written");
+        std::os::unix::fs::symlink(&own, &lock).expect("linked");
+        let error = format!("{:?}", open_lock(&lock).expect_err("refused"));
+        assert!(error.contains("it is a link"), "{error}");
+        assert_eq!(fs::read(&own).expect("readable"), b"a user's own");
+    }
+}

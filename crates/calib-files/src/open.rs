@@ -1,0 +1,59 @@
+use std::{
+    fs::{self, File},
+    io,
+    path::Path,
+};
+
+use crate::FileError;
+
+/// Open a file to read it. Pipes, sockets and devices are refused before they are opened: opening one can wait for
+/// ever, and reading one has effects.
+///
+/// # Errors
+/// If there is no such file, it cannot be read, or it is not a regular file.
+pub fn open_regular(path: &Path) -> Result<File, FileError> {
+    require_regular(path)?;
+    File::open(path).map_err(|source| FileError::io("read", path, source))
+}
+
+/// The content of a file, refused as in [`open_regular`].
+///
+/// # Errors
+/// As [`open_regular`].
+pub fn read_regular(path: &Path) -> Result<Vec<u8>, FileError> {
+    require_regular(path)?;
+    fs::read(path).map_err(|source| FileError::io("read", path, source))
+}
+
+/// Check that `path` leads to a regular file.
+///
+/// # Errors
+/// If there is no such file, or it is a folder, a pipe, a socket or a device.
+pub fn require_regular(path: &Path) -> Result<(), FileError> {
+    let found = fs::metadata(path).map_err(|source| FileError::io("read", path, source))?;
+    if found.is_file() {
+        return Ok(());
+    }
+    let kind = if found.is_dir() { "a folder" } else { "a pipe, a socket or a device" };
+    let reason = format!("expected a file, and it is {kind}; give a copy of its content");
+    Err(FileError::io("read", path, io::Error::new(io::ErrorKind::InvalidInput, reason)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_are_opened() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let file = directory.path().join("a");
+        fs::write(&file, b"content").expect("written");
+        assert_eq!(read_regular(&file).expect("readable"), b"content");
+        let refused = |path: &Path| format!("{:?}", open_regular(path).expect_err("refused"));
+        assert!(refused(directory.path()).contains("a folder"));
+        assert!(refused(&directory.path().join("none")).contains("NotFound"));
+        if cfg!(unix) {
+            assert!(refused(Path::new("/dev/null")).contains("a device"));
+        }
+    }
+}

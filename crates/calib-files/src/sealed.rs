@@ -1,0 +1,103 @@
+//! JSON files that tell whether they are what was written: their last entry is the fingerprint of all before it.
+
+use std::{io, path::Path};
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{FileError, Fingerprint, read_regular, write_atomically};
+
+const OPENS: &str = ",\n  \"fingerprint\": \"";
+const CLOSES: &str = "\"\n}\n";
+/// Of a file without its seal.
+const END: &str = "\n}\n";
+/// Hexadecimal digits of a fingerprint.
+const DIGITS: usize = 64;
+
+/// Write `value` as [`crate::write_json`] does, with a last entry `fingerprint`: of the file's bytes before that entry.
+///
+/// # Errors
+/// If the file cannot be written, or `value` is no object with entries.
+pub fn write_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(), FileError> {
+    let invalid = |source: io::Error| FileError::io("write", path, source);
+    let text = serde_json::to_string_pretty(value).map_err(|error| invalid(error.into()))? + "\n";
+    let body = text.strip_suffix(END).ok_or_else(|| {
+        invalid(io::Error::other("only an object with entries has room for its fingerprint"))
+    })?;
+    let seal = Fingerprint::of(body.as_bytes());
+    write_atomically(path, |file| {
+        io::Write::write_all(file, format!("{body}{OPENS}{seal}{CLOSES}").as_bytes())
+    })
+}
+
+/// Read what [`write_sealed_json`] wrote.
+///
+/// # Errors
+/// If it cannot be read, one byte of it differs from what was written, or it does not have the form of `T`.
+pub fn read_sealed_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
+    let bytes = read_regular(path)?;
+    let damaged = |reason: &'static str| FileError::Damaged { path: path.to_owned(), reason };
+    let length = OPENS.len() + DIGITS + CLOSES.len();
+    let (body, seal) = bytes
+        .len()
+        .checked_sub(length)
+        .map(|place| bytes.split_at(place))
+        .filter(|(_, seal)| seal.starts_with(OPENS.as_bytes()) && seal.ends_with(CLOSES.as_bytes()))
+        .ok_or_else(|| {
+            damaged(
+                "it does not end with its fingerprint: it is cut off, or another version wrote it",
+            )
+        })?;
+    let digits = &seal[OPENS.len()..OPENS.len() + DIGITS];
+    if Fingerprint::of(body).as_str().as_bytes() != digits {
+        return Err(damaged("its content does not have the fingerprint at its end"));
+    }
+    let text = [body, END.as_bytes()].concat();
+    serde_json::from_slice(&text)
+        .map_err(|source| FileError::Json { path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::BTreeMap, fs};
+
+    use super::*;
+
+    type Map = BTreeMap<String, Vec<f64>>;
+
+    fn written() -> (tempfile::TempDir, std::path::PathBuf, Map) {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.json");
+        let value =
+            Map::from([("a \"b\"\n".to_owned(), vec![0.1, -2e300]), ("c".to_owned(), vec![])]);
+        write_sealed_json(&path, &value).expect("written");
+        (directory, path, value)
+    }
+
+    #[test]
+    fn comes_back_and_stays_json() {
+        let (_directory, path, value) = written();
+        assert_eq!(read_sealed_json::<Map>(&path).expect("whole"), value);
+        let json: serde_json::Value = crate::read_json(&path).expect("JSON");
+        assert_eq!(json["fingerprint"].as_str().expect("a text").len(), DIGITS);
+        assert!(
+            write_sealed_json(&path, &3).is_err() && write_sealed_json(&path, &Map::new()).is_err()
+        );
+        assert_eq!(read_sealed_json::<Map>(&path).expect("untouched"), value);
+    }
+
+    #[test]
+    fn no_byte_can_change() {
+        let (_directory, path, _) = written();
+        let whole = fs::read(&path).expect("readable");
+        for place in 0..whole.len() {
+            let mut other = whole.clone();
+            other[place] ^= 1 << (place % 8);
+            fs::write(&path, &other).expect("written");
+            assert!(read_sealed_json::<Map>(&path).is_err(), "byte {place}");
+            fs::write(&path, &whole[..place]).expect("written");
+            assert!(read_sealed_json::<Map>(&path).is_err(), "cut at {place}");
+        }
+        fs::write(&path, [&whole[..], b"\n"].concat()).expect("written");
+        assert!(read_sealed_json::<Map>(&path).is_err(), "longer");
+    }
+}

@@ -1,0 +1,260 @@
+//! Nothing is lost, and nothing is silently wrong: damaged files, foreign files, names and numbers from outside.
+
+use std::{fs, path::Path};
+
+use calib_core::Timestamp;
+use calib_data::table::{Table, read_parquet, write_log};
+
+use crate::harness::Place;
+
+/// A small plant, with runs as short as they can be.
+fn place() -> Place {
+    let place = Place::with_study();
+    place.edit_study("sensors = [\"PIT300\", \"TIT101\"]", "sensors = [\"PIT300\"]");
+    place.edit_study("steps = 800", "steps = 240");
+    place.edit_study("online_runs = 3", "online_runs = 1");
+    place.edit_study("member_runs = 2", "member_runs = 1");
+    place.edit_study("log_replay_runs = 2", "log_replay_runs = 1");
+    place
+}
+
+#[test]
+fn units_follow_from_the_content_of_the_model() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let states = place.path().join("study-results/model/states.npy");
+    let mut other = fs::read(&states).expect("readable");
+    let middle = other.len() / 2;
+    other[middle..middle + 4096].fill(0);
+    fs::write(&states, other).expect("writable");
+    for command in ["rollout", "sweep"] {
+        let refused = place.calib(&[command, "study.toml", "--force"]).fails(2);
+        assert!(refused.contains("states.npy is not what was written"), "{refused}");
+    }
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let again = place.calib(&["sweep", "study.toml"]).succeeds();
+    assert!(again.contains("up to date"), "{again}");
+}
+
+#[test]
+fn a_sweep_with_nothing_to_write_writes_nothing() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let manifest = place.path().join("study-results/sweep/manifest.json");
+    let written = |path: &Path| fs::metadata(path).expect("there").modified().expect("a time");
+    let (before, content) = (written(&manifest), fs::read(&manifest).expect("readable"));
+    // Not even a lock can be taken.
+    let lock = place.path().join("study-results/sweep/.lock");
+    fs::remove_file(&lock).expect("removed");
+    fs::create_dir(&lock).expect("made");
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    assert_eq!((written(&manifest), fs::read(&manifest).expect("readable")), (before, content));
+    let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
+    assert!(refused.contains(".lock"), "{refused}");
+    assert!(manifest.exists(), "what could not be begun is not given up");
+}
+
+#[cfg(unix)]
+#[test]
+fn what_belongs_to_others_stays() {
+    use std::os::unix::fs::symlink;
+    let place = place();
+    let at = |name: &str| place.path().join(name);
+    // A lock that leads to somebody's file.
+    place.write("thesis.tex", "years of work");
+    fs::create_dir_all(at("study-results/model")).expect("made");
+    symlink(at("thesis.tex"), at("study-results/model/.lock")).expect("linked");
+    let refused = place.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(refused.contains("it is a link"), "{refused}");
+    assert_eq!(fs::read(at("thesis.tex")).expect("readable"), b"years of work");
+    fs::remove_file(at("study-results/model/.lock")).expect("removed");
+    // Units that are somebody's, behind a link.
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    fs::create_dir_all(at("theirs/units/P/online")).expect("made");
+    place.write("theirs/units/P/online/notes.txt", "theirs");
+    symlink(at("theirs"), at("study-results/sweep")).expect("linked");
+    place.calib(&["sweep", "study.toml", "--force"]).succeeds();
+    assert!(at("theirs/units/P/online/notes.txt").exists());
+    // Days that no simulation wrote.
+    fs::create_dir(at("logs")).expect("made");
+    fs::copy(at("data/2022-11-01.parquet"), at("logs/2022-11-01.parquet")).expect("copied");
+    let refused = place.calib(&["simulate", "logs", "--days", "2", "--force"]).fails(2);
+    assert!(refused.contains("2022-11-01.parquet is in the way"), "{refused}");
+    let own = fs::read(at("data/2022-11-01.parquet")).expect("readable");
+    assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
+    // A path that is to go where a link leads, or to a device.
+    let series = ["a.csv", "b.csv"];
+    for name in series {
+        place.write(name, "1\n2\n3\n");
+    }
+    place.write("path.csv", "old");
+    symlink(at("path.csv"), at("link.csv")).expect("linked");
+    place
+        .calib(&["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "link.csv"])
+        .succeeds();
+    assert!(fs::symlink_metadata(at("link.csv")).expect("there").is_symlink());
+    assert!(fs::read_to_string(at("path.csv")).expect("readable").starts_with("query"));
+    let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "/dev/stdout"];
+    assert!(place.calib(&args).succeeds().contains("query,reference"));
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_are_refused_instead_of_waited_for() {
+    let place = place();
+    let pipe = |name: &str| {
+        let made = std::process::Command::new("mkfifo").arg(place.path().join(name)).status();
+        assert!(made.expect("mkfifo").success());
+    };
+    ["s.toml", "q.npy", "q.csv", "q.parquet", "logs.parquet"].into_iter().for_each(pipe);
+    place.write("r.csv", "1\n2\n");
+    for query in ["q.npy", "q.csv", "q.parquet:a"] {
+        let refused = place.calib(&["dtw", query, "r.csv"]).fails(2);
+        assert!(refused.contains("a pipe"), "{query}: {refused}");
+    }
+    assert!(place.calib(&["run", "s.toml"]).fails(2).contains("a pipe"));
+    place.calib(&["inspect", "logs.parquet"]).fails(2);
+    place.calib(&["inspect", "*.parquet"]).fails(2);
+}
+
+/// A log of one row a minute, in which `values` gives the first channel.
+fn log(place: &Place, name: &str, channels: &[&str], value: impl Fn(usize, usize) -> f64) {
+    let times: Vec<Timestamp> = (0..3000)
+        .map(|row| Timestamp::from_micros(1_667_260_800_000_000 + row * 60_000_000))
+        .collect();
+    let table = Table::new().with("timestamp", times);
+    let column = |channel: usize| (0..3000).map(|row| value(row, channel)).collect::<Vec<f64>>();
+    let table = channels
+        .iter()
+        .enumerate()
+        .fold(table, |table, (number, channel)| table.with(*channel, column(number)));
+    fs::create_dir_all(place.path().join(name)).expect("made");
+    table.write_parquet(&place.path().join(name).join("a.parquet")).expect("written");
+}
+
+fn wave(row: usize, channel: usize) -> f64 {
+    (row as f64 / (20.0 + channel as f64)).sin() + (row * (7 + channel) % 101) as f64 / 200.0
+}
+
+#[test]
+fn sensors_may_be_called_anything() {
+    let place = place();
+    let long = "温".repeat(40);
+    let names = [
+        "step",
+        "row",
+        "A",
+        "A.normalised",
+        "X (1)",
+        "X-1",
+        "X, 1",
+        "X 1",
+        &long,
+        "E\u{1b}[2J\nerror: forged",
+    ];
+    log(&place, "logs", &names, wave);
+    let list = format!("sweep.sensors={names:?}").replace("\\u{1b}", "\\u001b");
+    let grid = "sweep.grid={ learning_rate = [1e-3, 1e-2] }";
+    let ran = place.calib(&[
+        "run",
+        "study.toml",
+        "--set",
+        "data.path=logs",
+        "--set",
+        &list,
+        "--set",
+        grid,
+        "--set",
+        "rollout.steps=60",
+    ]);
+    let printed = format!("{}{}", ran.ends(&[0, 1]), ran.stderr());
+    assert!(
+        !printed.contains('\u{1b}')
+            && !printed.lines().any(|line| line.starts_with("error: forged"))
+    );
+    let rollout = place.path().join("study-results/rollout");
+    let table = read_parquet(&rollout.join("trajectories.parquet")).expect("a table");
+    for column in ["step", "sensor:step", "sensor:row.recorded", "X (1)", "sensor:A"] {
+        assert!(table.values(column).is_some(), "{column}");
+    }
+    let figures =
+        fs::read_dir(place.path().join("study-results/evaluate/figures")).expect("figures");
+    let grids = figures.flatten().map(|entry| entry.path()).filter(|path| {
+        let name = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
+        name.starts_with("rollouts-") && path.extension().is_some_and(|kind| kind == "svg")
+    });
+    assert_eq!(grids.count(), names.len());
+    let inspected = place.calib(&["inspect", "logs"]);
+    assert!(!inspected.succeeds().contains('\u{1b}'), "{}", inspected.stdout());
+    let json = place.calib(&["inspect", "logs", "--json"]).succeeds();
+    assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok());
+}
+
+#[test]
+fn numbers_that_nothing_can_work_with_are_missing_or_refused() {
+    let place = place();
+    log(&place, "logs", &["PIT300", "B", "C"], |row, channel| match (row, channel) {
+        (100, 0) => 1e200,
+        (200, 1) => f64::MAX,
+        (row, 2) => wave(row, 2) * 1e-320,
+        (row, channel) => wave(row, channel),
+    });
+    place
+        .calib(&["run", "study.toml", "--set", "data.path=logs", "--set", "rollout.steps=60"])
+        .ends(&[0, 1]);
+    let set = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
+    assert!(set("model.temperature=inf").contains("model.temperature = inf"));
+    assert!(set("data.gap_tolerance=nan").contains("data.gap_tolerance = NaN"));
+    for rate in ["1e300", "5e-324"] {
+        let refused = set(&format!("agent.learning_rate={rate}"));
+        assert!(refused.contains("1e-45 to 1e38"), "{refused}");
+    }
+    let args = [
+        "simulate",
+        "calm",
+        "--days",
+        "1",
+        "--channels",
+        "3",
+        "--period",
+        "600",
+        "--storms-per-day=-0.0",
+    ];
+    place.calib(&args).succeeds();
+    assert!(
+        place.calib(&["--threads", "20000", "inspect", "data"]).fails(2).contains("from 1 to 1024")
+    );
+}
+
+#[test]
+fn dates_that_stand_for_never_are_no_rows() {
+    let place = Place::new();
+    for (name, last) in [("never", 253_402_214_400_000_000), ("most", i64::MAX)] {
+        let mut times: Vec<Timestamp> = (0..500)
+            .map(|row| Timestamp::from_micros(1_667_260_800_000_000 + row * 60_000_000))
+            .collect();
+        times[499] = Timestamp::from_micros(last);
+        let values = (0..500).map(|row| wave(row, 0) as f32).collect();
+        fs::create_dir(place.path().join(name)).expect("made");
+        write_log(&place.path().join(name).join("a.parquet"), &times, &[("P", values)])
+            .expect("written");
+        let told = place.calib(&["inspect", name]).succeeds();
+        assert!(told.contains("1: rows without a timestamp of the years 1 to 9998"), "{told}");
+        assert!(told.contains("held out: 2022-11-01"), "{told}");
+    }
+}
+
+#[test]
+fn results_are_no_logs() {
+    let place = place();
+    place.calib(&["run", "study.toml", "-q"]).succeeds();
+    let of = |path: &str| {
+        let set = format!("data.path={path}");
+        place.calib(&["inspect", "study.toml", "--set", &set]).succeeds().replace("in .", "in data")
+    };
+    assert_eq!(of("."), of("data"));
+    let refused = place.calib(&["inspect", "study-results"]).fails(2);
+    assert!(refused.contains("results of calib, which are no logs"), "{refused}");
+}
