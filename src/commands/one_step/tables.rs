@@ -2,13 +2,11 @@
 
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
+use calib_study::{Layout, Study};
 use serde::Serialize;
 
 use super::{OneStep, StepError, read, steps::Steps};
-use crate::{
-    output::{Printer, count, significant, table},
-    study::{Study, StudyPaths},
-};
+use crate::output::{Printer, count, significant, table};
 
 /// A model whose one-step errors are known.
 pub(in crate::commands) struct Predicting {
@@ -134,7 +132,7 @@ impl Predicting {
     pub(in crate::commands) fn read(
         name: &str,
         study: &Study,
-        paths: &StudyPaths,
+        paths: &Layout,
         model: &str,
     ) -> anyhow::Result<Option<Self>> {
         let Some(one_step) = read(study, paths, model) else { return Ok(None) };
