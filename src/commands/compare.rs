@@ -93,12 +93,12 @@ impl Part {
         };
         let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
         let pairs = match compared {
-            Some(_) => comparison::read(&paths.rollout())?,
+            Some(_) => comparison::read(job)?,
             None => Vec::new(),
         };
         let model_name = model.as_deref().unwrap_or(study.model_name());
         let one_step = match &rollouts {
-            Some(_) => Predicting::read(model_name, study, paths, &manifest.model)?,
+            Some(_) => Predicting::read(model_name, job, &manifest.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })

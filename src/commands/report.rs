@@ -131,7 +131,7 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, &model, rollouts.as_ref())?,
+        tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(job, &commands(&[study]), sweep)?,
     })
@@ -139,16 +139,16 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
 
 /// What the rollouts were like, and the representations that could be used.
 fn tables(
-    study: &Study,
-    paths: &Layout,
+    job: &Job,
     model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
+    let (study, paths) = (job.study(), job.layout());
     let name = study.model_name();
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
-        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        let one_step = Predicting::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.

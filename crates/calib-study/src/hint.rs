@@ -96,7 +96,7 @@ mod tests {
             of.output = Some("it's here".into());
         });
         let given =
-            "'a study.toml' --profile tiny --set 'sweep.sensors=[\"A\"]' --set agent.gamma=0.9";
+            "'a study.toml' --profile tiny --set 'sweep.sensors=[\"A\"]' --set 'agent.gamma=0.9'";
         let output = "--output \"it's here\"";
         assert_eq!(
             job.command("sweep"),

@@ -17,7 +17,7 @@
 //! let job = Job::of_text(request, text.to_owned())?;
 //! assert_eq!(job.study().sweep.steps, 6000);
 //! assert_eq!(job.layout().sweep(), std::path::Path::new("plant-results/sweep"));
-//! assert_eq!(job.command("sweep"), "calib sweep plant.toml --set agent.gamma=0.9");
+//! assert_eq!(job.command("sweep"), "calib sweep plant.toml --set 'agent.gamma=0.9'");
 //!
 //! let error = Job::of_text(Request::new("plant.toml"), text.replace("steps", "step")).expect_err("no such key");
 //! assert!(error.to_string().starts_with("plant.toml:3:1: unknown key `step`; did you mean `steps`?"));

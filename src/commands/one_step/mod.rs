@@ -9,7 +9,7 @@ use calib_data::TimeRange;
 use calib_dynamics::predict;
 use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
 use calib_stats::{Interval, StepErrors};
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -89,7 +89,8 @@ impl StepError {
 
 /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
 /// what was written.
-pub(super) fn read(study: &Study, paths: &Layout, model: &str) -> Option<OneStep> {
+pub(super) fn read(job: &Job, model: &str) -> Option<OneStep> {
+    let (study, paths) = (job.study(), job.layout());
     let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
     let steps = fingerprint_file(&Steps::file(&paths.rollout())).ok()?;
     let same =
@@ -124,7 +125,7 @@ pub(super) fn ensure(
     let content = model.manifest.content()?;
     let inputs = (FORMAT, MOST_TRANSITIONS, &content, weights, fingerprint, sensors);
     let key = artefact::key(&inputs)?;
-    let stored = read(study, paths, &content);
+    let stored = read(job, &content);
     if let Some(stored) = stored.filter(|stored| stored.key == key && !job.policy().redoes()) {
         return Ok(Some(stored));
     }

@@ -95,8 +95,7 @@ fn of_model(
     let judged = evaluate::judge(&study.job.choose(model, deployment)?)?;
     let key = &judged.manifest.model;
     let rollouts = rollout::finished(&judged.job, key)?;
-    let one_step =
-        rollouts.as_ref().and_then(|_| one_step::read(judged.study(), judged.paths(), key));
+    let one_step = rollouts.as_ref().and_then(|_| one_step::read(&judged.job, key));
     let name = model.unwrap_or_else(|| judged.study().model_name()).to_owned();
     Ok(OfModel { name, judged, rollouts, one_step })
 }

@@ -81,7 +81,8 @@ fn studies_are_drawn_whole() {
     assert!(different(|of| of.table()["agent"].to_string()) > 2);
     let real = named(&all, "real");
     assert_eq!(real.table()["sweep"]["steps"].as_integer(), Some(300), "its own draw counts");
-    let paths = real.table()["data"]["path"].as_array().expect("a list");
+    let real = real.table();
+    let paths = real["data"]["path"].as_array().expect("a list");
     assert_eq!(paths[0].as_str(), Some("../../../logs/a"), "from where the study will be");
     assert_eq!(paths[1].as_str(), Some("${CALIB_DATA}/b"));
     // The text is the study, and says what was drawn.
