@@ -73,15 +73,18 @@ impl Losses {
     /// cases instead of 2.5.
     pub fn regret(&self, candidate: usize) -> Option<Estimate> {
         let (mean, interval) = over(&self.of(candidate))?;
-        let regret = |of: Interval| Interval { low: of.low.max(0.0).exp_m1(), high: of.high.exp_m1() };
+        let regret =
+            |of: Interval| Interval { low: of.low.max(0.0).exp_m1(), high: of.high.exp_m1() };
         Some(Estimate { value: mean.exp_m1(), interval: interval.map(regret) })
     }
 
     /// Geometric mean over windows of the error of `candidate` by that of `other`, with an interval as
     /// [`Self::regret`]; `None` where no window counts, or both diverged in one.
     pub fn quotient(&self, candidate: usize, other: usize) -> Option<Estimate> {
-        let differences: Vec<f64> = self.windows.iter().map(|of| of[candidate] - of[other]).collect();
-        let opposed = differences.contains(&f64::INFINITY) && differences.contains(&f64::NEG_INFINITY);
+        let differences: Vec<f64> =
+            self.windows.iter().map(|of| of[candidate] - of[other]).collect();
+        let opposed =
+            differences.contains(&f64::INFINITY) && differences.contains(&f64::NEG_INFINITY);
         if opposed || differences.iter().any(|difference| difference.is_nan()) {
             return None;
         }
