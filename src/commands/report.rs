@@ -256,6 +256,7 @@ fn verdict_row(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) ->
             Rule::MeanError => Reason::MeanError,
             Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
             Rule::Pooled => Reason::Pooled { streams: of_all },
+            Rule::LogReplay => Reason::LogReplay { streams: of_all - of_members },
             Rule::OneStandardError => Reason::OneStandardError { streams: of_all },
         },
         tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),

@@ -79,6 +79,9 @@ impl Verdict {
             Reason::Pooled { streams } => format!(
                 "Over {streams} streams, of {model} and of the replayed log, its mean logarithm of the error is the smallest."
             ),
+            Reason::LogReplay { streams } => format!(
+                "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
+            ),
             Reason::OneStandardError { streams } => {
                 let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
                 if default == Some(&self.chosen) {
