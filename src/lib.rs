@@ -11,7 +11,6 @@ mod commands;
 mod exit;
 mod memory;
 mod output;
-mod study;
 
 use std::{
     borrow::Cow,
@@ -25,7 +24,6 @@ use clap::Parser as _;
 
 pub use cli::Cli;
 pub use exit::ExitStatus;
-pub use study::{Study, StudyPaths};
 
 /// Run the command line `args` and return the status to exit with.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {

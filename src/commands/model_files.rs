@@ -15,6 +15,7 @@ use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortc
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
+use calib_study::{Job, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -24,7 +25,6 @@ use super::{
     represent::{self, Representation},
     train_model::{self, TrainingSummary},
 };
-use crate::study::{Study, StudyPaths};
 
 /// The states of a model, in its directory.
 const STATES: &str = "states.npy";
@@ -255,9 +255,9 @@ fn same_training(made: &DataConfig, data: &DataConfig) -> bool {
 }
 
 /// Open the model of `study`; tables and states are mapped, and checked.
-pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenModel> {
-    let directory = &paths.model();
-    let build = paths.command("build-model");
+pub(super) fn open(job: &Job) -> anyhow::Result<OpenModel> {
+    let (study, directory) = (job.study(), &job.layout().model());
+    let build = job.command("build-model");
     let manifest: ModelManifest = artefact::require(directory, &build)?;
     let made = &manifest.study;
     let changed = [
@@ -308,17 +308,17 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
 
 /// Check that the model was built from `dataset`.
 pub(super) fn check_data(
-    paths: &StudyPaths,
+    job: &Job,
     manifest: &ModelManifest,
     dataset: &Dataset,
 ) -> anyhow::Result<()> {
     if dataset.fingerprint != manifest.data {
         bail!(
             "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
-            paths.model().display(),
+            job.layout().model().display(),
             manifest.data.short(),
             dataset.fingerprint.short(),
-            paths.command("build-model"),
+            job.command("build-model"),
         );
     }
     Ok(())

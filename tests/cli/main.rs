@@ -8,6 +8,7 @@ mod deployments;
 mod dtw;
 mod errors;
 mod harness;
+mod hints;
 mod interruption;
 mod models;
 mod networks;

@@ -21,7 +21,8 @@ pub struct ModelSection {
 impl ModelSection {
     /// The same section with the search structure left to calib: what tables, draws and all that follows from them depend
     /// on.
-    pub(crate) fn of_any_index(&self) -> Self {
+    #[must_use]
+    pub fn of_any_index(&self) -> Self {
         let config = ModelConfig { index: IndexKind::Auto, ..self.config };
         Self { config, period: self.period.clone() }
     }
