@@ -1,15 +1,16 @@
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
-use calib_core::Seed;
+use calib_core::{Seed, Silent};
 use calib_rollout::StartKind;
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
     artefact::{self, MANIFEST, TOOL},
     model_files::ModelManifest,
-    report, rollout,
+    partition, report, rollout,
+    stale::Kept,
     sweep::{SweepManifest, unit_store},
 };
 use crate::{exit::ExitStatus, output::Printer};
@@ -158,33 +159,34 @@ fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
 fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
-    let (study, paths, again) = (job.study(), job.layout(), job.command("sweep"));
+    let (paths, again) = (job.layout(), job.command("sweep"));
     let manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
-    let made = &manifest.study;
-    let changed = [
-        ("[sweep]", made.sweep == study.sweep),
-        ("[agent]", made.agent == study.agent),
-        ("[pretrain]", made.pretrain == study.pretrain),
-        ("[rollout]", made.sweep_starts() == study.sweep_starts()),
-        ("[representation]", study.is_parametric() || made.representation == study.representation),
-        ("[model]", made.model == study.model),
-        ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
-        ("[data]", made.data == study.data),
-        ("[preprocess]", made.preprocess == study.preprocess),
-        ("seed", made.seed == study.seed),
-    ];
-    if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
-        bail!(
-            "the sweep in {} was made with another {section}; run `{again}` again",
-            paths.sweep().display()
-        );
-    }
+    let directory = &paths.sweep();
+    Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
+    check_log(job, &manifest)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
     if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
         bail!("the model was built again after the sweep; run `{again}` again");
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
     Ok(manifest)
+}
+
+/// Whether a log in another folder than the one that was swept holds the same states.
+fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
+    if job.study().data.path == swept.study.data.path {
+        return Ok(());
+    }
+    let dataset = partition::read(job, &Silent)?.dataset;
+    let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
+    ensure!(
+        dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
+        "the sweep in {} is of other data than those in {}; run `{}` again",
+        job.layout().sweep().display(),
+        job.study().data.path.0.join(", "),
+        job.command("sweep")
+    );
+    Ok(())
 }
 
 pub(super) fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {

@@ -39,6 +39,7 @@ mod rollout;
 
 mod series;
 mod simulate;
+mod stale;
 mod starts;
 mod streams;
 mod sweep;

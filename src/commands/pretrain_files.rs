@@ -11,13 +11,14 @@ use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
 use calib_nn::{Mlp, Moments, Naming};
-use calib_study::{Job, MomentsRule, Study};
+use calib_study::{Job, Made, MomentsRule, Study};
 use calib_sweep::{Candidate, Start};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Files, Manifest},
     partition::{PretrainPart, span},
+    stale::Kept,
 };
 
 /// `manifest.json` of a directory of pre-trained agents.
@@ -244,9 +245,12 @@ pub(super) fn starts(
             })?;
         if study.pretrain.checkpoint.is_none() {
             let key = agent_key(study, &part.fingerprint, sensor, *column)?;
+            let kept =
+                Kept { result: Made::Pretrained, study: &manifest.study, directory: &directory };
+            kept.check(job)?;
             ensure!(
                 agent.key == key,
-                "the agents in {} were pre-trained with another [pretrain], [agent] or seed; run `{command}` again",
+                "the agent for {sensor} in {} was pre-trained otherwise; run `{command}` again",
                 directory.display()
             );
         }

@@ -1,5 +1,6 @@
 use std::path::Path;
 
+use anyhow::Context as _;
 use calib_files::write_atomically;
 use calib_study::{Job, Request};
 
@@ -27,7 +28,9 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
 /// Leave the study file beside the data, as a start for the user's own.
 fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf> {
     let path = directory.join("study.toml");
-    let text = STUDY.replace("seed = 0", &format!("seed = {seed}"));
+    // The schema lies beside the original only.
+    let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
+    let text = text.replace("seed = 0", &format!("seed = {seed}"));
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => return Ok(path),
         Ok(_) => anyhow::bail!(

@@ -4,7 +4,7 @@ use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_rollout::{JumpStatistics, RolloutConfig};
-use calib_study::{Job, Study};
+use calib_study::{Job, Made, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -71,17 +71,10 @@ impl Manifest for RolloutManifest {
 /// # Errors
 /// If a table is not what was written.
 pub(super) fn finished(job: &Job, model: &str) -> anyhow::Result<Option<RolloutManifest>> {
-    let (study, paths) = (job.study(), job.layout());
-    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(
-        |RolloutManifest { model: of, study: made, .. }| {
-            *of == *model
-                && made.rollout == study.rollout
-                && made.model == study.model
-                && made.seed == study.seed
-                && (!study.starts_follow_from_deployment()
-                    || made.data.held_out == study.data.held_out)
-        },
-    );
+    let paths = job.layout();
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
+        found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
+    });
     if let Some(found) = &found {
         artefact::check_files(&paths.rollout(), &found.files, &job.command("rollout"))?;
     }
@@ -107,7 +100,7 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
         model.manifest.content()?,
-        *study.model,
+        study.model.of_any_index().config,
         &study.rollout,
         study.seed,
         &sensors,
@@ -276,7 +269,9 @@ fn held_out(
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
-    if !study.starts_follow_from_deployment() && (study.rollout.dtw_steps == 0 || !is_held_out) {
+    let is_in_place = model.manifest.study.data.path == study.data.path;
+    let is_used = is_held_out && study.rollout.dtw_steps > 0;
+    if !study.starts_follow_from_deployment() && !is_used && is_in_place {
         return Ok(None);
     }
     let dataset = partition::load(job, printer)?.dataset;

@@ -2,7 +2,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
 use calib_agent::AgentConfig;
-use calib_core::{Frames, Normaliser, Period, Seed};
+use calib_core::{Normaliser, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_study::{Job, Layout, Study};
@@ -66,12 +66,17 @@ pub(super) struct HeldOut {
     pub(super) rows: u64,
     /// Times of the first and the last.
     pub(super) times: [String; 2],
+    /// Their fingerprint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) data: Option<Fingerprint>,
 }
 
 impl HeldOut {
-    fn of(frames: &Frames) -> Option<Self> {
+    fn of(dataset: &Dataset) -> Option<Self> {
+        let frames = dataset.held_out.as_ref()?;
         let times = model_files::first_and_last(frames)?;
-        Some(Self { rows: frames.rows() as u64, times })
+        let data = dataset.held_out_fingerprint.clone();
+        Some(Self { rows: frames.rows() as u64, times, data })
     }
 }
 
@@ -158,7 +163,7 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
         data: dataset.fingerprint.clone(),
         model: content,
         period: dataset.period,
-        held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
+        held_out: HeldOut::of(&dataset),
         span,
         windows: match (&streams.online, &dataset.held_out) {
             (Some(windows), Some(held_out)) => online_windows(windows, held_out),
@@ -265,7 +270,7 @@ impl LeftOut<'_> {
             data: dataset.fingerprint.clone(),
             model: model.to_owned(),
             period: dataset.period,
-            held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
+            held_out: HeldOut::of(dataset),
             span,
             windows: Vec::new(),
             scales: Vec::new(),

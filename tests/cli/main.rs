@@ -9,6 +9,7 @@ mod dtw;
 mod errors;
 mod harness;
 mod hints;
+mod inputs;
 mod interruption;
 mod models;
 mod networks;

@@ -6,6 +6,8 @@
 //!   [`Job::resolve`]: whoever edits it meanwhile changes the next command, not this one.
 //! - [`Job::parts`]: the same of each model and deployment. [`Job::command`]: what to type to go on with this one.
 //! - [`StudyError`]: what is wrong, where it stands, what was expected, and the nearest key.
+//! - [`schema`]: every key with its type, default and meaning, for editors.
+//! - [`Study::inputs`]: what a result follows from, so that one that is there is known to be of another study, and in which keys.
 //! - [`Protocol`]: the plants and tasks of several studies, drawn from one seed.
 //!
 //! ```
@@ -29,6 +31,7 @@ mod data_path;
 mod deployments;
 mod error;
 mod hint;
+mod inputs;
 mod job;
 mod layout;
 mod message;
@@ -42,6 +45,7 @@ mod pretrain;
 mod profiles;
 mod protocol;
 mod request;
+mod schema;
 mod simulate;
 mod source;
 mod study;
@@ -50,6 +54,7 @@ mod written;
 
 pub use error::StudyError;
 pub use hint::shell_words;
+pub use inputs::{Difference, Inputs, Made};
 pub use job::Job;
 pub use layout::{Layout, Rollouts};
 pub use model_section::ModelSection;
@@ -59,6 +64,7 @@ pub use parts::Each;
 pub use pretrain::{MomentsRule, PretrainConfig};
 pub use protocol::{Drawn, Protocol};
 pub use request::{Existing, Policy, Request, Writes};
+pub use schema::schema;
 pub use simulate::SimulateConfig;
 pub use source::Place;
 pub use study::{EvaluateConfig, Study};

@@ -10,7 +10,7 @@ use crate::{
 
 /// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
 /// their results could not stand beside each other.
-const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
+pub(crate) const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
 
 /// The key under which they lie.
 const KEY: &str = "models";

@@ -2,12 +2,13 @@ use std::path::PathBuf;
 
 use calib_agent::{AgentConfig, PretrainSettings};
 use calib_data::TimeRange;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, require};
 
 /// The `[pretrain]` section: agents that have learnt from the log before they are deployed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PretrainConfig {
     /// The most passes over the training transitions (default 0: no pre-training).
@@ -32,7 +33,7 @@ pub struct PretrainConfig {
 }
 
 /// What fine-tuning does with Adam's moments.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentsRule {
     /// They begin at zero, as with a new optimiser.

@@ -8,10 +8,10 @@ use crate::{
 };
 
 /// The key under which they lie.
-const KEY: &str = "profiles";
+pub(crate) const KEY: &str = "profiles";
 
 /// The key of a profile that names the one that it is laid over.
-const BASE: &str = "base";
+pub(crate) const BASE: &str = "base";
 
 /// Names that the results of a profile cannot have, because those of the study have them.
 const TAKEN: [&str; 8] = [

@@ -1,6 +1,7 @@
 use calib_core::{Period, Seed};
 use calib_data::Moment;
 use calib_plant::{ChangeOptions, PlantOptions};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -9,7 +10,7 @@ use crate::{
 };
 
 /// The `[simulate]` section: the plant whose log the study is of, and what `calib simulate` may be told.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulateConfig {
     /// Days to simulate; the last may be a part of one (default 7).

@@ -7,12 +7,13 @@ use calib_knn::ModelKind;
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_rollout::{RolloutConfig, StartKind};
 use calib_sweep::{Beginning, Rule, SweepConfig};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ModelSection, PretrainConfig, SimulateConfig};
+use crate::{ModelSection, PretrainConfig, SimulateConfig, schema};
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
     /// Root of all randomness (default 0).
@@ -27,12 +28,14 @@ pub struct Study {
     pub data: DataConfig,
     /// The same study at other sizes, by name: what replaces the rest of it; empty once one was chosen, or none.
     #[serde(skip_serializing)]
+    #[schemars(schema_with = "schema::profiles")]
     pub profiles: BTreeMap<String, toml::Table>,
     /// Which of the models are compared (default: all).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compare: Option<Vec<String>>,
     /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(schema_with = "schema::models")]
     pub models: BTreeMap<String, toml::Table>,
     /// Named test windows; empty where one was chosen, which is then `data.held_out`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -102,7 +105,7 @@ impl Study {
 }
 
 /// The `[evaluate]` section.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
     /// How a value is chosen from the evidence (default: `pooled`).

@@ -15,12 +15,14 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
     score, select, write_encoder,
 };
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, Made, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Files, Manifest, TOOL},
-    partition, plant_of_study, torch,
+    partition, plant_of_study,
+    stale::Kept,
+    torch,
 };
 use crate::{
     cli::Device,
@@ -276,10 +278,11 @@ pub(super) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Repres
     }
     let (directory, command) = (paths.representation(), job.command("represent"));
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
+    Kept { result: Made::Representation, study: &manifest.study, directory: &directory }
+        .check(job)?;
     if manifest.key != key(job, dataset)? {
         bail!(
-            "the representation in {} was made from other data, with another [representation] or \
-             another seed; run `{command}` again",
+            "the representation in {} was made from other data; run `{command}` again",
             directory.display()
         );
     }

@@ -1,12 +1,15 @@
 use calib_stats::{
     Drawn, LogChoice, Selection, StatsError, choose_around_default, choose_by_mean_log,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Dropped, dropped::select_among};
 
 /// How a value is chosen from the evidence: the members' runs, and those on the replayed log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// The smallest worst rank over members (the paper). Cautious: one member in which a value is bad is enough to lose.
