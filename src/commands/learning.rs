@@ -8,7 +8,7 @@ use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use super::{
     compare::Part,
-    report::{field, setting},
+    verdict_rows::{field, setting},
 };
 use crate::study::Study;
 

@@ -10,6 +10,7 @@ mod changes;
 mod check;
 mod collapse;
 mod compare;
+mod compare_choices;
 mod compare_pairs;
 mod compare_tables;
 mod comparison;
@@ -39,6 +40,7 @@ mod rollout;
 
 mod series;
 mod simulate;
+mod standing_still;
 mod starts;
 mod streams;
 mod sweep;
@@ -50,6 +52,7 @@ mod trajectory;
 mod trajectory_columns;
 mod truth;
 mod validity;
+mod verdict_rows;
 
 use anyhow::Context as _;
 use calib_represent::RepresentationKind;

@@ -357,7 +357,9 @@ fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> an
     }
     let members = manifest.members.iter();
     let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    jumps::warn(members, &study.model, printer);
+    for warning in jumps::warnings(members, &study.model) {
+        printer.warn(&warning);
+    }
     collapse::show(&manifest.collapse, printer)?;
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),

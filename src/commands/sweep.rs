@@ -17,6 +17,7 @@ use super::{
     load_study, model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files, recorded,
+    standing_still::{self, Still},
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
@@ -50,6 +51,9 @@ pub(super) struct SweepManifest {
     pub(super) windows: Vec<OnlineWindow>,
     /// What errors are divided by.
     pub(super) scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) standing_still: Vec<String>,
     /// Why nothing was trained, if nothing was: the deployment cannot be scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) left_out: Option<String>,
@@ -122,6 +126,16 @@ pub(super) fn run(
         Environments::new(&study, &model, &dataset, &streams, (&paths, printer))?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let scales = error_scales(&dataset, &sensors, &candidates);
+    let still = match (&dataset.held_out, &streams.online) {
+        (Some(held_out), Some(windows)) => {
+            standing_still::all(held_out.states(), windows, &sensors)
+        }
+        _ => Vec::new(),
+    };
+    let still_notes: Vec<String> = still.iter().map(Still::note).collect();
+    for note in &still_notes {
+        printer.warn(note);
+    }
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     printer.say_all(&notes);
@@ -172,11 +186,12 @@ pub(super) fn run(
             (Some(windows), Some(held_out)) => online_windows(windows, held_out),
             _ => Vec::new(),
         },
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales,
         left_out: None,
         candidates,
         units,
-        notes: [notes, streams.notes, told_starts, failed].concat(),
+        notes: [notes, streams.notes, still_notes, told_starts, failed].concat(),
         files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
     if let Some(kept) = kept
@@ -281,6 +296,7 @@ impl LeftOut<'_> {
             held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
             span,
             windows: Vec::new(),
+            standing_still: Vec::new(),
             scales: Vec::new(),
             left_out: Some(reason),
             candidates,

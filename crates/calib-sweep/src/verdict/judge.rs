@@ -53,6 +53,7 @@ pub fn verdict(
         rule: judging.rule,
         chosen,
         grade: Grade::of(truth.as_ref()),
+        scores: ranking,
         stability: shares(resampled.choices.as_ref()),
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
         warnings: warnings::all(

@@ -10,12 +10,12 @@ impl Sensitivity {
     pub(super) fn curves(&self, positions: &[f64]) -> Vec<Series> {
         let mut order: Vec<usize> = (0..positions.len()).collect();
         order.sort_by(|&a, &b| positions[a].total_cmp(&positions[b]));
-        let mut models = 0;
-        let scores = self.errors.iter().map(|curve| {
-            models += usize::from(curve.source == ErrorSource::Model);
+        let scores = self.errors.iter().enumerate().map(|(index, curve)| {
+            let before = &self.errors[..index];
+            let alike = before.iter().filter(|of| of.source == curve.source).count();
             let point =
                 |&place: &usize| score_point(positions[place], curve.summaries[place].as_ref());
-            score_series(curve, models, order.iter().map(point).collect())
+            score_series(curve, alike, order.iter().map(point).collect())
         });
         let mut curves: Vec<Series> = scores.collect();
         let side = if self.errors.is_empty() { Side::Left } else { Side::Right };
@@ -31,12 +31,15 @@ impl Sensitivity {
     }
 }
 
-fn score_series(curve: &ErrorCurve, models: usize, points: Vec<Point>) -> Series {
+/// `alike` is the number of curves from the same kind of environment before it.
+fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series {
     let (colour, dash, width, marker) = match curve.source {
         ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Marker::Circle),
         ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Marker::TriangleDown),
         // The first colours after Online's are those of the ensembles.
-        ErrorSource::Model => (Colour::Curve(2 + models), Dash::Solid, 1.8, Marker::Triangle),
+        ErrorSource::Model => (Colour::Curve(3 + alike), Dash::Solid, 1.8, Marker::Triangle),
+        // The colour of the ensemble's ranks.
+        ErrorSource::Evidence => (Colour::Curve(1 + alike), Dash::Solid, 1.8, Marker::Triangle),
     };
     let (label, marker) = (curve.label.clone(), Some(marker));
     Series { label, side: Side::Left, colour, dash, width, marker, points }
