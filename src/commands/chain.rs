@@ -9,7 +9,7 @@ use super::{
     plant_of_study::PlantOfStudy,
     pretrain, report, represent, rollout,
     simulate::{Found, sentence},
-    sweep,
+    streams, sweep,
     sweep_plan::Counted,
     torch::NoLibtorch,
 };
@@ -118,6 +118,8 @@ pub(super) fn run_to(
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         return Ok(ExitStatus::Done);
     }
+    let (first, its_paths) = load_study(&before(&models[0].args))?;
+    streams::check(&first, &its_paths, talk)?;
     if report::commands(&[&models[0].study]).contains(&"pretrain") {
         talk.heading("pretrain");
         ended.and(pretrain::run(&StudyArgs { json: false, ..before(args) }, talk)?);

@@ -152,11 +152,11 @@ pub(super) fn run(
             None => judged.push(part.clone()),
         }
     }
+    let mut ended = if left_out.is_empty() { ExitStatus::Done } else { ExitStatus::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
-    let mut ended = ExitStatus::Done;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
         let written = report::write(&judged.paths, report, &judged.summary);
         artefact::or_read_only(written, &judged.paths.report(), printer)?;

@@ -44,6 +44,7 @@ mod standing_still;
 mod starts;
 mod streams;
 mod sweep;
+mod sweep_notes;
 mod sweep_plan;
 mod sweep_tables;
 mod torch;

@@ -4,7 +4,7 @@ use std::{fmt, ops::Range};
 
 use anyhow::{Context as _, ensure};
 use calib_core::{Frames, Timestamp};
-use calib_data::{Dataset, TimeRange, format_time};
+use calib_data::{DataError, Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
 
 use super::plant_of_study;
@@ -38,6 +38,25 @@ pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyh
         None => dataset?,
     };
     parts(study, dataset)
+}
+
+/// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
+pub(super) fn is_outside(reason: &anyhow::Error) -> bool {
+    let held_out = |error: &DataError| {
+        matches!(
+            error,
+            DataError::OutsideData { key: "held_out", .. }
+                | DataError::NoTransitions { key: "held_out", .. }
+        )
+    };
+    reason.chain().filter_map(|cause| cause.downcast_ref()).any(held_out)
+}
+
+/// The study with nothing held out.
+pub(super) fn without_deployment(study: &Study) -> Study {
+    let mut study = study.clone();
+    study.data.held_out = None;
+    study
 }
 
 /// Divide the training range of a log that was read.

@@ -23,7 +23,6 @@ use super::{
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
-    streams::part_name,
     sweep::SweepManifest,
     trajectory_columns::Columns,
     verdict_rows::{self, verdict_row},

@@ -98,7 +98,14 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     let model = model_files::open(&paths, &study)?;
     let sensors = sensors(&study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = held_out(&study, &paths, &model, printer)?;
+    let deployment = match held_out(&study, &paths, &model, printer) {
+        Err(reason) if paths.deployment().is_some() && partition::is_outside(&reason) => {
+            let name = paths.deployment().unwrap_or_default();
+            printer.error(&format!("deployment {name} is left out: {reason:#}"));
+            return Ok(ExitStatus::Negative);
+        }
+        deployment => deployment?,
+    };
     let seed = Seed::new(study.seed).child("rollout");
     let (held_out, fingerprint) = deployment
         .as_ref()

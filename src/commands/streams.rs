@@ -2,14 +2,18 @@
 
 use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
-use calib_core::{Frames, RowStream};
+use calib_core::{Frames, RowStream, Seed};
 use calib_data::{Dataset, format_time};
-use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows};
+use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
 use serde::{Deserialize, Serialize};
 
+use super::{
+    artefact::MANIFEST,
+    partition::{self, Parts},
+};
 use crate::{
     output::{Printer, count},
-    study::Study,
+    study::{Study, StudyPaths},
 };
 
 /// What streams a sweep has, and why they are not what the study says.
@@ -73,6 +77,21 @@ impl Streams {
     }
 }
 
+/// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.
+///
+/// # Errors
+/// [`Unscorable`], or a log that cannot be read.
+pub(super) fn check(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<()> {
+    if !study.deployments.is_empty() || paths.model().join(MANIFEST).exists() {
+        return Ok(());
+    }
+    // The steps that follow say again what there is to say.
+    let silent = &printer.silent();
+    let Parts { dataset, .. } = partition::load(study, paths, silent)?;
+    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    Streams::of(study, &dataset, &candidates, silent).map(|_| ())
+}
+
 fn held_out_windows(
     study: &Study,
     held_out: &Frames,
@@ -84,10 +103,14 @@ fn held_out_windows(
     if windows.starts.is_empty() {
         let longest = held_out.segments().iter().map(calib_core::Segment::len).max().unwrap_or(0);
         let range = study.data.held_out.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+        let other = match demand.part {
+            Part::WholeRun => "or a smaller gamma",
+            _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
+        };
         bail!(Unscorable(format!(
             "no step of the held-out range{range} can be scored: with gamma = {} the last {} steps of each unbroken piece have \
-             truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, a \
-             smaller gamma, or sweep.scored = \"whole_run\"",
+             truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, \
+             {other}",
             demand.gamma,
             demand.span.tail,
             count(longest),

@@ -2,12 +2,12 @@ use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
 use calib_agent::AgentConfig;
-use calib_core::{Frames, Normaliser, Period, Seed};
+use calib_core::{Frames, Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_sweep::{
-    Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
-    Span, SweepError, Unit, UnitResult, UnitStore, candidates,
+    Candidate, Completed, ErrorScale, Plan, PlanOptions, PlannedUnit, Span, SweepError, Unit,
+    UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,9 @@ use super::{
     load_study, model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files, recorded,
-    standing_still::{self, Still},
+    standing_still::Still,
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
+    sweep_notes::{failed_rollouts, saved, standing_still},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
@@ -110,9 +111,16 @@ pub(super) fn run(
         "sweep: reading {}",
         plant_of_study::data(&study, &paths)?.path.0.join(", ")
     ));
-    let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
-    model_files::check_data(&paths, &model.manifest, &dataset)?;
     let content = model.manifest.content()?;
+    let Parts { dataset, pretrain } = match partition::load(&study, &paths, printer) {
+        Err(reason) if paths.deployment().is_some() && partition::is_outside(&reason) => {
+            let rest = partition::load(&partition::without_deployment(&study), &paths, printer)?;
+            let made = LeftOut { study, dataset: &rest.dataset, model: &content, candidates };
+            return made.leave_out(format!("{reason:#}"), args, &paths, printer);
+        }
+        parts => parts?,
+    };
+    model_files::check_data(&paths, &model.manifest, &dataset)?;
     let streams = match Streams::of(&study, &dataset, &candidates, printer) {
         Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
             let reason = reason.to_string();
@@ -126,16 +134,7 @@ pub(super) fn run(
         Environments::new(&study, &model, &dataset, &streams, (&paths, printer))?;
     let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
     let scales = error_scales(&dataset, &sensors, &candidates);
-    let still = match (&dataset.held_out, &streams.online) {
-        (Some(held_out), Some(windows)) => {
-            standing_still::all(held_out.states(), windows, &sensors)
-        }
-        _ => Vec::new(),
-    };
-    let still_notes: Vec<String> = still.iter().map(Still::note).collect();
-    for note in &still_notes {
-        printer.warn(note);
-    }
+    let still = standing_still(&dataset, &streams, &sensors, printer);
     let (starts, notes) =
         pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     printer.say_all(&notes);
@@ -168,6 +167,7 @@ pub(super) fn run(
     shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
+    saved(&results, candidates.len()).into_iter().for_each(|saved| printer.say(&saved));
     let failed = failed_rollouts(&results, &dataset.normaliser);
     for note in &failed {
         printer.warn(note);
@@ -182,16 +182,14 @@ pub(super) fn run(
         period: dataset.period,
         held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
         span,
-        windows: match (&streams.online, &dataset.held_out) {
-            (Some(windows), Some(held_out)) => online_windows(windows, held_out),
-            _ => Vec::new(),
-        },
+        windows: windows(&dataset, &streams),
         standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales,
         left_out: None,
         candidates,
         units,
-        notes: [notes, streams.notes, still_notes, told_starts, failed].concat(),
+        notes: [notes, streams.notes, still.iter().map(Still::note).collect(), told_starts, failed]
+            .concat(),
         files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
     if let Some(kept) = kept
@@ -261,6 +259,14 @@ fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
     if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
 }
 
+/// What Online replays.
+fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
+    match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+        _ => Vec::new(),
+    }
+}
+
 /// A deployment in which nothing can be scored.
 struct LeftOut<'a> {
     study: Study,
@@ -279,7 +285,7 @@ impl LeftOut<'_> {
         printer: &Printer,
     ) -> anyhow::Result<ExitStatus> {
         let name = paths.deployment().unwrap_or_default();
-        printer.warn(&format!("deployment {name} is left out: {reason}"));
+        printer.error(&format!("deployment {name} is left out: {reason}"));
         if args.dry_run {
             return Ok(ExitStatus::Negative);
         }
@@ -333,27 +339,6 @@ impl Found {
         let stored = plan.stored(&store.clone().beside(others))?;
         Ok(Self { own: plan.stored(store)?, stored })
     }
-}
-
-/// The runs of each environment whose rollout left the finite numbers, and where.
-fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<String> {
-    let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
-    for result in results {
-        if let Some(not_finite) = result.not_finite {
-            let runs = environments.entry(result.unit.environment).or_default();
-            runs.insert(result.unit.run, not_finite);
-        }
-    }
-    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
-        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
-            format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
-        };
-        format!(
-            "the model's rollout left the finite numbers in {environment}: {}; every value has an infinite error there",
-            runs.iter().map(told).collect::<Vec<_>>().join(", ")
-        )
-    };
-    environments.into_iter().map(note).collect()
 }
 
 #[derive(Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use calib_report::{
     Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
 };
 use calib_stats::Summary;
-use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, Truth};
+use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, Sampling, SensorVerdict, Truth};
 
 use super::{streams::part_name, sweep::SweepManifest};
 use crate::study::Study;
@@ -95,8 +95,35 @@ pub(super) fn verdict_row(
                 regret: other.regret,
             })
             .collect(),
-        notes: verdict.warnings.clone(),
+        notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
+}
+
+/// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
+fn at_the_end(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<String> {
+    let candidates = &sweep.candidates;
+    let numbers: Vec<f64> =
+        candidates.iter().map(|of| setting(of).as_number()).collect::<Option<_>>()?;
+    let online = verdict.truth.as_ref();
+    let told_apart = match online {
+        Some(truth) => truth.regrets.as_deref().is_some_and(|of| told(of) == Told::Apart),
+        None => told(&verdict.scores) == Told::Apart,
+    };
+    if sweep.study.sweep.sampling != Sampling::Grid || numbers.len() < 3 || !told_apart {
+        return None;
+    }
+    let best = numbers[online.map_or(Some(verdict.chosen), |truth| truth.best)?];
+    let end = if numbers.iter().all(|&number| number <= best) {
+        "largest"
+    } else if best > 0.0 && numbers.iter().all(|&number| number >= best) {
+        "smallest"
+    } else {
+        return None;
+    };
+    let whose = if online.is_some() { "the best value on held-out data" } else { "the choice" };
+    Some(format!(
+        "{whose} is the {end} of the grid: better ones may lie beyond it; add some to sweep.grid"
+    ))
 }
 
 fn agreement(

@@ -47,17 +47,19 @@ impl Template {
         Ok(Self { name, file: plants.study.clone(), table })
     }
 
-    /// A value for each of `axes`, and seeds of the study and of its plant.
+    /// A value for each of `axes`, and seeds of the study and of its plant. `section` is where a key is drawn.
     pub(super) fn values(
         &self,
         axes: &BTreeMap<String, Axis>,
         seed: Seed,
         defaults: &serde_json::Value,
+        section: impl Fn(&str) -> String,
     ) -> anyhow::Result<BTreeMap<String, Value>> {
         let draw = |(key, axis): (&String, &Axis)| {
             let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
             let drawn = axis.draw(like, seed.child(key).rng().unit());
-            let drawn = drawn.with_context(|| format!("{key} cannot be drawn"))?;
+            let drawn =
+                drawn.with_context(|| format!("{}: {key} cannot be drawn", section(key)))?;
             Ok((key.clone(), to_toml(&drawn).with_context(|| key.clone())?))
         };
         let mut values = axes.iter().map(draw).collect::<anyhow::Result<BTreeMap<_, _>>>()?;
