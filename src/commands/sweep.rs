@@ -111,23 +111,15 @@ pub(super) fn run(
         "sweep: reading {}",
         plant_of_study::data(&study, &paths)?.path.0.join(", ")
     ));
-    let content = model.manifest.content()?;
-    let Parts { dataset, pretrain } = match partition::load(&study, &paths, printer) {
-        Err(reason) if paths.deployment().is_some() && partition::is_outside(&reason) => {
-            let rest = partition::load(&partition::without_deployment(&study), &paths, printer)?;
-            let made = LeftOut { study, dataset: &rest.dataset, model: &content, candidates };
-            return made.leave_out(format!("{reason:#}"), args, &paths, printer);
-        }
-        parts => parts?,
-    };
+    let (Parts { dataset, pretrain }, streams) = scorable(&study, &paths, &candidates, printer)?;
     model_files::check_data(&paths, &model.manifest, &dataset)?;
-    let streams = match Streams::of(&study, &dataset, &candidates, printer) {
-        Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
-            let reason = reason.to_string();
+    let content = model.manifest.content()?;
+    let streams = match streams {
+        Ok(streams) => streams,
+        Err(reason) => {
             let made = LeftOut { study, dataset: &dataset, model: &content, candidates };
             return made.leave_out(reason, args, &paths, printer);
         }
-        streams => streams?,
     };
     let span = streams.demand.span;
     let Environments { environments, starts: told_starts } =
@@ -167,11 +159,10 @@ pub(super) fn run(
     shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
-    saved(&results, candidates.len()).into_iter().for_each(|saved| printer.say(&saved));
-    let failed = failed_rollouts(&results, &dataset.normaliser);
-    for note in &failed {
-        printer.warn(note);
+    if let Some(saved) = saved(&results, candidates.len()) {
+        printer.say(&saved);
     }
+    let failed = failed_rollouts(&results, &dataset.normaliser, printer);
     let mut manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -208,6 +199,28 @@ pub(super) fn run(
     claim.complete(&manifest)?;
     finish(args, &paths, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+fn scorable(
+    study: &Study,
+    paths: &StudyPaths,
+    candidates: &[Candidate],
+    printer: &Printer,
+) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+    let is_one_of_several = paths.deployment().is_some();
+    let parts = match partition::load(study, paths, printer) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load(&partition::without_deployment(study), paths, printer)?;
+            return Ok((rest, Err(format!("{reason:#}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(study, &parts.dataset, candidates, printer) {
+        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.

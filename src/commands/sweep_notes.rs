@@ -29,8 +29,12 @@ pub(super) fn standing_still(
     still
 }
 
-/// The runs of each environment whose rollout left the finite numbers, and where.
-pub(super) fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<String> {
+/// The runs of each environment whose rollout left the finite numbers, and where, with a warning of each.
+pub(super) fn failed_rollouts(
+    results: &[UnitResult],
+    normaliser: &Normaliser,
+    printer: &Printer,
+) -> Vec<String> {
     let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
     for result in results {
         if let Some(not_finite) = result.not_finite {
@@ -47,7 +51,11 @@ pub(super) fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -
             runs.iter().map(told).collect::<Vec<_>>().join(", ")
         )
     };
-    environments.into_iter().map(note).collect()
+    let notes: Vec<String> = environments.into_iter().map(note).collect();
+    for note in &notes {
+        printer.warn(note);
+    }
+    notes
 }
 
 /// What a race saved, in words; nothing where it dropped no value.
