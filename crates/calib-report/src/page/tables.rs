@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Text up to this length stays on one line.
-const SHORT: usize = 16;
+const SHORT: usize = 24;
 
 /// A table with a title, a caption and a copy button.
 pub(super) fn table(table: &Table, id: &str) -> Markup {

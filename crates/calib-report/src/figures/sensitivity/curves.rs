@@ -5,6 +5,9 @@ use calib_stats::Summary;
 use super::{ErrorCurve, ErrorSource, RankCurve, Sensitivity};
 use crate::chart::{Colour, Dash, Marker, Point, Series, Side};
 
+/// How much wider a curve of ranks is than the one that is drawn after it.
+const WIDER: f64 = 1.6;
+
 impl Sensitivity {
     /// Scores, then worst ranks; points from left to right, whatever the order of the grid.
     pub(super) fn curves(&self, positions: &[f64]) -> Vec<Series> {
@@ -25,7 +28,8 @@ impl Sensitivity {
                 y: curve.worst_ranks[place] as f64,
                 interval: None,
             };
-            rank_series(curve, index, side, order.iter().map(point).collect())
+            let after = self.worst_ranks.len() - 1 - index;
+            rank_series(curve, [index, after], side, order.iter().map(point).collect())
         }));
         curves
     }
@@ -45,10 +49,17 @@ fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series 
     Series { label, side: Side::Left, colour, dash, width, marker, points }
 }
 
-fn rank_series(curve: &RankCurve, index: usize, side: Side, points: Vec<Point>) -> Series {
+/// Ranks are whole, so that curves often lie on each other: those drawn before others are wider, and seen beside them.
+fn rank_series(
+    curve: &RankCurve,
+    [index, after]: [usize; 2],
+    side: Side,
+    points: Vec<Point>,
+) -> Series {
     let marker = Some([Marker::Square, Marker::Diamond, Marker::Circle][index % 3]);
     let (label, colour) = (curve.label.clone(), Colour::Curve(1 + index));
-    Series { label, side, colour, dash: Dash::Dashed, width: 1.8, marker, points }
+    let width = 1.8 + WIDER * after.min(3) as f64;
+    Series { label, side, colour, dash: Dash::Dashed, width, marker, points }
 }
 
 fn score_point(x: f64, summary: Option<&Summary>) -> Point {
