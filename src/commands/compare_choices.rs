@@ -21,7 +21,11 @@ pub(super) fn choices(parts: &[Part]) -> String {
                 Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
             });
             let deployment = named.then(|| part.deployment_name().to_owned());
-            let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
+            let row = [
+                part.model_name().to_owned(),
+                verdict.chosen.to_string(),
+                verdict.reliance().word().to_owned(),
+            ];
             let numbers = [
                 or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
                 or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
@@ -36,7 +40,7 @@ pub(super) fn choices(parts: &[Part]) -> String {
     let header: Vec<&str> = ["sensor"]
         .into_iter()
         .chain(deployment)
-        .chain(["model", "choice", "regret", "Spearman", "DTW", "collapse"])
+        .chain(["model", "choice", "grade", "regret", "Spearman", "DTW", "collapse"])
         .collect();
     table(&header, &rows)
 }

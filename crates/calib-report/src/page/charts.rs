@@ -153,7 +153,7 @@ impl Sensitivity {
         }
         if !self.worst_ranks.is_empty() {
             caption.push_str(
-                " Dashed, on the right axis: the worst rank over the members of each calibration model.",
+                " Dashed and dotted, on the right axis: the worst rank over the members of each calibration model.",
             );
         }
         caption

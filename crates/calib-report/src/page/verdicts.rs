@@ -185,9 +185,6 @@ fn comparison(report: &Report) -> Table {
         "Regret",
         "95 %",
         "Stability",
-        "Spearman",
-        "Kendall",
-        "Top k",
     ];
     Table {
         title: "All verdicts".to_owned(),
@@ -222,21 +219,41 @@ fn alternatives(report: &Report) -> Table {
     let row = |verdict: &Verdict| {
         let names = [verdict.sensor.clone(), verdict.model.clone()].map(Cell::Text);
         let others = ways.iter().map(|&(_, way)| share(verdict.regret_of(way)));
-        names.into_iter().chain([share(verdict.regret())]).chain(others).collect()
+        let costs = [share(verdict.regret())].into_iter().chain(others);
+        names.into_iter().chain(costs).chain(agreement(verdict)).collect()
     };
     Table {
-        title: "Regret of other ways to choose".to_owned(),
-        caption:
-            "The regret on held-out data of the choice, and of what other ways would have chosen."
-                .to_owned(),
+        title: "Other ways to choose, and agreement".to_owned(),
+        caption: "The regret on held-out data of the choice, and of what other ways would have chosen; and how far the model's ranking of \
+                  all values agrees with that of held-out data."
+            .to_owned(),
         columns: ["Sensor", "Model", "This choice"]
             .into_iter()
             .chain(ways.map(|(name, _)| name))
+            .chain(["Spearman", "Kendall", "Top k"])
             .map(str::to_owned)
             .collect(),
         rows: report.verdicts.iter().map(row).collect(),
         best: None,
     }
+}
+
+/// Correlations of the rankings, and whether the choice is among the best.
+fn agreement(verdict: &Verdict) -> [Cell; 3] {
+    let online = verdict.online.as_ref();
+    let top = online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
+        Cell::Text(format!("{} top {}", if top.hit { "in" } else { "not in" }, top.k))
+    });
+    [
+        correlation(online.and_then(|online| online.spearman)),
+        correlation(online.and_then(|online| online.kendall)),
+        top,
+    ]
+}
+
+/// A number between −1 and 1.
+fn correlation(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")))
 }
 
 /// The hyperparameter, if all verdicts are about the same.
@@ -255,8 +272,6 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         .map(ToString::to_string)
         .collect();
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
-    let correlation =
-        |value: Option<f64>| value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")));
     let interval = online
         .and_then(|online| online.regret?.interval)
         .map(|of| Cell::Text(format!("{} to {}", percent(of.low), percent(of.high))));
@@ -279,10 +294,5 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         share(verdict.regret()),
         interval.unwrap_or(Cell::Missing),
         share(same.map(|&(_, share)| share)),
-        correlation(online.and_then(|online| online.spearman)),
-        correlation(online.and_then(|online| online.kendall)),
-        online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
-            Cell::Text(format!("{} top {}", if top.hit { "in" } else { "not in" }, top.k))
-        }),
     ]
 }

@@ -6,7 +6,7 @@ use super::{ErrorCurve, ErrorSource, RankCurve, Sensitivity};
 use crate::chart::{Colour, Dash, Marker, Point, Series, Side};
 
 /// How much wider a curve of ranks is than the one that is drawn after it.
-const WIDER: f64 = 1.6;
+const WIDER: f64 = 2.2;
 
 impl Sensitivity {
     /// Scores, then worst ranks; points from left to right, whatever the order of the grid.
@@ -59,7 +59,8 @@ fn rank_series(
     let marker = Some([Marker::Square, Marker::Diamond, Marker::Circle][index % 3]);
     let (label, colour) = (curve.label.clone(), Colour::Curve(1 + index));
     let width = 1.8 + WIDER * after.min(3) as f64;
-    Series { label, side, colour, dash: Dash::Dashed, width, marker, points }
+    let dash = if index.is_multiple_of(2) { Dash::Dashed } else { Dash::Dotted };
+    Series { label, side, colour, dash, width, marker, points }
 }
 
 fn score_point(x: f64, summary: Option<&Summary>) -> Point {
