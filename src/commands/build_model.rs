@@ -351,12 +351,16 @@ fn summarise(
             printer.result(&format!("    {line}"))?;
         }
     }
-    recurrence::warn(&manifest.members, manifest.study.model.recurrent, printer);
-    let members = manifest.members.iter();
-    jumps::warn(
-        members.map(|member| (member.jumps.as_ref(), member.transitions)),
-        &manifest.study.model,
-        printer,
-    );
+    for warning in warnings(manifest) {
+        printer.warn(&warning);
+    }
     Ok(())
+}
+
+/// What the reader of anything that follows from a model should know: how far walks of its members get.
+pub(super) fn warnings(manifest: &ModelManifest) -> Vec<String> {
+    let ModelManifest { members, study, .. } = manifest;
+    let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
+    let walks = recurrence::warnings(members, study.model.recurrent);
+    [walks, jumps::warnings(jumps, &study.model)].concat()
 }

@@ -12,7 +12,7 @@ use super::represent::Width;
 use crate::{
     cli::{BuildOptions, Index, Spill},
     memory,
-    output::{bytes, count},
+    output::{bytes, count, counted},
 };
 
 /// What reading a log takes beside the states: a batch of channels, and for each row of the log its time and flags.
@@ -155,11 +155,11 @@ impl BuildPlan {
             Spilled::Everything => ", with states, images and tables mapped from files",
         };
         format!(
-            "{} rows x {} columns in {} segments; {} members, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
+            "{} rows x {} columns in {}; {}, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
             count(self.rows),
             self.columns,
-            count(self.segments),
-            self.members,
+            counted(self.segments, "segment"),
+            counted(self.members, "member"),
             self.neighbors,
             bytes(self.memory_bytes),
             bytes(self.disk_bytes),

@@ -10,7 +10,7 @@ use super::{
     plant_of_study::PlantOfStudy,
     pretrain, report, represent, rollout,
     simulate::{Found, sentence},
-    sweep,
+    streams, sweep,
     sweep_plan::Counted,
     torch::NoLibtorch,
 };
@@ -105,6 +105,7 @@ pub(super) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         return Ok(ExitStatus::Done);
     }
+    streams::check(&models[0].job.before_deployment()?, talk)?;
     if report::commands(&[models[0].job.study()]).contains(&"pretrain") {
         talk.heading("pretrain");
         ended.and(pretrain::run(&job.before_deployment()?, talk)?);

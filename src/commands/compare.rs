@@ -4,27 +4,25 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use anyhow::ensure;
 use calib_files::write_json;
-use calib_report::{Report, RolloutGrid, Sensitivity, Verdict};
+use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
+    compare_choices::choices,
     compare_pairs::{self, Comparisons},
     compare_tables,
     comparison::{self, Comparison, Pair},
     deployed::{self, Deployed},
-    evaluate::{self, Judged, Summary, judge, print, told},
+    evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
     figures::{self, Starts},
     learning,
     one_step::Predicting,
     recorded, report, report_data,
     rollout::{self, RolloutManifest},
 };
-use crate::{
-    exit::ExitStatus,
-    output::{Printer, percent, significant, table},
-};
+use crate::{exit::ExitStatus, output::Printer};
 
 /// `summary.json` of several models and deployments.
 #[derive(Serialize)]
@@ -150,27 +148,27 @@ pub(super) fn run(
             None => judged.push(part.clone()),
         }
     }
+    let mut ended = if left_out.is_empty() { ExitStatus::Done } else { ExitStatus::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
-    let mut ended = ExitStatus::Done;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
         let written = report::write(judged.paths(), report, &judged.summary);
         artefact::or_read_only(written, &judged.paths().report(), printer)?;
         if !printer.is_for_machines() {
             printer.heading(name);
-            print(&judged.summary, judged.paths(), printer)?;
+            print_advice(&judged.summary, printer)?;
         }
         match told(&judged.summary) {
             ExitStatus::Done => {}
             other => ended = other,
         }
     }
-    let what_to_deploy = deployed::all(&parts);
+    let what_to_deploy = deployed::all(&parts)?;
     let mut whole = whole(job, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
-    let table = show(&parts);
+    let table = choices(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
@@ -181,6 +179,7 @@ pub(super) fn run(
         printer.lines(&table)?;
         comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
         deployed::show(&summaries.what_to_deploy, printer)?;
+        print_notes(&[caveats(&whole.verdicts), whole.warnings].concat(), printer)?;
         printer.result(&format!("report: {}", paths.report().display()))?;
     }
     Ok(ended)
@@ -356,53 +355,11 @@ fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
     whole.worst_ranks = all.iter().flat_map(|of| of.worst_ranks.clone()).collect();
+    // Online and the log are the same for all; what models chose by is not.
+    let is_evidence = |of: &&ErrorCurve| of.source == ErrorSource::Evidence;
+    whole.errors.retain(|of| !is_evidence(&of));
+    whole.errors.extend(all.iter().flat_map(|of| &of.errors).filter(is_evidence).cloned());
     // No model's choice is marked before others'.
     whole.chosen = whole.chosen.filter(|_| all.iter().all(|of| of.chosen == whole.chosen));
     Some(whole)
-}
-
-/// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
-fn show(parts: &[Part]) -> String {
-    let deployments = by_deployment(parts);
-    let named = parts.iter().any(|part| part.deployment.is_some());
-    let mut rows = Vec::new();
-    for first in &parts[0].report.verdicts {
-        for part in deployments.iter().flatten() {
-            let own = part.report.verdicts.iter().find(|of| of.sensor == first.sensor);
-            let Some(verdict) = own else { continue };
-            let online = verdict.online.as_ref();
-            let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-            let distances = part.comparison().map_or(&[][..], |of| &of.sensors);
-            let own = distances.iter().find(|of| of.sensor == first.sensor);
-            let warping = own.and_then(|of| {
-                let pattern = of.dtw.first()?;
-                Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
-            });
-            let deployment = named.then(|| part.deployment_name().to_owned());
-            let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
-            let numbers = [
-                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
-                or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
-                or_none(warping.map(significant)),
-                or_none(collapse(part, &first.sensor)),
-            ];
-            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(row);
-            rows.push(row.chain(numbers).collect());
-        }
-    }
-    let deployment = named.then_some("deployment");
-    let header: Vec<&str> = ["sensor"]
-        .into_iter()
-        .chain(deployment)
-        .chain(["model", "choice", "regret", "Spearman", "DTW", "collapse"])
-        .collect();
-    table(&header, &rows)
-}
-
-/// How many rollouts stop moving, and half of them by which step.
-fn collapse(part: &Part, sensor: &str) -> Option<String> {
-    let collapse = &part.rollouts.as_ref()?.collapse;
-    let own = collapse.sensors.iter().find(|of| of.sensor == sensor)?;
-    let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
-    Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
 }

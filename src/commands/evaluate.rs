@@ -1,6 +1,7 @@
 use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
 use calib_core::{Seed, Silent};
+use calib_report::caveats;
 use calib_rollout::StartKind;
 use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
@@ -12,6 +13,7 @@ use super::{
     partition, report, rollout,
     stale::Kept,
     sweep::{SweepManifest, unit_store},
+    verdict_rows::{self, verdict_row},
 };
 use crate::{exit::ExitStatus, output::Printer};
 
@@ -26,6 +28,9 @@ pub(super) struct Summary {
     /// Labels of the candidates that the verdicts count.
     pub(super) candidates: Vec<String>,
     pub(super) verdicts: Vec<SensorVerdict>,
+    /// What the reader must know before relying on the verdicts.
+    pub(super) caveats: Vec<String>,
+    /// What else is worth knowing of the sweep.
     pub(super) notes: Vec<String>,
 }
 
@@ -98,12 +103,14 @@ pub(super) fn judge(job: &Job) -> anyhow::Result<Judged> {
     let verdicts = sensors
         .map(|sensor| Ok(verdict_of(sensor, study.part(), (study, &manifest, &results))?))
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let advice = verdicts.iter().map(|verdict| report::advice(verdict, &manifest, study)).collect();
+    let rows: Vec<calib_report::Verdict> =
+        verdicts.iter().map(|verdict| verdict_row(verdict, &manifest, study)).collect();
     let summary = Summary {
         format: 2,
         tool: TOOL,
         title: job.title(),
-        advice,
+        advice: rows.iter().map(verdict_rows::advice).collect(),
+        caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
         verdicts,
         notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
@@ -189,14 +196,24 @@ fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
     Ok(())
 }
 
-pub(super) fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {
+/// The verdicts, what stands in their way, and where the report is.
+fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {
+    print_advice(summary, printer)?;
+    print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
+    printer.result(&format!("report: {}", paths.report().display()))
+}
+
+/// The verdict on each sensor.
+pub(super) fn print_advice(summary: &Summary, printer: &Printer) -> anyhow::Result<()> {
     for lines in &summary.advice {
         for (position, line) in lines.iter().enumerate() {
             printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
         }
     }
-    for note in &summary.notes {
-        printer.result(&format!("note: {note}"))?;
-    }
-    printer.result(&format!("report: {}", paths.report().display()))
+    Ok(())
+}
+
+/// What the reader must know before relying on verdicts.
+pub(super) fn print_notes(notes: &[String], printer: &Printer) -> anyhow::Result<()> {
+    notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
 }

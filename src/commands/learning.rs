@@ -9,7 +9,7 @@ use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use super::{
     compare::Part,
-    report::{field, setting},
+    verdict_rows::{field, setting},
 };
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.

@@ -4,7 +4,7 @@ use std::{fmt, ops::Range};
 
 use anyhow::{Context as _, ensure};
 use calib_core::{Frames, Monitor, Timestamp};
-use calib_data::{Dataset, TimeRange, format_time};
+use calib_data::{DataConfig, DataError, Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
 use calib_study::{Job, Partition, Study};
 
@@ -31,6 +31,13 @@ pub(super) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
     read(job, &printer.progress())
 }
 
+/// As [`load`], with nothing held out: of a deployment that the log does not have.
+pub(super) fn load_training(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
+    let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
+    let study = job.study();
+    parts(study, calib_data::load(&data, &study.preprocess, &printer.progress())?)
+}
+
 /// As [`load`], with progress told to a monitor.
 pub(super) fn read(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Parts> {
     let (study, data) = (job.study(), plant_of_study::data(job)?);
@@ -41,6 +48,18 @@ pub(super) fn read(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Parts> {
         None => dataset?,
     };
     parts(study, dataset)
+}
+
+/// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
+pub(super) fn is_outside(reason: &anyhow::Error) -> bool {
+    let held_out = |error: &DataError| {
+        matches!(
+            error,
+            DataError::OutsideData { key: "held_out", .. }
+                | DataError::NoTransitions { key: "held_out", .. }
+        )
+    };
+    reason.chain().filter_map(|cause| cause.downcast_ref()).any(held_out)
 }
 
 /// Divide the training range of a log that was read.

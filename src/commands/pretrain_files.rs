@@ -138,8 +138,9 @@ fn read_agent(
     directory: &Path,
     agent: &PretrainedAgent,
     rule: MomentsRule,
+    command: &str,
 ) -> anyhow::Result<Checkpoint> {
-    artefact::check_files(directory, &agent.files, "calib pretrain")?;
+    artefact::check_files(directory, &agent.files, command)?;
     let [weights, moments] = names(&agent.sensor);
     let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
         let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
@@ -264,7 +265,7 @@ pub(super) fn starts(
                 candidate.label()
             );
         }
-        let checkpoint = read_agent(&directory, agent, study.pretrain.moments)
+        let checkpoint = read_agent(&directory, agent, study.pretrain.moments, &command)
             .with_context(|| format!("the agent for {sensor} in {}", directory.display()))?;
         let inputs = serde_json::to_vec(&(&agent.files, study.pretrain.moments))?;
         let start = Start { checkpoint, fingerprint: Fingerprint::of(&inputs) };

@@ -6,18 +6,14 @@ use anyhow::ensure;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
-    Agreement, Alternative, Cell, ErrorCurve, ErrorSource, Grade, JumpStatistics, RankCurve,
-    Reason, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Verdict,
-    Way,
+    Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
 };
 use calib_represent::RepresentationKind;
-use calib_stats::Summary as ScoreSummary;
 use calib_study::{Job, Layout, Study};
-use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, Truth};
 
 use super::{
     artefact::{self, Below, Claim},
-    collapse,
+    build_model, collapse,
     comparison::{self, ComparedModel},
     evaluate::{Judged, Summary},
     figures::{self, Starts},
@@ -28,9 +24,9 @@ use super::{
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
-    streams::part_name,
     sweep::SweepManifest,
     trajectory_columns::Columns,
+    verdict_rows::{self, verdict_row},
 };
 
 /// Write the summary, the figures and `report.html`.
@@ -95,7 +91,6 @@ pub(super) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { job, manifest: sweep, summary, results } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
-    let candidates = &sweep.candidates;
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
         model.has_profile(&paths.model()),
@@ -120,13 +115,15 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.clone(),
+        warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
         sensitivities: summary
             .verdicts
             .iter()
-            .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
+            .map(|verdict| {
+                verdict_rows::sensitivity(verdict, &sweep.candidates, study.model_name())
+            })
             .collect(),
-        learning: learning::curves(&study.sweep.sensors, candidates, results)?,
+        learning: learning::curves(&study.sweep.sensors, &sweep.candidates, results)?,
         recorded: kept,
         rollouts: shown,
         rollout_grids: grids.collect(),
@@ -200,159 +197,6 @@ pub(super) fn representation_table(study: &Study, paths: &Layout) -> Option<Tabl
         .map(|manifest| represent::report_table(&manifest))
 }
 
-/// The swept field, or all of them where there are several.
-pub(super) fn field(candidates: &[Candidate]) -> String {
-    let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
-    fields.collect::<Vec<_>>().join(", ")
-}
-
-/// The value of a candidate: a number where one numeric field is swept, else its label.
-pub(super) fn setting(candidate: &Candidate) -> Setting {
-    match candidate.values.as_slice() {
-        [(_, value)] => value
-            .as_f64()
-            .map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number),
-        _ => Setting::Name(candidate.label()),
-    }
-}
-
-/// The values of the grid along an axis. A step size of 0, the agent as it was pre-trained, has no place on a
-/// logarithmic axis: values beside it are evenly spaced names.
-fn axis(grid: &[&Candidate]) -> Vec<Setting> {
-    let values: Vec<Setting> = grid.iter().map(|candidate| setting(candidate)).collect();
-    let zero = values.iter().any(|value| value.as_number() == Some(0.0));
-    let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
-    values.into_iter().map(named).collect()
-}
-
-/// The verdict on one sensor in words: what to deploy, then the reasons.
-pub(super) fn advice(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Vec<String> {
-    let row = verdict_row(verdict, sweep, study);
-    [row.headline()].into_iter().chain(row.reasons(&Score::nrmse())).collect()
-}
-
-fn verdict_row(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Verdict {
-    let candidates = &sweep.candidates;
-    let of = |index: usize| setting(&candidates[index]);
-    let selection = &verdict.selection;
-    let streams = |of: &EnvironmentScores| of.streams;
-    let of_members: usize = verdict.members.iter().map(streams).sum();
-    let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
-    Verdict {
-        sensor: verdict.sensor.clone(),
-        field: field(candidates),
-        model: study.model_name().to_owned(),
-        chosen: of(verdict.chosen),
-        grade: match verdict.grade {
-            calib_sweep::Grade::Good => Grade::Good,
-            calib_sweep::Grade::Fair => Grade::Fair,
-            calib_sweep::Grade::Poor => Grade::Poor,
-            calib_sweep::Grade::NotLearnt => Grade::NotLearnt,
-            calib_sweep::Grade::Unchecked => Grade::Unchecked,
-        },
-        reason: match verdict.rule {
-            Rule::WorstRank => Reason::WorstRank,
-            Rule::MeanRank => Reason::MeanRank,
-            Rule::MeanError => Reason::MeanError,
-            Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
-            Rule::Pooled => Reason::Pooled { streams: of_all },
-            Rule::LogReplay => Reason::LogReplay { streams: of_all - of_members },
-            Rule::OneStandardError => Reason::OneStandardError { streams: of_all },
-        },
-        tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
-        worst_rank: selection.worst_ranks[verdict.chosen],
-        values: selection.worst_ranks.len(),
-        members: verdict.members.len(),
-        stability: verdict
-            .stability
-            .iter()
-            .map(|of| (setting(&candidates[of.candidate]), of.share))
-            .collect(),
-        online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, candidates, study)),
-        alternatives: verdict
-            .truth
-            .iter()
-            .flat_map(|truth| &truth.baselines)
-            .map(|other| Alternative {
-                way: way(other.baseline),
-                value: other.chosen.map(of),
-                regret: other.regret,
-            })
-            .collect(),
-        notes: verdict.warnings.clone(),
-    }
-}
-
-fn agreement(
-    verdict: &SensorVerdict,
-    truth: &Truth,
-    candidates: &[Candidate],
-    study: &Study,
-) -> Agreement {
-    let best = truth.best.unwrap_or(verdict.chosen);
-    let choice = &truth.choice;
-    Agreement {
-        part: part_name(verdict.part).to_owned(),
-        windows: truth.windows.len(),
-        runs: truth.scores.runs,
-        chosen_error: choice.online_error,
-        chosen_skill: truth.scores.skill[verdict.chosen],
-        best: setting(&candidates[best]),
-        best_error: truth.scores.candidates[best].mean,
-        best_skill: truth.scores.skill[best],
-        regret: choice.regret,
-        against_default: choice.against_default,
-        spearman: choice.spearman,
-        kendall: choice.kendall,
-        top_k: Some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
-    }
-}
-
-const fn way(baseline: Baseline) -> Way {
-    match baseline {
-        Baseline::Default => Way::Default,
-        Baseline::LogReplay => Way::LogReplay,
-        Baseline::LatestWindow => Way::LatestWindow,
-        Baseline::Random => Way::Random,
-        Baseline::Hindsight => Way::Hindsight,
-        Baseline::AnotherWindow => Way::AnotherWindow,
-    }
-}
-
-fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -> Sensitivity {
-    let grid: Vec<&Candidate> = candidates.iter().collect();
-    let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
-        label: label.to_owned(),
-        source,
-        summaries: scores
-            .candidates
-            .iter()
-            .copied()
-            .map(Some)
-            .collect::<Vec<Option<ScoreSummary>>>(),
-    };
-    let mut errors = Vec::new();
-    if let Some(truth) = &verdict.truth {
-        errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
-    }
-    if let Some(replay) = &verdict.log_replay {
-        errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
-    }
-    Sensitivity {
-        sensor: verdict.sensor.clone(),
-        field: field(candidates),
-        score: Score::nrmse(),
-        values: axis(&grid),
-        errors,
-        worst_ranks: vec![RankCurve {
-            label: format!("{model}, worst rank"),
-            worst_ranks: verdict.selection.worst_ranks.clone(),
-        }],
-        chosen: Some(verdict.chosen),
-        default: grid.iter().position(|candidate| candidate.is_default),
-    }
-}
-
 /// The rollouts over what was recorded, and all starts that they were made from.
 pub(super) fn rollout_figures(
     paths: &Layout,
@@ -380,6 +224,7 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
                 member,
                 steps: jumps.steps as u64,
                 jump_rate: jumps.jump_rate,
+                departure_rate: jumps.departure_rate,
                 mean_run_length: jumps.mean_run_length,
                 note: jump_text::note(jumps, summary.transitions).map(str::to_owned),
             })

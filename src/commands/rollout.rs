@@ -88,7 +88,14 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let model = model_files::open(job)?;
     let sensors = sensors(study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = held_out(job, &model, printer)?;
+    let deployment = match held_out(job, &model, printer) {
+        Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
+            let name = job.deployment().unwrap_or_default();
+            printer.error(&format!("deployment {name} is left out: {reason:#}"));
+            return Ok(ExitStatus::Negative);
+        }
+        deployment => deployment?,
+    };
     let seed = Seed::new(study.seed).child("rollout");
     let (held_out, fingerprint) = deployment
         .as_ref()
@@ -347,7 +354,9 @@ fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> an
     }
     let members = manifest.members.iter();
     let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    jumps::warn(members, &study.model, printer);
+    for warning in jumps::warnings(members, &study.model) {
+        printer.warn(&warning);
+    }
     collapse::show(&manifest.collapse, printer)?;
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),

@@ -179,13 +179,18 @@ pub(super) fn sentence(plant: &Plant) -> String {
     let channels = plant.schema().len();
     let per_day = plant.instants() * (4 * channels as u64 + 8) / u64::from(plant.days()).max(1);
     format!(
-        "{} days x {} channels, {} rows; about {} of memory, at most {} on disk",
-        plant.days(),
+        "{} x {} channels, {} rows; about {} of memory, at most {} on disk",
+        days(plant.options().days),
         count(channels),
         count(plant.instants() as usize),
         bytes(3 * per_day),
         bytes(per_day * u64::from(plant.days())),
     )
+}
+
+/// "4.5 days".
+fn days(days: f64) -> String {
+    format!("{days} day{}", if days == 1.0 { "" } else { "s" })
 }
 
 /// What lies where the log of a plant should be.

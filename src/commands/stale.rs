@@ -98,6 +98,6 @@ mod tests {
         );
         let many =
             refused("seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n");
-        assert!(many.contains("agent.gamma = 0.99, now 0.5; and 2 more keys; run"), "{many}");
+        assert!(many.contains("agent.beta2 = 0.999, now 0.2; and 2 more keys; run"), "{many}");
     }
 }

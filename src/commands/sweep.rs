@@ -2,13 +2,13 @@ use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
 use calib_agent::AgentConfig;
-use calib_core::{Normaliser, Period, Seed};
+use calib_core::{Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_study::{Job, Layout, Study};
 use calib_sweep::{
-    Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
-    Span, SweepError, Unit, UnitResult, UnitStore, candidates,
+    Candidate, Completed, ErrorScale, Plan, PlanOptions, PlannedUnit, Span, SweepError, Unit,
+    UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,9 @@ use super::{
     model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files, recorded,
+    standing_still::Still,
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
+    sweep_notes::{failed_rollouts, saved, standing_still},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
@@ -49,6 +51,9 @@ pub(super) struct SweepManifest {
     pub(super) windows: Vec<OnlineWindow>,
     /// What errors are divided by.
     pub(super) scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) standing_still: Vec<String>,
     /// Why nothing was trained, if nothing was: the deployment cannot be scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) left_out: Option<String>,
@@ -103,22 +108,22 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     let model = model_files::open(job)?;
     printer.say(&format!("sweep: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
-    let Parts { dataset, pretrain } = partition::load(job, printer)?;
+    let (Parts { dataset, pretrain }, streams) = scorable(job, &candidates, printer)?;
     model_files::check_data(job, &model.manifest, &dataset)?;
     let content = model.manifest.content()?;
-    let streams = match Streams::of(study, &dataset, &candidates, printer) {
-        Err(reason) if reason.is::<Unscorable>() && job.deployment().is_some() => {
-            let reason = reason.to_string();
+    let streams = match streams {
+        Ok(streams) => streams,
+        Err(reason) => {
             let made = LeftOut { job, dataset: &dataset, model: &content, candidates };
             return made.leave_out(reason, printer);
         }
-        streams => streams?,
     };
     let span = streams.demand.span;
     let Environments { environments, starts: told_starts } =
         Environments::new(job, &model, &dataset, &streams, printer)?;
     let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let scales = error_scales(&dataset, &sensors, &candidates);
+    let still = standing_still(&dataset, &streams, &sensors, printer);
     let (starts, notes) =
         pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     printer.say_all(&notes);
@@ -151,10 +156,10 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
-    let failed = failed_rollouts(&results, &dataset.normaliser);
-    for note in &failed {
-        printer.warn(note);
+    if let Some(saved) = saved(&results, candidates.len()) {
+        printer.say(&saved);
     }
+    let failed = failed_rollouts(&results, &dataset.normaliser, printer);
     let mut manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -165,15 +170,14 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
         period: dataset.period,
         held_out: HeldOut::of(&dataset),
         span,
-        windows: match (&streams.online, &dataset.held_out) {
-            (Some(windows), Some(held_out)) => online_windows(windows, held_out),
-            _ => Vec::new(),
-        },
+        windows: windows(&dataset, &streams),
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales,
         left_out: None,
         candidates,
         units,
-        notes: [notes, streams.notes, told_starts, failed].concat(),
+        notes: [notes, streams.notes, still.iter().map(Still::note).collect(), told_starts, failed]
+            .concat(),
         files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
     if let Some(kept) = kept
@@ -192,6 +196,27 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     claim.complete(&manifest)?;
     finish(job, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+fn scorable(
+    job: &Job,
+    candidates: &[Candidate],
+    printer: &Printer,
+) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+    let is_one_of_several = job.deployment().is_some();
+    let parts = match partition::load(job, printer) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load_training(job, printer)?;
+            return Ok((rest, Err(format!("{reason:#}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
+        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
@@ -243,6 +268,14 @@ fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
     if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
 }
 
+/// What Online replays.
+fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
+    match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+        _ => Vec::new(),
+    }
+}
+
 /// A deployment in which nothing can be scored.
 struct LeftOut<'a> {
     job: &'a Job,
@@ -257,7 +290,7 @@ impl LeftOut<'_> {
         let Self { job, dataset, model, candidates } = self;
         let study = job.study();
         let name = job.deployment().unwrap_or_default();
-        printer.warn(&format!("deployment {name} is left out: {reason}"));
+        printer.error(&format!("deployment {name} is left out: {reason}"));
         if job.policy().is_dry() {
             return Ok(ExitStatus::Negative);
         }
@@ -273,6 +306,7 @@ impl LeftOut<'_> {
             held_out: HeldOut::of(dataset),
             span,
             windows: Vec::new(),
+            standing_still: Vec::new(),
             scales: Vec::new(),
             left_out: Some(reason),
             candidates,
@@ -309,27 +343,6 @@ impl Found {
         let stored = plan.stored(&store.clone().beside(others))?;
         Ok(Self { own: plan.stored(store)?, stored })
     }
-}
-
-/// The runs of each environment whose rollout left the finite numbers, and where.
-fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<String> {
-    let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
-    for result in results {
-        if let Some(not_finite) = result.not_finite {
-            let runs = environments.entry(result.unit.environment).or_default();
-            runs.insert(result.unit.run, not_finite);
-        }
-    }
-    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
-        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
-            format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
-        };
-        format!(
-            "the model's rollout left the finite numbers in {environment}: {}; every value has an infinite error there",
-            runs.iter().map(told).collect::<Vec<_>>().join(", ")
-        )
-    };
-    environments.into_iter().map(note).collect()
 }
 
 #[derive(Serialize, Deserialize)]

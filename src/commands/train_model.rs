@@ -30,7 +30,7 @@ use super::{
 use crate::{
     cli::Device,
     clock::Stopwatch,
-    output::{Printer, bytes, count, significant},
+    output::{Printer, bytes, count, counted, significant},
 };
 
 /// The weights that are kept.
@@ -136,10 +136,10 @@ pub(super) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     let config = &study.dynamics;
     let columns = dataset.train.states().columns();
     printer.say(&format!(
-        "{} rows x {columns} columns in {} segments; {} with {} x {} units, {} epochs of mini-batches of {}; \
+        "{} rows x {columns} columns in {}; {} with {} x {} units, {} epochs of mini-batches of {}; \
          expecting {} of memory",
         count(dataset.train.rows()),
-        count(dataset.train.segments().len()),
+        counted(dataset.train.segments().len(), "segment"),
         study.model_name(),
         config.hidden_layers,
         count(config.hidden_units),

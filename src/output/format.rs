@@ -45,6 +45,11 @@ pub(crate) fn duration(span: Duration) -> String {
     }
 }
 
+/// "1 segment", "2 segments".
+pub(crate) fn counted(number: usize, noun: &str) -> String {
+    format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
+}
+
 /// `0.0123` as `1.2 %`.
 pub(crate) fn percent(share: f64) -> String {
     if share.is_infinite() {
@@ -99,6 +104,7 @@ mod tests {
         assert_eq!(count(1_234_567), "1,234,567");
         assert_eq!(count(12), "12");
         assert_eq!(bytes(1536), "1.5 KiB");
+        assert_eq!([1, 2].map(|of| counted(of, "plant")), ["1 plant", "2 plants"]);
         assert_eq!(duration(Duration::from_secs(3725)), "1 h 2 min");
         assert_eq!(percent(0.0123), "1.2 %");
         assert_eq!(significant(0.012_345), "0.0123");

@@ -56,6 +56,11 @@ impl Printer {
         self.answer == Answer::ForMachines
     }
 
+    /// The same printer for what is done twice: it says nothing.
+    pub(crate) fn silent(&self) -> Self {
+        Self { quiet: true, ..self.talking() }
+    }
+
     /// A line of the result.
     pub(crate) fn result(&self, text: &str) -> anyhow::Result<()> {
         if self.results == Results::Talk {

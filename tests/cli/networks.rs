@@ -53,7 +53,10 @@ fn another_seed_is_another_network() {
     place.edit_study("seed = ", "seed = 1");
     for command in ["rollout", "sweep"] {
         let refused = place.calib(&[command, "study.toml"]).fails(2);
-        assert!(refused.contains("built with another seed; run `calib build-model"), "{refused}");
+        assert!(
+            refused.contains("made with seed = ") && refused.contains("run `calib build-model"),
+            "{refused}"
+        );
     }
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("wrote"));
     place.calib(&["rollout", "study.toml"]).succeeds();

@@ -216,7 +216,10 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
     write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
     place.edit_study("psi.npy", "wide.npy");
     let stale = place.calib(&components("model.components=5")).fails(2);
-    assert!(stale.contains("run `calib represent study.toml` again"), "{stale}");
+    assert!(
+        stale.contains("run `calib represent study.toml --set 'model.components=5'` again"),
+        "{stale}"
+    );
 }
 
 #[test]

@@ -181,7 +181,7 @@ fn mistakes_in_profiles_are_named_before_they_are_chosen() {
     let unknown = of("[profiles.tiny]\nseed = 1", &["--profile", "small"]);
     assert!(unknown.contains("--profile small: the study's profiles are tiny"), "{unknown}");
     let value = of("[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
-    assert!(value.contains("study.toml with --profile tiny") && value.contains("gamma"), "{value}");
+    assert!(value.contains("study.toml:") && value.contains("`gamma`"), "{value}");
 }
 
 #[test]

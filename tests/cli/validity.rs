@@ -290,7 +290,10 @@ fn a_protocol_is_told_from_studies() {
     let run = place.calib(&["run", "protocol.toml"]).fails(2);
     assert!(run.contains("is a protocol of several studies; run it with `calib validity"), "{run}");
     let both = place.calib(&["validity", "protocol.toml", "plant.toml"]).fails(2);
-    assert!(both.contains("a protocol is judged by itself"), "{both}");
+    assert!(
+        both.contains("is a protocol, which draws its own studies: name nothing beside it"),
+        "{both}"
+    );
     // In a folder the protocol is what is meant, and the studies beside it are what it draws from.
     let folder = place.calib(&["validity", ".", "--dry-run"]).succeeds();
     assert!(folder.contains("plant-01"), "{folder}");

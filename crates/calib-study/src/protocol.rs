@@ -3,7 +3,7 @@
 mod template;
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fmt::Write as _,
     fs,
     path::{Path, PathBuf},
@@ -148,13 +148,17 @@ impl Protocol {
         for plants in &self.plants {
             let template = Template::read(path, plants, folder)?;
             let mut own = task.clone();
-            own.extend(axes(&plants.draw).map_err(|of| of.within("validity.plants.draw"))?);
+            let of_plants = axes(&plants.draw).map_err(|of| of.within("validity.plants.draw"))?;
+            let from_plants: BTreeSet<String> = of_plants.keys().cloned().collect();
+            own.extend(of_plants);
             for number in 1..=plants.repeat.unwrap_or(1) {
                 let seed = Seed::new(self.seed).child("validity").child(&template.name);
                 let seed = seed.number(number as u64);
-                let values = template.values(&own, seed, &defaults).map_err(|problem| {
-                    problem.after(&format!("[validity.task.draw] of {}", template.name))
-                })?;
+                let section = |key: &str| {
+                    let own = if from_plants.contains(key) { "plants" } else { "task" };
+                    format!("[validity.{own}.draw] of {}", template.name)
+                };
+                let values = template.values(&own, seed, &defaults, section)?;
                 let plant = match plants.repeat {
                     Some(_) => format!("{}-{number:02}", template.name),
                     None => template.name.clone(),

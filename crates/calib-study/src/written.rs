@@ -99,7 +99,13 @@ impl Written {
                 return StudyError::Written { place: Box::new(place), message };
             }
         }
-        StudyError::Given { study: self.with_what_was_given(model, deployment), message }
+        // What is wrong with an option names it.
+        let study = if message.starts_with("--") {
+            self.request.study.display().to_string()
+        } else {
+            self.with_what_was_given(model, deployment)
+        };
+        StudyError::Given { study, message }
     }
 
     /// Whether what the key says was given beside the file.

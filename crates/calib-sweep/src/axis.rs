@@ -77,7 +77,7 @@ pub enum AxisError {
         value: String,
     },
     /// A range that holds no values.
-    #[error("it is not a range of values: {reason}")]
+    #[error("{reason}")]
     Range {
         /// What is wrong with it.
         reason: String,

@@ -118,7 +118,8 @@ impl Span {
     fn check(&self) -> Result<(), String> {
         let Self { from, to, scale, whole } = *self;
         if !(from.is_finite() && to.is_finite() && from < to) {
-            return Err(format!("it is empty: from {from:e} to {to:e}; from must be below to"));
+            let [from, to] = [from, to].map(|end| crate::written(&Value::from(end)));
+            return Err(format!("from must be below to, got {from} and {to}"));
         }
         if scale == Scale::Log && from <= 0.0 {
             return Err(format!(

@@ -29,7 +29,10 @@ impl Named {
         }
         let names = || found.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
         if found.len() > 1 || (found.len() == 1 && args.studies.len() > 1) {
-            bail!("a protocol is judged by itself; name one of {} alone", names().join(", "));
+            bail!(
+                "{} is a protocol, which draws its own studies: name nothing beside it (a protocol is a file with [validity])",
+                names().join(" and ")
+            );
         }
         let Some((file, mut protocol)) = found.pop() else {
             ensure!(

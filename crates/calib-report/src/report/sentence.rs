@@ -2,26 +2,33 @@
 
 use calib_stats::Estimate;
 
-use super::{Agreement, Alternative, Grade, Reason, Verdict, Way};
+use super::{Agreement, Alternative, Grade, Reason, Sources, Told, Verdict, Way};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
 
 /// Choices that differ more often than this from draw to draw are told as uncertain.
 const STABLE: f64 = 0.8;
 
+/// Shares that would be written as 100 %.
+const ALL: f64 = 0.995;
+
 impl Verdict {
     /// The verdict in one sentence.
     pub fn headline(&self) -> String {
-        let Self { sensor, field, chosen, .. } = self;
-        match self.grade {
-            Grade::Good | Grade::Fair => format!("Use {field} = {chosen} for {sensor}."),
+        let Self { sensor, chosen, .. } = self;
+        let choice = self.assigned();
+        let field = fields(&self.field);
+        match self.reliance() {
+            _ if self.is_arbitrary() => {
+                format!("No value of {field} stands out for {sensor}: all did alike.")
+            }
+            Grade::Good | Grade::Fair => format!("Use {choice} for {sensor}."),
             Grade::Poor => match self.better_default() {
                 Some(default) => {
-                    format!(
-                        "Keep the default, {field} = {default}, for {sensor}: {chosen} is worse."
-                    )
+                    let default = assigned(&self.field, default);
+                    format!("Keep the default, {default}, for {sensor}: {chosen} is worse.")
                 }
-                None => format!("Do not deploy {field} = {chosen} for {sensor} on this evidence."),
+                None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
             Grade::NotLearnt if self.hardly_varies() => format!(
                 "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
@@ -31,15 +38,20 @@ impl Verdict {
                 format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
             }
             Grade::Unchecked => {
-                format!("Use {field} = {chosen} for {sensor}, as far as the logs can tell.")
+                format!("Use {choice} for {sensor}, as far as the logs can tell.")
             }
         }
     }
 
-    /// Whether errors are small beside the spread of returns in training although nothing beats the mean of each window: the
-    /// windows are too short, or too quiet, to tell whether anything was learnt.
+    /// Whether errors are small beside the spread of returns in training (less than half of it) although nothing beats the mean of
+    /// each window: the windows are too short, or too quiet, to tell whether anything was learnt.
     pub(super) fn hardly_varies(&self) -> bool {
-        self.online.as_ref().is_some_and(|online| online.best_error < 1.0)
+        self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
+    }
+
+    /// The choice as one would type it.
+    pub(super) fn assigned(&self) -> String {
+        assigned(&self.field, &self.chosen)
     }
 
     /// The default, if held-out data says that it is better than the choice.
@@ -49,8 +61,32 @@ impl Verdict {
         self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
     }
 
-    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement.
+    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
+    /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
+        let mut reasons = if self.reliance() == Grade::NotLearnt {
+            vec![format!("The choice of {} is {}.", self.model, self.assigned())]
+        } else {
+            self.reasons_of_choice(score)
+        };
+        match &self.online {
+            None => reasons.push(
+                "No held-out data was given: regret and agreement with Online are unknown."
+                    .to_owned(),
+            ),
+            Some(online) => reasons.extend(self.reasons_of_online(online, score)),
+        }
+        reasons
+    }
+
+    /// How it was chosen.
+    fn reasons_of_choice(&self, score: &Score) -> Vec<String> {
+        if self.values == 1 {
+            return vec!["There is no other value to choose from.".to_owned()];
+        }
+        if self.evidence == Told::Alike {
+            return vec![self.alike_sentence()];
+        }
         let mut reasons = vec![self.reason_sentence()];
         if self.reason == Reason::WorstRank {
             reasons.extend(self.tie_sentence(score));
@@ -58,23 +94,32 @@ impl Verdict {
             reasons.push(self.worst_rank_sentence());
         }
         reasons.extend(self.stability_sentence());
-        match &self.online {
-            None => reasons.push(
-                "No held-out data was given: regret and agreement with Online are unknown."
-                    .to_owned(),
-            ),
-            Some(online) => {
-                reasons.push(online_sentence(&self.chosen, online, score));
-                reasons.extend(skill_sentence(online));
-                reasons.extend(self.default_sentence(online));
-                let others = [Way::LogReplay, Way::LatestWindow];
-                reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
-                reasons.push(self.window_sentence(online));
-                reasons.push(agreement_sentence(online));
-            }
-        }
-        reasons.extend(self.notes.iter().cloned());
         reasons
+    }
+
+    /// How it did on held-out data, beside other ways to choose.
+    fn reasons_of_online(&self, online: &Agreement, score: &Score) -> Vec<String> {
+        let mut reasons = vec![online_sentence(self, online, score)];
+        if online.stands_still {
+            return reasons;
+        }
+        reasons.extend(skill_sentence(online));
+        if self.reliance() == Grade::NotLearnt || online.values == Told::Alike || self.values == 1 {
+            return reasons;
+        }
+        reasons.extend(self.default_sentence(online));
+        let others = [Way::LogReplay, Way::LatestWindow];
+        reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
+        reasons.push(self.window_sentence(online));
+        reasons.push(agreement_sentence(online));
+        reasons
+    }
+
+    fn alike_sentence(&self) -> String {
+        format!(
+            "Nothing was chosen: all {} values have the same error in every run that counts, so that {} stands for any of them.",
+            self.values, self.chosen
+        )
     }
 
     fn reason_sentence(&self) -> String {
@@ -86,23 +131,24 @@ impl Verdict {
             Reason::MeanLogError { streams } => format!(
                 "{model} has the smallest mean logarithm of the error with it, over {streams} streams."
             ),
-            Reason::Pooled { streams } => format!(
-                "Over {streams} streams, of {model} and of the replayed log, its mean logarithm of the error is the smallest."
+            Reason::Pooled { streams, sources } => format!(
+                "Over {streams} streams of {}, its mean logarithm of the error is the smallest.",
+                sources.of(model)
             ),
             Reason::LogReplay { streams } => format!(
                 "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
             ),
-            Reason::OneStandardError { streams } => {
+            Reason::OneStandardError { streams, sources } => {
+                let of = sources.of(model);
                 let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
                 if default == Some(&self.chosen) {
                     format!(
                         "It is the default, and no other value is better by more than one standard error over {streams} streams \
-                         of {model} and of the replayed log."
+                         of {of}."
                     )
                 } else {
                     format!(
-                        "It is better than the default by more than one standard error, over {streams} streams of {model} and of \
-                         the replayed log."
+                        "It is better than the default by more than one standard error, over {streams} streams of {of}."
                     )
                 }
             }
@@ -160,8 +206,12 @@ impl Verdict {
                     .to_owned()
             }
             _ => format!(
-                "{} of other draws of members, runs and windows of the log would choose it as well{}: {}.",
-                percent(share),
+                "{} other draws of members, runs and windows of the log would choose it as well{}: {}.",
+                if share >= ALL {
+                    "Nearly all".to_owned()
+                } else {
+                    format!("{} of", percent(share))
+                },
                 if share < STABLE { ", so the choice is not certain" } else { "" },
                 listed(&others)
             ),
@@ -237,6 +287,33 @@ impl Verdict {
     }
 }
 
+impl Sources {
+    /// Whose streams they are.
+    fn of(self, model: &str) -> String {
+        match self {
+            Self::Members => model.to_owned(),
+            Self::MembersAndLog => format!("{model} and of the replayed log"),
+        }
+    }
+}
+
+/// A value of a field as one would type it. Where several fields vary, it names them already.
+pub(super) fn assigned(field: &str, value: &Setting) -> String {
+    if is_one(field) { format!("{field} = {value}") } else { value.to_string() }
+}
+
+/// "`learning_rate`", "gamma and `learning_rate`".
+fn fields(field: &str) -> String {
+    listed(&field.split(SEPARATOR).map(str::to_owned).collect::<Vec<_>>())
+}
+
+/// What stands between the fields of a grid of several.
+const SEPARATOR: &str = ", ";
+
+fn is_one(field: &str) -> bool {
+    !field.contains(SEPARATOR)
+}
+
 /// "2.5 % (95 %: 1 to 4 %)".
 pub(super) fn with_interval(estimate: Estimate) -> String {
     let value = percent(estimate.value);
@@ -248,11 +325,21 @@ pub(super) fn with_interval(estimate: Estimate) -> String {
     }
 }
 
-fn online_sentence(chosen: &Setting, online: &Agreement, score: &Score) -> String {
+fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> String {
+    let Verdict { sensor, chosen, values, .. } = verdict;
     let error = number(online.chosen_error);
     let name = &score.name;
     let on = format!("{} of {}", online.part, windows(online));
     match online.regret {
+        _ if online.stands_still => {
+            format!(
+                "On held-out data ({on}) {sensor} stands still: there is nothing to predict, so no error says anything."
+            )
+        }
+        Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),
+        Some(_) if online.values == Told::Alike => format!(
+            "On held-out data ({on}) all {values} values have the same error ({name} {error}): nothing there tells them apart."
+        ),
         None => format!("On held-out data ({on}) every value diverged, so there is no best one."),
         Some(regret) if regret.value.is_infinite() => format!(
             "On held-out data ({on}) it diverged; the best value was {} ({name} {}).",
@@ -341,4 +428,4 @@ pub(super) fn listed(items: &[String]) -> String {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

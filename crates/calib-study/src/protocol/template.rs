@@ -49,17 +49,18 @@ impl Template {
         Ok(Self { name, file: plants.study.clone(), table })
     }
 
-    /// A value for each of `axes`, and seeds of the study and of its plant.
+    /// A value for each of `axes`, and seeds of the study and of its plant. `section` is where a key is drawn.
     pub(super) fn values(
         &self,
         axes: &BTreeMap<String, Axis>,
         seed: Seed,
         defaults: &serde_json::Value,
+        section: impl Fn(&str) -> String,
     ) -> Result<BTreeMap<String, Value>, Problem> {
         let draw = |(key, axis): (&String, &Axis)| {
             let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
             let drawn = axis.draw(like, seed.child(key).rng().unit());
-            let told = format!("{key} cannot be drawn");
+            let told = format!("{}: {key} cannot be drawn", section(key));
             let drawn = drawn.map_err(|error| Problem::from(error).after(&told))?;
             Ok((key.clone(), to_toml(&drawn).map_err(|problem| problem.after(key))?))
         };

@@ -163,7 +163,7 @@ fn what_is_no_protocol_is_left_to_others_and_mistakes_are_named() {
     assert!(list.contains("agent.optimiser") && list.contains("expected a list"), "{list}");
     let range = refused("from = 4, to = 64", "from = 64, to = 4");
     assert!(
-        range.contains("agent.batch_size cannot be drawn") && range.contains("empty"),
+        range.contains("agent.batch_size cannot be drawn: from must be below to, got 64 and 4"),
         "{range}"
     );
     let none = drawn(place.path(), "[validity]\nseed = 1\n", &[]).expect_err("no plants");

@@ -56,6 +56,7 @@ pub fn verdict(
         rule: judging.rule,
         chosen,
         grade: Grade::of(standing, truth.as_ref()),
+        scores: ranking,
         stability,
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
         warnings: warnings::all(

@@ -41,6 +41,11 @@ impl Rule {
         Self::OneStandardError,
     ];
 
+    /// Whether values stand by the mean logarithms of their errors.
+    pub const fn is_by_logarithms(self) -> bool {
+        matches!(self, Self::MeanLogError | Self::Pooled | Self::OneStandardError)
+    }
+
     /// Its name in studies and files.
     pub const fn name(self) -> &'static str {
         match self {
