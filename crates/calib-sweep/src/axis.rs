@@ -201,7 +201,7 @@ mod tests {
     fn what_cannot_be_drawn_from_is_refused() {
         let error = |text: &str, like: Value| axis(text).draw(Some(&like), 0.0).expect_err(text);
         assert_eq!(error("[]", json!(1)), AxisError::Empty);
-        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1.0".to_owned() });
+        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1".to_owned() });
         let words = error(r#"{"from": 1, "to": 2}"#, json!("adam")).to_string();
         assert!(words.contains("no numbers; give a list"), "{words}");
         assert!(matches!(error(r#"{"from": 2, "to": 1}"#, json!(1)), AxisError::Range { .. }));
