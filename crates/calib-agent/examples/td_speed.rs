@@ -2,7 +2,7 @@
 //! such an update; `scripts/peers/td0.py` compares them with other packages.
 //!
 //! ```text
-//! td_speed mlp|linear AGENTS UPDATES
+//! td_speed mlp|mlp-bf16|linear AGENTS UPDATES
 //! ```
 //!
 //! Shapes are those of the paper: 142 sensors, two hidden layers of 256 units, batches of 256. An update is one
@@ -13,7 +13,7 @@
 
 use std::{env, error::Error, hint::black_box, time::Instant};
 
-use calib_agent::{AgentConfig, CurveRule, ValueFunction, train};
+use calib_agent::{AgentConfig, CurveRule, Precision, ValueFunction, train};
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_nn::{Matrix, multiply};
 
@@ -25,18 +25,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let [kind, agents, updates] = arguments.as_slice() else {
         // `cargo test` and `cargo bench` run examples without arguments.
-        println!("td_speed mlp|linear AGENTS UPDATES");
+        println!("td_speed mlp|mlp-bf16|linear AGENTS UPDATES");
         return Ok(());
     };
-    let value_function = match kind.as_str() {
-        "mlp" => ValueFunction::Mlp,
-        "linear" => ValueFunction::Linear,
-        other => return Err(format!("mlp or linear, got {other}").into()),
+    let (value_function, precision) = match kind.as_str() {
+        "mlp" => (ValueFunction::Mlp, Precision::F32),
+        "mlp-bf16" => (ValueFunction::Mlp, Precision::Bf16),
+        "linear" => (ValueFunction::Linear, Precision::F32),
+        other => return Err(format!("mlp, mlp-bf16 or linear, got {other}").into()),
     };
     let (agents, updates): (usize, usize) = (agents.parse()?, updates.parse()?);
     let population: Vec<AgentConfig> = (0..agents)
         .map(|index| AgentConfig {
             value_function,
+            precision,
             hidden_units: UNITS,
             learning_rate: 1e-6 * 10_f64.powf(0.5 * index as f64),
             gamma: 0.9,
