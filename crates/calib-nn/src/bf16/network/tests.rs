@@ -88,6 +88,78 @@ proptest! {
     }
 }
 
+/// What rounding to eight significant bits changes at most, relatively.
+const ROUNDING: f64 = 1.0 / 256.0;
+
+/// How far the output for `input` may be from that of exact arithmetic: rounded operands, and sums of single precision, layer by layer.
+fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
+    // Values, and how far from them what is computed may be.
+    let mut values: Vec<(f64, f64)> = input.iter().map(|&value| (f64::from(value), 0.0)).collect();
+    for (number, layer) in network.layers().iter().enumerate() {
+        let weights = &network.parameters()[layer.weights.clone()];
+        let bias = &network.parameters()[layer.bias.clone()];
+        let sums = (layer.inputs + 2) as f64 * f64::from(f32::EPSILON);
+        let unit = |output: usize| {
+            let bias = f64::from(bias[output]);
+            let (mut value, mut apart, mut size) = (bias, 0.0, bias.abs());
+            for (l, &(x, off)) in values.iter().enumerate() {
+                let w = f64::from(weights[l * layer.outputs + output]);
+                let largest = w.abs() * (x.abs() + off) * (1.0 + ROUNDING).powi(2);
+                value += w * x;
+                apart += largest - (w * x).abs();
+                size += largest;
+            }
+            // Magnitudes below 2⁻⁵⁵ count as 0.
+            let apart = apart + sums * size + 1e-15 * layer.inputs as f64;
+            (if number + 1 < network.layers().len() { value.max(0.0) } else { value }, apart)
+        };
+        values = (0..layer.outputs).map(unit).collect();
+    }
+    values[0]
+}
+
+proptest! {
+    #[test]
+    fn outputs_are_as_near_as_their_operands(
+        inputs in 1_usize..80,
+        hidden in prop::collection::vec(1_usize..80, 1..4),
+        seed in any::<u64>(),
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let network = Mlp::new(&sizes, Seed::new(seed));
+        let input = numbers(5 * inputs, seed ^ 2);
+        let (outputs, _) = pass(Processor::detect(), &network, &input, &[1.0]);
+        for (&output, input) in outputs.iter().zip(input.chunks(inputs)) {
+            let (exact, apart) = bound(&network, input);
+            prop_assert!((f64::from(output) - exact).abs() <= apart, "{output} {exact} {apart}");
+        }
+    }
+
+    /// Nothing cancels, and all units are active: each value is a sum of products of 2L rounded numbers at most.
+    #[test]
+    fn gradients_of_positive_numbers_are_as_near_as_their_operands(
+        inputs in 1_usize..80,
+        hidden in prop::collection::vec(1_usize..80, 1..4),
+        learnt in 1_usize..40,
+        seed in any::<u64>(),
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let positive = |count, seed| numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect::<Vec<_>>();
+        let parameters = positive(Mlp::new(&sizes, Seed::new(1)).parameter_count(), seed);
+        let network = Mlp::from_parameters(&sizes, parameters).expect("as many");
+        let (input, output_gradient) = (positive(learnt * inputs, seed ^ 5), positive(learnt, seed ^ 6));
+        let (outputs, gradients) = pass(Processor::detect(), &network, &input, &output_gradient);
+        let (expected, expected_gradients) = single(&network, &input, &output_gradient);
+        let layers = network.layers().len() as i32;
+        let apart = (1.0 + ROUNDING).powi(2 * layers) - 1.0 + 1e-3;
+        let got = outputs.iter().chain(&gradients);
+        for (&got, &expected) in got.zip(expected.iter().chain(&expected_gradients)) {
+            let ratio = f64::from(got) / f64::from(expected);
+            prop_assert!((ratio - 1.0).abs() <= apart, "{got} {expected}");
+        }
+    }
+}
+
 #[test]
 fn it_is_close_to_single_precision() {
     let network = Mlp::new(&[142, 256, 256, 1], Seed::new(1));
@@ -101,7 +173,8 @@ fn it_is_close_to_single_precision() {
     for layer in network.layers() {
         for part in [layer.weights.clone(), layer.bias.clone()] {
             let apart = apart(&gradients[part.clone()], &expected_gradients[part]);
-            assert!(apart < 2e-4, "{layer:?}: {apart}");
+            // Where a sum is nearly 0 a unit may be active in one of them only, and so its error is there or not.
+            assert!(apart < 4e-3, "{layer:?}: {apart}");
         }
     }
 }
