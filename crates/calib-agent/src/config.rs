@@ -1,6 +1,7 @@
 use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// How the value of a state is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -198,6 +199,17 @@ impl AgentConfig {
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
     }
 
+    /// Every field by its name in a study, also one that is left out where it is the default.
+    pub fn fields(&self) -> Map<String, Value> {
+        match (serde_json::to_value(self), serde_json::to_value(self.precision)) {
+            (Ok(Value::Object(mut fields)), Ok(precision)) => {
+                fields.insert("precision".to_owned(), precision);
+                fields
+            }
+            _ => unreachable!("an agent's configuration is a table"),
+        }
+    }
+
     /// What the agent sees of a state of `width` values: these and their traces.
     pub fn seen_width(&self, width: usize) -> usize {
         width * (1 + self.traces.len())
@@ -302,6 +314,7 @@ mod tests {
     fn precision_is_written_where_it_is_not_the_default() {
         let field = |precision| {
             let config = AgentConfig { precision, ..AgentConfig::default() };
+            assert_eq!(config.fields()["precision"], serde_json::json!(precision));
             let written = serde_json::to_value(&config).expect("serialises");
             assert_eq!(serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"), config);
             written.get("precision").cloned()

@@ -55,6 +55,14 @@ impl Bf16Network {
         Self::on(Processor::detect(), network)
     }
 
+    /// The same, with the products of a processor without instructions for them: slower, and the same bytes.
+    ///
+    /// # Panics
+    /// As [`Bf16Network::new`].
+    pub fn portable(network: &Mlp) -> Self {
+        Self::on(Processor::Portable(pulp::Arch::new()), network)
+    }
+
     pub(super) fn on(processor: Processor, network: &Mlp) -> Self {
         let Some((output, hidden)) = network.layers().split_last() else {
             unreachable!("a network has layers");

@@ -203,6 +203,16 @@ fn a_row_does_not_depend_on_its_company() {
 }
 
 #[test]
+fn the_portable_network_is_the_same() {
+    let network = Mlp::new(&[21, 40, 33, 1], Seed::new(1));
+    let mut batch = Bf16Batch::new(21, 9, 0);
+    batch.set(&numbers(9 * 21, 2), 0);
+    let mut workspace = Bf16Workspace::new(&network, 9, 0);
+    let outputs = Bf16Network::new(&network).forward(&batch, 0..9, &mut workspace).to_vec();
+    assert_eq!(Bf16Network::portable(&network).forward(&batch, 0..9, &mut workspace), outputs);
+}
+
+#[test]
 fn new_parameters_are_taken_over() {
     let [before, after] = [1, 2].map(|seed| Mlp::new(&[5, 36, 7, 1], Seed::new(seed)));
     let mut rounded = Bf16Network::new(&before);
