@@ -93,29 +93,18 @@ impl<S: Simd> Kernel for Fused<S> {
         panel: &[[u32; PANEL]],
         sums: &mut Tile,
     ) {
-        let simd = self.0;
-        let vectors = const { PANEL / S::F32_LANES };
-        let begin = S::as_simd_f32s(begin).0;
-        for row in 0..COUNT {
-            let mut kept = [simd.splat_f32s(0.0); PANEL];
-            for vector in 0..vectors {
-                kept[vector] = begin[vector];
+        // As many rows at a time as registers hold sums of.
+        let at_once = const { if S::F32_LANES >= 16 { 4 } else { 2 } };
+        let whole = COUNT - COUNT % at_once;
+        for row in (0..whole).step_by(at_once) {
+            if at_once == 4 {
+                self.sum_rows::<4>(row, begin, left, panel, sums);
+            } else {
+                self.sum_rows::<2>(row, begin, left, panel, sums);
             }
-            for (index, block) in panel.iter().enumerate() {
-                let pair = left.pairs[row * left.row_stride + index * left.pair_stride];
-                let a0 = simd.splat_f32s(firsts(Scalar, pair));
-                let a1 = simd.splat_f32s(seconds(Scalar, pair));
-                let block = S::as_simd_u32s(block).0;
-                for vector in 0..vectors {
-                    let pairs = block[vector];
-                    let sum = simd.mul_add_f32s(a1, seconds(simd, pairs), kept[vector]);
-                    kept[vector] = simd.mul_add_f32s(a0, firsts(simd, pairs), sum);
-                }
-            }
-            let sums = S::as_mut_simd_f32s(&mut sums.0[row]).0;
-            for vector in 0..vectors {
-                sums[vector] = kept[vector];
-            }
+        }
+        for row in whole..COUNT {
+            self.sum_rows::<1>(row, begin, left, panel, sums);
         }
     }
 
@@ -139,6 +128,50 @@ impl<S: Simd> Kernel for Fused<S> {
             to[vector] = sums[vector];
         }
         by_halves(lanes)
+    }
+}
+
+impl<S: Simd> Fused<S> {
+    /// The sums of `COUNT` rows from this one on; see [`Kernel::sum`].
+    #[expect(clippy::inline_always, reason = "as the sums")]
+    #[inline(always)]
+    fn sum_rows<const COUNT: usize>(
+        self,
+        first_row: usize,
+        begin: &[f32; PANEL],
+        left: Left<'_>,
+        panel: &[[u32; PANEL]],
+        sums: &mut Tile,
+    ) {
+        let simd = self.0;
+        let vectors = const { PANEL / S::F32_LANES };
+        let begin = S::as_simd_f32s(begin).0;
+        let mut kept = [[simd.splat_f32s(0.0); PANEL]; COUNT];
+        for kept in &mut kept {
+            for vector in 0..vectors {
+                kept[vector] = begin[vector];
+            }
+        }
+        for (index, block) in panel.iter().enumerate() {
+            let block = S::as_simd_u32s(block).0;
+            let at = first_row * left.row_stride + index * left.pair_stride;
+            for row in 0..COUNT {
+                let pair = left.pairs[at + row * left.row_stride];
+                let a0 = simd.splat_f32s(firsts(Scalar, pair));
+                let a1 = simd.splat_f32s(seconds(Scalar, pair));
+                for vector in 0..vectors {
+                    let pairs = block[vector];
+                    let sum = simd.mul_add_f32s(a1, seconds(simd, pairs), kept[row][vector]);
+                    kept[row][vector] = simd.mul_add_f32s(a0, firsts(simd, pairs), sum);
+                }
+            }
+        }
+        for (row, kept) in kept.iter().enumerate() {
+            let sums = S::as_mut_simd_f32s(&mut sums.0[first_row + row]).0;
+            for vector in 0..vectors {
+                sums[vector] = kept[vector];
+            }
+        }
     }
 }
 
