@@ -26,6 +26,7 @@ pub enum Precision {
 }
 
 impl Precision {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
     fn is_single(&self) -> bool {
         *self == Self::F32
     }
@@ -316,7 +317,10 @@ mod tests {
             let config = AgentConfig { precision, ..AgentConfig::default() };
             assert_eq!(config.fields()["precision"], serde_json::json!(precision));
             let written = serde_json::to_value(&config).expect("serialises");
-            assert_eq!(serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"), config);
+            assert_eq!(
+                serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"),
+                config
+            );
             written.get("precision").cloned()
         };
         assert_eq!(field(Precision::F32), None, "known as before");

@@ -68,13 +68,7 @@ fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
     (predictions, values.state(0).checkpoint.parameters)
 }
 
-fn assert_close(
-    what: &str,
-    got: &[f32],
-    expected: &[f64],
-    tolerance: f64,
-    agent: &AgentConfig,
-) {
+fn assert_close(what: &str, got: &[f32], expected: &[f64], tolerance: f64, agent: &AgentConfig) {
     assert_eq!(got.len(), expected.len());
     for (index, (got, expected)) in got.iter().zip(expected).enumerate() {
         let difference = (f64::from(*got) - expected).abs();
@@ -100,7 +94,8 @@ fn two_hundred_updates_are_those_of_pytorch() {
 fn rounded_products_stay_near_those_of_pytorch() {
     let golden: Golden =
         serde_json::from_str(include_str!("../tests/golden/td0.json")).expect("reads");
-    let networks = golden.cases.iter().filter(|case| case.agent.value_function == ValueFunction::Mlp);
+    let networks =
+        golden.cases.iter().filter(|case| case.agent.value_function == ValueFunction::Mlp);
     for Case { agent, predictions, .. } in networks {
         let agent = AgentConfig { precision: Precision::Bf16, ..agent.clone() };
         let (ours, _) = trained(&golden, &agent);

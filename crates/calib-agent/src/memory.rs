@@ -1,5 +1,5 @@
 use crate::{
-    AgentConfig, PretrainSettings, Precision, ReplayKind, ValueFunction, layer_sizes,
+    AgentConfig, Precision, PretrainSettings, ReplayKind, ValueFunction, layer_sizes,
     parameter_count, population::can_share,
 };
 

@@ -15,12 +15,14 @@ pub(crate) struct Pass {
 
 enum Products {
     Single(Workspace),
-    Bf16 {
-        batch: Bf16Batch,
-        /// Of one state.
-        one: Bf16Batch,
-        workspace: Bf16Workspace,
-    },
+    Bf16(Box<Rounded>),
+}
+
+struct Rounded {
+    batch: Bf16Batch,
+    /// Of one state.
+    one: Bf16Batch,
+    workspace: Bf16Workspace,
 }
 
 impl Pass {
@@ -29,11 +31,11 @@ impl Pass {
         let width = network.inputs();
         let products = match precision {
             Precision::F32 => Products::Single(Workspace::new(network, rows)),
-            Precision::Bf16 => Products::Bf16 {
+            Precision::Bf16 => Products::Bf16(Box::new(Rounded {
                 batch: Bf16Batch::new(width, rows, learnt),
                 one: Bf16Batch::new(width, 1, 0),
                 workspace: Bf16Workspace::new(network, rows, learnt),
-            },
+            })),
         };
         Self { rows: Vec::with_capacity(rows * width), width, products }
     }
@@ -42,7 +44,7 @@ impl Pass {
     pub(crate) fn capacity(&self) -> usize {
         match &self.products {
             Products::Single(workspace) => workspace.capacity(),
-            Products::Bf16 { workspace, .. } => workspace.capacity(),
+            Products::Bf16(rounded) => rounded.workspace.capacity(),
         }
     }
 
@@ -52,8 +54,8 @@ impl Pass {
         for state in states {
             self.rows.extend_from_slice(state);
         }
-        if let Products::Bf16 { batch, .. } = &mut self.products {
-            batch.set(&self.rows, learnt);
+        if let Products::Bf16(rounded) = &mut self.products {
+            rounded.batch.set(&self.rows, learnt);
         }
     }
 }
@@ -87,12 +89,13 @@ impl Network {
     /// The value of one state. What the pass was set to stays there.
     pub(crate) fn value(&self, state: &[f32], pass: &mut Pass) -> f32 {
         match (&mut pass.products, &self.rounded) {
-            (Products::Bf16 { one, workspace, .. }, Some(rounded)) => {
+            (Products::Bf16(pass), Some(rounded)) => {
+                let Rounded { one, workspace, .. } = &mut **pass;
                 one.set(state, 0);
                 rounded.forward(one, 0..1, workspace)[0]
             }
             (Products::Single(workspace), _) => self.single.forward(state, workspace)[0],
-            (Products::Bf16 { .. }, None) => unreachable!("a pass is in its networks' precision"),
+            (Products::Bf16(_), None) => unreachable!("a pass is in its networks' precision"),
         }
     }
 
@@ -102,26 +105,26 @@ impl Network {
     pub(crate) fn values<'p>(&self, rows: Range<usize>, pass: &'p mut Pass) -> &'p [f32] {
         let width = pass.width;
         match (&mut pass.products, &self.rounded) {
-            (Products::Bf16 { batch, workspace, .. }, Some(rounded)) => {
-                rounded.forward(batch, rows, workspace)
+            (Products::Bf16(pass), Some(rounded)) => {
+                rounded.forward(&pass.batch, rows, &mut pass.workspace)
             }
             (Products::Single(workspace), _) => {
                 self.single.forward(&pass.rows[rows.start * width..rows.end * width], workspace)
             }
-            (Products::Bf16 { .. }, None) => unreachable!("a pass is in its networks' precision"),
+            (Products::Bf16(_), None) => unreachable!("a pass is in its networks' precision"),
         }
     }
 
     /// One step of the optimiser, given the gradient of a loss with respect to the values that are learnt from.
     pub(crate) fn step(&mut self, optimiser: &mut Optimiser, gradient: &[f32], pass: &mut Pass) {
         let gradients = match (&mut pass.products, &self.rounded) {
-            (Products::Bf16 { batch, workspace, .. }, Some(rounded)) => {
-                rounded.backward(batch, gradient, workspace)
+            (Products::Bf16(pass), Some(rounded)) => {
+                rounded.backward(&pass.batch, gradient, &mut pass.workspace)
             }
             (Products::Single(workspace), _) => {
                 self.single.backward(&pass.rows, gradient, workspace)
             }
-            (Products::Bf16 { .. }, None) => unreachable!("a pass is in its networks' precision"),
+            (Products::Bf16(_), None) => unreachable!("a pass is in its networks' precision"),
         };
         optimiser.step(self.single.parameters_mut(), gradients);
         self.round();

@@ -124,9 +124,7 @@ impl<S: Simd> Kernel for Fused<S> {
         }
         let mut lanes = [0.0; HALF];
         let to = S::as_mut_simd_f32s(&mut lanes).0;
-        for vector in 0..vectors {
-            to[vector] = sums[vector];
-        }
+        to.copy_from_slice(&sums[..vectors]);
         by_halves(lanes)
     }
 }
@@ -148,29 +146,25 @@ impl<S: Simd> Fused<S> {
         let begin = S::as_simd_f32s(begin).0;
         let mut kept = [[simd.splat_f32s(0.0); PANEL]; COUNT];
         for kept in &mut kept {
-            for vector in 0..vectors {
-                kept[vector] = begin[vector];
-            }
+            kept[..vectors].copy_from_slice(begin);
         }
         for (index, block) in panel.iter().enumerate() {
             let block = S::as_simd_u32s(block).0;
             let at = first_row * left.row_stride + index * left.pair_stride;
-            for row in 0..COUNT {
+            for (row, kept) in kept.iter_mut().enumerate() {
                 let pair = left.pairs[at + row * left.row_stride];
                 let a0 = simd.splat_f32s(firsts(Scalar, pair));
                 let a1 = simd.splat_f32s(seconds(Scalar, pair));
                 for vector in 0..vectors {
                     let pairs = block[vector];
-                    let sum = simd.mul_add_f32s(a1, seconds(simd, pairs), kept[row][vector]);
-                    kept[row][vector] = simd.mul_add_f32s(a0, firsts(simd, pairs), sum);
+                    let sum = simd.mul_add_f32s(a1, seconds(simd, pairs), kept[vector]);
+                    kept[vector] = simd.mul_add_f32s(a0, firsts(simd, pairs), sum);
                 }
             }
         }
         for (row, kept) in kept.iter().enumerate() {
             let sums = S::as_mut_simd_f32s(&mut sums.0[first_row + row]).0;
-            for vector in 0..vectors {
-                sums[vector] = kept[vector];
-            }
+            sums.copy_from_slice(&kept[..vectors]);
         }
     }
 }

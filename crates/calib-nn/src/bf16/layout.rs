@@ -103,6 +103,17 @@ pub(super) fn part(values: &[f32]) -> [f32; HALF] {
     part
 }
 
+/// `values`, at most a panel, themselves where they are one, or copied to `room`, which holds zeros.
+#[expect(clippy::inline_always, reason = "as what calls it")]
+#[inline(always)]
+fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] {
+    if let Some(whole) = values.as_array::<PANEL>() {
+        return whole;
+    }
+    room[..values.len()].copy_from_slice(values);
+    room
+}
+
 /// Pairs of first and second numbers.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
@@ -197,28 +208,9 @@ impl Panels {
             for (pair, block) in self.panel_mut(panel).iter_mut().enumerate() {
                 let (upper, lower) = pairing.rows(pair, rows);
                 let part = |row: usize| &values[row * columns + first..][..width];
-                let (upper, lower) = (part(upper), lower.map(part));
-                let of = |values: &[f32]| {
-                    let mut part = zeros;
-                    part[..values.len()].copy_from_slice(values);
-                    part
-                };
-                let (a, b);
-                let upper = match upper.as_array::<PANEL>() {
-                    Some(whole) => whole,
-                    None => {
-                        a = of(upper);
-                        &a
-                    }
-                };
-                let lower = match lower.map(|lower| (lower, lower.as_array::<PANEL>())) {
-                    Some((_, Some(whole))) => whole,
-                    Some((part, None)) => {
-                        b = of(part);
-                        &b
-                    }
-                    None => &zeros,
-                };
+                let (mut above, mut below) = (zeros, zeros);
+                let upper = whole(part(upper), &mut above);
+                let lower = lower.map_or(&zeros, |lower| whole(part(lower), &mut below));
                 let ([u0, u1], [l0, l1]) = (halves(upper), halves(lower));
                 let (to, _) = block.as_chunks_mut::<HALF>();
                 to[0] = joined(simd, [u0, l0]);

@@ -97,12 +97,8 @@ mod tests {
             (f64::from(value.abs()) - other).abs()
         };
         let even = |other: f32| other.to_bits() & 0x1_0000 == 0;
-        match distance(below).total_cmp(&distance(above)) {
-            std::cmp::Ordering::Less => below,
-            std::cmp::Ordering::Greater => above,
-            std::cmp::Ordering::Equal if even(below) => below,
-            std::cmp::Ordering::Equal => above,
-        }
+        let order = distance(below).total_cmp(&distance(above));
+        if order.is_lt() || (order.is_eq() && even(below)) { below } else { above }
     }
 
     struct All<'a>(&'a [f32; 16]);

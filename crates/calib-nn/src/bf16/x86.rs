@@ -94,10 +94,18 @@ fn join(first: f32x16, second: f32x16) -> u32x16 {
     };
     // SAFETY: all of these types are 64 bytes without invalid values.
     unsafe {
-        let both = _mm512_cvtne2ps_pbh(transmute(second), transmute(first));
-        let order: __m512i = transmute(ORDER);
-        transmute(_mm512_permutexvar_epi16(order, transmute(both)))
+        let both = _mm512_cvtne2ps_pbh(single(second), single(first));
+        let order = transmute::<[u16; 32], __m512i>(ORDER);
+        let both = transmute::<__m512bh, __m512i>(both);
+        transmute::<__m512i, u32x16>(_mm512_permutexvar_epi16(order, both))
     }
+}
+
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn single(values: f32x16) -> __m512 {
+    // SAFETY: both are sixteen values of single precision.
+    unsafe { transmute::<f32x16, __m512>(values) }
 }
 
 /// # Safety
@@ -115,21 +123,21 @@ unsafe fn sum<const COUNT: usize>(
     let mut column = pairs.as_ptr();
     for block in panel {
         let block = bf16_halves(block);
-        for row in 0..COUNT {
+        for (row, kept) in kept.iter_mut().enumerate() {
             // SAFETY: pair (row, p) lies inside `left`, as the caller promises.
             let pair = unsafe { *column.add(row * row_stride) };
             let pair = bf16(_mm512_set1_epi32(pair.cast_signed()));
-            kept[row][0] = _mm512_dpbf16_ps(kept[row][0], pair, block[0]);
-            kept[row][1] = _mm512_dpbf16_ps(kept[row][1], pair, block[1]);
+            kept[0] = _mm512_dpbf16_ps(kept[0], pair, block[0]);
+            kept[1] = _mm512_dpbf16_ps(kept[1], pair, block[1]);
         }
         column = column.wrapping_add(pair_stride);
     }
-    for row in 0..COUNT {
-        let (first, second) = sums.0[row].split_at_mut(16);
+    for (kept, sums) in kept.iter().zip(&mut sums.0) {
+        let (first, second) = sums.split_at_mut(16);
         // SAFETY: both halves hold sixteen values.
         unsafe {
-            _mm512_storeu_ps(first.as_mut_ptr(), kept[row][0]);
-            _mm512_storeu_ps(second.as_mut_ptr(), kept[row][1]);
+            _mm512_storeu_ps(first.as_mut_ptr(), kept[0]);
+            _mm512_storeu_ps(second.as_mut_ptr(), kept[1]);
         }
     }
 }
@@ -175,5 +183,5 @@ fn load(pairs: &[u32; HALF]) -> __m512i {
 #[target_feature(enable = "avx512f")]
 fn bf16(bits: __m512i) -> __m512bh {
     // SAFETY: both are 64 bytes without invalid values.
-    unsafe { transmute(bits) }
+    unsafe { transmute::<__m512i, __m512bh>(bits) }
 }
