@@ -31,6 +31,7 @@
 //! ```
 
 mod adam;
+mod bf16;
 mod kernels;
 mod layout;
 mod mlp;
@@ -40,6 +41,7 @@ mod sgd;
 mod workspace;
 
 pub use adam::{Adam, AdamRule, Moments};
+pub use bf16::{Bf16Batch, Bf16Network, Bf16Workspace};
 pub use layout::{LayoutError, Naming};
 pub use mlp::{Layer, Mlp, ParameterCountError};
 pub use optimiser::Optimiser;

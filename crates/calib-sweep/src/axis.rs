@@ -116,7 +116,7 @@ impl Axis {
 
     /// Its values as those of the agent's field `field`.
     pub(crate) fn points(&self, field: &str, agent: &AgentConfig) -> Result<Points, SweepError> {
-        let fields = fields(agent);
+        let fields = agent.fields();
         let Some(own) = fields.get(field) else {
             let known = fields.keys().cloned().collect::<Vec<_>>().join(", ");
             return Err(SweepError::UnknownField { field: field.to_owned(), known });
@@ -145,14 +145,6 @@ impl Points {
                 (value, span.value(value))
             }
         }
-    }
-}
-
-/// Every field of an agent, as in a study.
-pub(crate) fn fields(agent: &AgentConfig) -> serde_json::Map<String, Value> {
-    match serde_json::to_value(agent) {
-        Ok(Value::Object(fields)) => fields,
-        _ => unreachable!("an agent's configuration is a table"),
     }
 }
 
