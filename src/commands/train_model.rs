@@ -2,7 +2,7 @@
 
 use std::{
     fmt, fs,
-    io::{self, Write as _},
+    io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -15,8 +15,8 @@ use calib_dynamics::{
     Transitioning,
 };
 use calib_files::{
-    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, write_atomically, write_json,
-    write_tensors,
+    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, remove_file,
+    write_atomically, write_json, write_tensors,
 };
 use calib_knn::ModelKind;
 use serde::{Deserialize, Serialize};
@@ -257,13 +257,7 @@ impl Checkpoint<'_> {
 
 /// Forget training that was put aside.
 pub(super) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
-    let path = directory.join(CHECKPOINT);
-    match fs::remove_file(&path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", path.display()))
-        }
-        _ => Ok(()),
-    }
+    Ok(remove_file(&directory.join(CHECKPOINT))?)
 }
 
 /// Open the network in a model directory, for states of `columns` values.

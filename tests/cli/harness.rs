@@ -115,6 +115,13 @@ impl Place {
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 
+    /// As [`calib`](Self::calib), with something in the environment.
+    pub(crate) fn calib_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Ran {
+        let mut command = self.command(args);
+        let output = command.envs(environment.iter().copied()).output().expect("calib runs");
+        Ran { args: args.join(" "), output, directory: self.path().to_owned() }
+    }
+
     /// Everything below `name`, but wall times: relative path → content.
     pub(crate) fn content(&self, name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
         let root = self.path().join(name);
