@@ -5,6 +5,7 @@ use clap::CommandFactory as _;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
+use super::artefact::{Below, remove_temporaries};
 use crate::{cli::Cli, exit::ExitStatus, output::Printer};
 
 /// Print a completion script.
@@ -17,6 +18,8 @@ pub(super) fn completions(shell: Shell, printer: &Printer) -> anyhow::Result<Exi
 
 /// Write one man page a command.
 pub(super) fn man(directory: &Path, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    calib_files::create_directory(directory)?;
+    remove_temporaries(directory, Below::Unknown)?;
     let mut calib = Cli::command().disable_help_subcommand(true);
     calib.build();
     pages(&calib, directory)?;

@@ -61,8 +61,8 @@ pub(crate) fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Twelve hours of a tiny plant and everything that can be made of it: a fraction of a second.
-const EVERYTHING: &str = r#"
+/// A day of a tiny plant: a fraction of a second.
+pub(crate) const STUDY: &str = r#"
 seed = 3
 
 [simulate]
@@ -127,13 +127,13 @@ kind = "nn"
 /// A folder with `study.toml` alone: one model of neighbours.
 pub(crate) fn neighbours() -> Place {
     let place = Place::new();
-    place.write("study.toml", EVERYTHING);
+    place.write("study.toml", STUDY);
     place
 }
 
 /// A folder with `study.toml` alone: neighbours and a network, a representation, pre-trained agents.
 pub(crate) fn everything() -> Place {
     let place = Place::new();
-    place.write("study.toml", &format!("{EVERYTHING}{FURTHER}"));
+    place.write("study.toml", &format!("{STUDY}{FURTHER}"));
     place
 }
