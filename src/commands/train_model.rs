@@ -29,6 +29,7 @@ use super::{
 use crate::{
     cli::Device,
     clock::Stopwatch,
+    memory,
     output::{Printer, bytes, count, significant},
     study::{Study, StudyPaths},
 };
@@ -149,8 +150,40 @@ pub(super) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         count(config.hidden_units),
         count(config.epochs),
         count(config.batch_size),
-        bytes(2 * (dataset.train.rows() * columns * 4) as u64),
+        bytes(training_bytes(study, dataset)),
     ));
+}
+
+/// What training takes, on the processor: the states twice, copies of the weights, and a mini-batch.
+fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
+    let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([columns]).collect();
+    let states = 8 * (dataset.train.rows() * columns) as u64;
+    let network = match study.model.kind {
+        ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
+        // Three gates, each with weights for the input and for the hidden state.
+        ModelKind::Gru => calib_nn::training_bytes(
+            &sizes,
+            config.batch_size.saturating_mul(config.sequence_length),
+        )
+        .saturating_mul(6),
+        ModelKind::Knn | ModelKind::Torchscript => 0,
+    };
+    states.saturating_add(network)
+}
+
+/// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
+fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> anyhow::Result<()> {
+    if study.model.kind != ModelKind::Nn || device.is_some() {
+        return Ok(());
+    }
+    memory::require(
+        training_bytes(study, dataset),
+        "training the network",
+        "lower dynamics.hidden_units, dynamics.hidden_layers or dynamics.batch_size",
+    )
 }
 
 /// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
@@ -162,6 +195,7 @@ pub(super) fn train(
     device: Option<Device>,
     printer: &Printer,
 ) -> anyhow::Result<TrainingSummary> {
+    check_memory(study, dataset, device)?;
     let transitions = Transitions::new(dataset.train.segments().clone());
     let config = &study.dynamics;
     let fraction = config.validation_fraction;

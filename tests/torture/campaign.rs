@@ -51,6 +51,7 @@ pub(crate) fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
                         return;
                     }
                     let result = work(number);
+                    tell(number, count);
                     done.lock().expect("no worker panicked").push((number, result));
                 }
             });
@@ -59,6 +60,14 @@ pub(crate) fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
     let mut done = done.into_inner().expect("no worker panicked");
     done.sort_by_key(|(number, _)| *number);
     done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// A long campaign says now and then how far it is.
+#[expect(clippy::print_stderr, reason = "a campaign by hand takes long")]
+fn tell(number: usize, count: usize) {
+    if count >= 500 && number % 100 == 99 {
+        eprintln!("{} of {count}", number + 1);
+    }
 }
 
 /// A day of a tiny plant: a fraction of a second.

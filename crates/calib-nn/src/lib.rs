@@ -33,6 +33,7 @@
 mod adam;
 mod kernels;
 mod layout;
+mod memory;
 mod mlp;
 mod optimiser;
 mod product;
@@ -41,6 +42,7 @@ mod workspace;
 
 pub use adam::{Adam, AdamRule, Moments};
 pub use layout::{LayoutError, Naming};
+pub use memory::training_bytes;
 pub use mlp::{Layer, Mlp, ParameterCountError};
 pub use optimiser::Optimiser;
 pub use product::{Matrix, multiply};
