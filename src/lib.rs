@@ -14,7 +14,6 @@ mod memory;
 mod output;
 #[cfg(unix)]
 mod signals;
-mod study;
 
 use std::{
     borrow::Cow,
@@ -28,7 +27,6 @@ use clap::Parser as _;
 
 pub use cli::Cli;
 pub use exit::ExitStatus;
-pub use study::{Study, StudyPaths};
 
 /// Run the command line `args` and return the status to exit with.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {

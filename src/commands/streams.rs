@@ -4,13 +4,11 @@ use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
 use calib_core::{Frames, RowStream};
 use calib_data::{Dataset, format_time};
+use calib_study::Study;
 use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    output::{Printer, count},
-    study::Study,
-};
+use crate::output::{Printer, count};
 
 /// What streams a sweep has, and why they are not what the study says.
 pub(super) struct Streams {

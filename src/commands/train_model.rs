@@ -19,6 +19,7 @@ use calib_files::{
     write_atomically, write_json, write_tensors,
 };
 use calib_knn::ModelKind;
+use calib_study::{Job, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -31,7 +32,6 @@ use crate::{
     clock::Stopwatch,
     memory,
     output::{Printer, bytes, count, significant},
-    study::{Study, StudyPaths},
 };
 
 /// The weights that are kept.
@@ -102,10 +102,11 @@ pub(super) fn check_available(study: &Study, device: Option<Device>) -> anyhow::
 }
 
 /// Fingerprint of what a network follows from: what its kind does not use is left out.
-pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyhow::Result<String> {
+pub(super) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
+    let study = job.study();
     let kind = study.model.kind;
     if kind == ModelKind::Torchscript {
-        let script = fingerprint_file(&script_path(study, paths)?)?;
+        let script = fingerprint_file(&script_path(job)?)?;
         return artefact::key(&(ModelManifest::FORMAT, data, kind, script));
     }
     let unused = DynamicsConfig::default();
@@ -118,19 +119,14 @@ pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyh
 }
 
 /// Where the study's `TorchScript` file is; relative paths start from the study file.
-fn script_path(study: &Study, paths: &StudyPaths) -> anyhow::Result<PathBuf> {
-    let path = study.dynamics.path.as_ref().context("dynamics.path is not set")?;
-    Ok(paths.study().parent().unwrap_or(Path::new("")).join(path))
+fn script_path(job: &Job) -> anyhow::Result<PathBuf> {
+    let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
+    Ok(job.beside(path))
 }
 
 /// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
-pub(super) fn import(
-    study: &Study,
-    paths: &StudyPaths,
-    dataset: &Dataset,
-    directory: &Path,
-) -> anyhow::Result<()> {
-    let path = script_path(study, paths)?;
+pub(super) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::Result<()> {
+    let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
     let content = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)

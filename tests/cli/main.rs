@@ -8,6 +8,8 @@ mod deployments;
 mod dtw;
 mod errors;
 mod harness;
+mod hints;
+mod inputs;
 mod interruption;
 mod models;
 mod networks;

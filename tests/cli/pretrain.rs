@@ -56,8 +56,8 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     run(&["sweep"]);
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
     assert!(dry("pretrain.moments=keep").stderr().contains("all units are left"));
-    assert!(dry("pretrain.fraction=0.3").fails(2).contains("another [pretrain]"));
-    assert!(dry("pretrain.epochs=7").fails(2).contains("another [pretrain], [agent] or seed"));
+    assert!(dry("pretrain.fraction=0.3").fails(2).contains("pretrain.fraction = 0.5, now 0.3"));
+    assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));
 }
 
 #[test]

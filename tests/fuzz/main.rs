@@ -6,7 +6,6 @@
 
 use std::{fs, path::Path};
 
-use calib::Study;
 use calib_data::{
     DataConfig, Declared, Moment, PreprocessConfig, format_time, inspect, parse_time,
     table::{Table, parquet_names, read_parquet, read_parquet_list},
@@ -15,6 +14,7 @@ use calib_files::{
     Tensor, Tensors, map_npy, read_array, read_csv, read_sealed_json, read_sealed_tensors,
     read_tensors, write_npy, write_sealed_json, write_tensors,
 };
+use calib_study::of_data;
 use proptest::{collection::vec, prelude::*, sample::Index};
 
 /// One change to some bytes.
@@ -228,7 +228,7 @@ proptest! {
                 \\.(gamma|steps|grid|members|start|traces|train|kind|rule|epochs|days)(\\.[a-z_]{0,12})?",
         value in "[-+0-9a-z_\"'\\[\\]{}=,. :eE]{0,40}|\\PC{0,20}",
     ) {
-        let _ = Study::of_data(Path::new("logs"), &[format!("{key}={value}")]);
-        let _ = Study::of_data(Path::new("logs"), &[format!("{value}={key}"), value]);
+        let _ = of_data(Path::new("logs"), &[format!("{key}={value}")]);
+        let _ = of_data(Path::new("logs"), &[format!("{value}={key}"), value]);
     }
 }

@@ -1,9 +1,10 @@
 use std::fmt::Display;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How the value of a state is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ValueFunction {
     /// Multilayer perceptron with `ReLU` between layers.
@@ -14,7 +15,7 @@ pub enum ValueFunction {
 }
 
 /// How parameters follow the semi-gradient.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OptimiserKind {
     /// Adam with bias correction.
@@ -25,7 +26,7 @@ pub enum OptimiserKind {
 }
 
 /// Which transitions an update learns from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReplayKind {
     /// A mini-batch drawn uniformly, with replacement, from the latest `replay_capacity` transitions.
@@ -36,7 +37,7 @@ pub enum ReplayKind {
 }
 
 /// Hyperparameters of a TD(0) agent. Every field has a default, and all but `traces` are scalars.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
     /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a

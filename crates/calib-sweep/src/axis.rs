@@ -1,4 +1,7 @@
+use std::borrow::Cow;
+
 use calib_agent::AgentConfig;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use serde_json::Value;
 
@@ -15,6 +18,20 @@ pub enum Axis {
     List(Vec<Value>),
     /// A range of numbers.
     Range(Range),
+}
+
+impl JsonSchema for Axis {
+    fn schema_name() -> Cow<'static, str> {
+        "Axis".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let range = generator.subschema_for::<Range>();
+        json_schema!({
+            "description": "A list of values, or a range of numbers",
+            "anyOf": [{ "type": "array", "minItems": 1 }, range],
+        })
+    }
 }
 
 impl<'de> Deserialize<'de> for Axis {

@@ -12,6 +12,7 @@ use calib_represent::{
     Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
     write_encoder,
 };
+use calib_study::Study;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,6 @@ use crate::{
     cli::Device,
     commands::{artefact, torch},
     output::Printer,
-    study::Study,
 };
 
 /// Version of the training: greater when the same configuration and seed lead to other weights.

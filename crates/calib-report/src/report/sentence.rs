@@ -23,6 +23,10 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {field} = {chosen} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if self.hardly_varies() => format!(
+                "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
+                 means would: nothing to deploy on this evidence."
+            ),
             Grade::NotLearnt => {
                 format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
             }
@@ -32,10 +36,16 @@ impl Verdict {
         }
     }
 
+    /// Whether errors are small beside the spread of returns in training although nothing beats the mean of each window: the
+    /// windows are too short, or too quiet, to tell whether anything was learnt.
+    pub(super) fn hardly_varies(&self) -> bool {
+        self.online.as_ref().is_some_and(|online| online.best_error < 1.0)
+    }
+
     /// The default, if held-out data says that it is better than the choice.
     pub(super) fn better_default(&self) -> Option<&Setting> {
         let against = self.online.as_ref()?.against_default?;
-        let better = against.interval.map_or(against.value > 1.0, |interval| interval.low > 1.0);
+        let better = against.interval.is_some_and(|interval| interval.low > 1.0);
         self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
     }
 
@@ -59,7 +69,7 @@ impl Verdict {
                 reasons.extend(self.default_sentence(online));
                 let others = [Way::LogReplay, Way::LatestWindow];
                 reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
-                reasons.push(self.floor_sentence(online));
+                reasons.push(self.window_sentence(online));
                 reasons.push(agreement_sentence(online));
             }
         }
@@ -78,6 +88,9 @@ impl Verdict {
             ),
             Reason::Pooled { streams } => format!(
                 "Over {streams} streams, of {model} and of the replayed log, its mean logarithm of the error is the smallest."
+            ),
+            Reason::LogReplay { streams } => format!(
+                "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
             ),
             Reason::OneStandardError { streams } => {
                 let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
@@ -206,22 +219,21 @@ impl Verdict {
         Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
     }
 
-    fn floor_sentence(&self, online: &Agreement) -> String {
+    fn window_sentence(&self, online: &Agreement) -> String {
         let cost = |way| self.regret_of(way).map(percent);
-        let Some(floor) = cost(Way::AnotherWindow) else {
+        let Some(another) = cost(Way::AnotherWindow) else {
             let reason = match online.windows {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
             };
-            return format!(
-                "How much of that regret is the luck of a window cannot be told: {reason}."
-            );
+            return format!("How much of that is the luck of a window cannot be told: {reason}.");
         };
         let hindsight = cost(Way::Hindsight)
             .map_or_else(String::new, |cost| format!(", and the best constant value {cost}"));
-        let random = cost(Way::Random)
-            .map_or_else(String::new, |cost| format!("; any value costs {cost} on average"));
-        format!("Choosing by another held-out window would have cost {floor}{hindsight}{random}.")
+        let random = cost(Way::Random).map_or_else(String::new, |cost| {
+            format!("; a value drawn at random costs {cost} on average")
+        });
+        format!("Choosing by another held-out window would have cost {another}{hindsight}{random}.")
     }
 }
 

@@ -56,6 +56,11 @@ pub enum Reason {
         /// Streams.
         streams: usize,
     },
+    /// The same over the windows of the replayed log alone.
+    LogReplay {
+        /// Windows.
+        streams: usize,
+    },
     /// The default is left only for a value that is better by more than a standard error over so many streams.
     OneStandardError {
         /// Streams.

@@ -70,7 +70,7 @@ Its skill is 0.55: 55 % less error than predicting the mean return. The best val
 It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
 Log replay's choice (3e-4) would have had a regret of 1 %.
 The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
 The ranking of all values agrees closely with Online's (Spearman 0.93, Kendall 0.83). The choice is among the 3 best Online.
 ");
 }
@@ -140,7 +140,7 @@ On held-out data (whole runs of 4 windows, 8 runs) it diverged; the best value w
 The default (1e-3) would have diverged.
 Log replay's choice (3e-4) would have had a regret of 1 %.
 The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
 The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
 ");
 }
@@ -170,6 +170,14 @@ fn nothing_learnt_is_said() {
     (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
     assert_eq!(
         verdict.headline(),
+        "PIT300 hardly varies in the held-out windows, and no value of learning_rate predicts it better than their own means \
+         would: nothing to deploy on this evidence."
+    );
+    assert!(verdict.plain().contains("livelier data"), "{}", verdict.plain());
+    let mut worse = verdict.clone();
+    worse.online.as_mut().unwrap().best_error = 1.1;
+    assert_eq!(
+        worse.headline(),
         "No value of learning_rate learns PIT300: do not deploy on this evidence."
     );
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
@@ -194,13 +202,13 @@ It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the o
 70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so there is no best one.
 Log replay's choice is the same value.
-How much of that regret is the luck of a window cannot be told: too few windows can be compared.
+How much of that is the luck of a window cannot be told: too few windows can be compared.
 Agreement with Online's ranking is undefined, because one of the two ranks all values alike.
 ");
 }
 
 #[test]
-fn one_window_has_no_floor() {
+fn one_window_cannot_be_compared() {
     let mut verdict = Verdict { grade: Grade::Fair, ..verdict() };
     verdict.online.as_mut().unwrap().windows = 1;
     verdict.alternatives.retain(|of| of.way != Way::AnotherWindow);

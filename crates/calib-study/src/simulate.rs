@@ -1,13 +1,16 @@
-use anyhow::{Context as _, ensure};
 use calib_core::{Period, Seed};
 use calib_data::Moment;
 use calib_plant::{ChangeOptions, PlantOptions};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Study;
+use crate::{
+    Study, StudyError,
+    error::{Problem, require},
+};
 
 /// The `[simulate]` section: the plant whose log the study is of, and what `calib simulate` may be told.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulateConfig {
     /// Days to simulate; the last may be a part of one (default 7).
@@ -84,9 +87,12 @@ impl SimulateConfig {
     ///
     /// # Errors
     /// If a value is outside its range.
-    pub fn plant(&self) -> anyhow::Result<PlantOptions> {
-        let period = Period::from_secs(self.period_secs).with_context(|| {
-            format!("the period must be a positive number of seconds, got {}", self.period_secs)
+    pub fn plant(&self) -> Result<PlantOptions, StudyError> {
+        let period = Period::from_secs(self.period_secs).ok_or_else(|| {
+            let got = self.period_secs;
+            StudyError::Value(format!(
+                "`period_secs` must be a positive number of seconds, got {got}"
+            ))
         })?;
         let options = PlantOptions {
             channels: self.channels,
@@ -103,7 +109,7 @@ impl SimulateConfig {
             duplicates_per_day: self.duplicates_per_day,
             change: self.changes(),
         };
-        options.validate()?;
+        options.validate().map_err(Problem::from)?;
         Ok(options)
     }
 
@@ -122,16 +128,16 @@ impl SimulateConfig {
 
 impl Study {
     /// Check that the plant can be simulated, and that there is one folder to write it to.
-    pub(super) fn check_simulate(&self) -> anyhow::Result<()> {
+    pub(crate) fn check_simulate(&self) -> Result<(), Problem> {
         let Some(simulate) = &self.simulate else { return Ok(()) };
-        simulate.plant().context("[simulate]")?;
+        simulate.plant().map_err(|of| Problem::from(of).within("simulate"))?;
         let paths = self.data.path.0.as_slice();
         let is_folder = |path: &String| {
             let lower = path.to_lowercase();
             let is_file = [".parquet", ".parq", ".pq"].iter().any(|end| lower.ends_with(end));
             !path.is_empty() && !path.contains(['*', '?', '[', ']', '{', '}']) && !is_file
         };
-        ensure!(
+        require!(
             matches!(paths, [path] if is_folder(path)),
             "[simulate] writes to data.path, which must be one plain folder then, such as \"plant\", got {paths:?}; \
              change data.path, or remove [simulate]"

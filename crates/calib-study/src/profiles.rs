@@ -1,15 +1,17 @@
 //! The same study at another size: `[profiles.NAME]` is laid over the whole file.
 
-use anyhow::{Context as _, bail, ensure};
 use toml::{Table, Value};
 
-use super::overlay::{check_names, lay_over, names, take};
+use crate::{
+    error::{Problem, refuse, require},
+    overlay::{check_names, lay_over, names, take},
+};
 
 /// The key under which they lie.
-const KEY: &str = "profiles";
+pub(crate) const KEY: &str = "profiles";
 
 /// The key of a profile that names the one that it is laid over.
-const BASE: &str = "base";
+pub(crate) const BASE: &str = "base";
 
 /// Names that the results of a profile cannot have, because those of the study have them.
 const TAKEN: [&str; 8] = [
@@ -25,7 +27,7 @@ const TAKEN: [&str; 8] = [
 
 /// Where the results of a profile go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Results {
+pub(crate) enum Results {
     /// Where those of the study go, or where the profile itself says.
     AsWritten,
     /// To a folder called as the profile, in that of the study.
@@ -33,7 +35,7 @@ pub(super) enum Results {
 }
 
 /// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
-pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<Results> {
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Results, Problem> {
     let Some(name) = name else {
         table.remove(KEY);
         return Ok(Results::AsWritten);
@@ -48,16 +50,16 @@ pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<Re
 }
 
 /// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
-fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> anyhow::Result<Table> {
+fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> Result<Table, Problem> {
     let name = above.last().cloned().unwrap_or_default();
     let base = match own.remove(BASE) {
         None => return Ok(own),
         Some(Value::String(base)) => base,
         Some(other) => {
-            bail!("[{KEY}.{name}] {BASE} must be the name of another profile, got {other}")
+            refuse!("[{KEY}.{name}] {BASE} must be the name of another profile, got {other}")
         }
     };
-    ensure!(
+    require!(
         !above.contains(&base),
         "[{KEY}.{base}] is based on itself: {}, {base}; remove one {BASE}",
         above.join(", ")
@@ -70,24 +72,24 @@ fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> anyhow::
 }
 
 /// Whether the study is one with each of its profiles, as far as `is_study` can tell.
-pub(super) fn check(
+pub(crate) fn check(
     table: &Table,
-    is_study: impl Fn(Table) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+    is_study: impl Fn(Table) -> Result<(), Problem>,
+) -> Result<(), Problem> {
     let names = names(table, KEY);
     check_names(KEY, &names)?;
     for name in &names {
-        ensure!(
+        require!(
             !TAKEN.contains(&name.as_str()),
             "[{KEY}.{name}]: the study has a folder of that name in its results; choose another name"
         );
         let own = table.get(KEY).and_then(|of| of.get(name)).and_then(Value::as_table);
         if own.is_some_and(|own| own.contains_key(KEY)) {
-            bail!("[{KEY}.{name}] has [{KEY}] of its own, and one is chosen at a time");
+            refuse!("[{KEY}.{name}] has [{KEY}] of its own, and one is chosen at a time");
         }
         let mut study = table.clone();
         choose(&mut study, Some(name))?;
-        is_study(study).with_context(|| format!("[{KEY}.{name}]"))?;
+        is_study(study).map_err(|problem| problem.within(&format!("{KEY}.{name}")))?;
     }
     Ok(())
 }
@@ -150,7 +152,7 @@ mod tests {
     fn every_profile_is_checked() {
         check(&table(), |_| Ok(())).expect("valid");
         let error = check(&table(), |study| {
-            ensure!(study["seed"].as_integer() == Some(1), "another seed");
+            require!(study["seed"].as_integer() == Some(1), "another seed");
             Ok(())
         });
         assert_eq!(format!("{:#}", error.expect_err("refused")), "[profiles.tiny]: another seed");

@@ -1,7 +1,8 @@
-use std::{cell::RefCell, fmt, ops::Deref};
+use std::{borrow::Cow, cell::RefCell, fmt, ops::Deref};
 
 use calib_data::TimeRange;
 use calib_knn::{IndexKind, ModelConfig};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{
     Deserialize, Serialize,
     de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer},
@@ -21,7 +22,8 @@ pub struct ModelSection {
 impl ModelSection {
     /// The same section with the search structure left to calib: what tables, draws and all that follows from them depend
     /// on.
-    pub(crate) fn of_any_index(&self) -> Self {
+    #[must_use]
+    pub fn of_any_index(&self) -> Self {
         let config = ModelConfig { index: IndexKind::Auto, ..self.config };
         Self { config, period: self.period.clone() }
     }
@@ -37,6 +39,29 @@ impl Deref for ModelSection {
 
 /// The key that is not the model's own.
 const PERIOD: &str = "period";
+
+impl JsonSchema for ModelSection {
+    fn schema_name() -> Cow<'static, str> {
+        "ModelSection".into()
+    }
+
+    /// That of the model's own keys, and the period.
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = ModelConfig::json_schema(generator);
+        let mut period = generator.subschema_for::<Option<TimeRange>>();
+        period.insert(
+            "description".to_owned(),
+            "The part of the training range that the model is built from (default: all that is not for pre-training)."
+                .into(),
+        );
+        let keys = schema.get_mut("properties").and_then(serde_json::Value::as_object_mut);
+        if let Some(keys) = keys {
+            keys.insert(PERIOD.to_owned(), period.into());
+        }
+        schema.insert("description".to_owned(), "The `[model]` section.".into());
+        schema
+    }
+}
 
 // Derived, flattening would lose what is said of unknown keys, and where they are.
 impl<'de> Deserialize<'de> for ModelSection {

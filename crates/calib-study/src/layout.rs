@@ -2,57 +2,44 @@ use std::path::{Path, PathBuf};
 
 /// Where the files of a study lie.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StudyPaths {
+pub struct Layout {
     study: PathBuf,
     /// Of the study, or of one of its models.
     root: PathBuf,
-    profile: Option<String>,
     model: Option<String>,
     deployment: Option<(String, Rollouts)>,
 }
 
 /// Whose rollouts a deployment has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rollouts {
+pub enum Rollouts {
     /// Its own, because start states follow from it.
     OfDeployment,
     /// Those of the model, which are the same for every deployment.
     OfModel,
 }
 
-impl StudyPaths {
+impl Layout {
     /// The layout below `root` of the results of the file `study`.
     pub fn new(study: PathBuf, root: PathBuf) -> Self {
-        Self { study, root, profile: None, model: None, deployment: None }
-    }
-
-    /// The same layout of the study's profile called `name`: what is to be typed names it.
-    #[must_use]
-    pub(crate) fn of_profile(self, name: Option<&str>) -> Self {
-        Self { profile: name.map(str::to_owned), ..self }
-    }
-
-    /// The same layout below another directory.
-    #[must_use]
-    pub(crate) fn at(self, root: PathBuf) -> Self {
-        Self { root, ..self }
+        Self { study, root, model: None, deployment: None }
     }
 
     /// The layout of one of several models of the study.
     #[must_use]
-    pub(crate) fn of_model(self, name: &str) -> Self {
+    pub fn of_model(self, name: &str) -> Self {
         let root = self.root.join("models").join(name);
         Self { root, model: Some(name.to_owned()), ..self }
     }
 
     /// The layout of one of several deployments of the study, or of one of its models.
     #[must_use]
-    pub(crate) fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
+    pub fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
         Self { deployment: Some((name.to_owned(), rollouts)), ..self }
     }
 
     /// What is called `name` in the results of the study's other models.
-    pub(crate) fn of_other_models(&self, name: &str) -> Vec<PathBuf> {
+    pub fn of_other_models(&self, name: &str) -> Vec<PathBuf> {
         let roots = folders(&self.of_study().join("models")).into_iter();
         let mut all: Vec<PathBuf> =
             roots.filter(|root| *root != self.root).map(|root| root.join(name)).collect();
@@ -61,7 +48,7 @@ impl StudyPaths {
     }
 
     /// The sweeps of the study's other models and deployments, as far as there are any.
-    pub(crate) fn other_sweeps(&self) -> Vec<PathBuf> {
+    pub fn other_sweeps(&self) -> Vec<PathBuf> {
         let study = self.of_study();
         let roots: Vec<PathBuf> =
             [study.to_owned()].into_iter().chain(folders(&study.join("models"))).collect();
@@ -75,9 +62,9 @@ impl StudyPaths {
         sweeps
     }
 
-    /// The name of the deployment, of several.
-    pub(crate) fn deployment(&self) -> Option<&str> {
-        self.deployment.as_ref().map(|(name, _)| name.as_str())
+    /// Whose rollouts the deployment has, of several.
+    pub(crate) fn rollouts(&self) -> Option<Rollouts> {
+        self.deployment.as_ref().map(|(_, rollouts)| *rollouts)
     }
 
     /// The directory of all results of the study, all models and deployments.
@@ -96,30 +83,9 @@ impl StudyPaths {
         }
     }
 
-    /// The profile that was laid over the study.
-    pub fn profile(&self) -> Option<&str> {
-        self.profile.as_deref()
-    }
-
     /// The study file.
     pub fn study(&self) -> &Path {
         &self.study
-    }
-
-    /// What to type to run `command` on the study.
-    pub fn command(&self, command: &str) -> String {
-        let profile = self.profile.as_ref();
-        let profile = profile.map_or_else(String::new, |name| format!(" --profile {name}"));
-        let whole = ["pretrain", "simulate", "run"].contains(&command);
-        let model = self.model.as_ref().filter(|_| !whole);
-        let model = model.map_or_else(String::new, |name| format!(" --model {name}"));
-        let deployment = self.deployment.as_ref().filter(|(_, rollouts)| match command {
-            "rollout" => *rollouts == Rollouts::OfDeployment,
-            command => ["sweep", "evaluate"].contains(&command),
-        });
-        let deployment = deployment.map(|(name, _)| format!(" --deployment {name}"));
-        let deployment = deployment.unwrap_or_default();
-        format!("calib {command} {}{profile}{model}{deployment}", self.study.display())
     }
 
     /// The directory of all results.
@@ -178,17 +144,14 @@ mod tests {
 
     #[test]
     fn a_deployment_has_results_of_its_own_but_no_model() {
-        let study = StudyPaths::new("s.toml".into(), "r".into());
+        let study = Layout::new("s.toml".into(), "r".into());
         let paths = study.clone().of_model("m").of_deployment("april", Rollouts::OfDeployment);
         assert_eq!(paths.model(), Path::new("r/models/m/model"));
         assert_eq!(paths.pretrain(), Path::new("r/pretrain"));
         assert_eq!(paths.rollout(), Path::new("r/models/m/deployments/april/rollout"));
         assert_eq!(paths.report(), Path::new("r/models/m/deployments/april/report.html"));
-        assert_eq!(paths.command("sweep"), "calib sweep s.toml --model m --deployment april");
-        assert_eq!(paths.command("build-model"), "calib build-model s.toml --model m");
         let shared = study.of_deployment("april", Rollouts::OfModel);
         assert_eq!(shared.rollout(), Path::new("r/rollout"));
-        assert_eq!(shared.command("rollout"), "calib rollout s.toml");
         assert_eq!(shared.sweep(), Path::new("r/deployments/april/sweep"));
     }
 
@@ -201,7 +164,7 @@ mod tests {
         for sweep in sweeps {
             std::fs::create_dir_all(root.join(sweep)).expect("writable");
         }
-        let study = StudyPaths::new("s.toml".into(), root.to_owned());
+        let study = Layout::new("s.toml".into(), root.to_owned());
         let paths = study.of_model("m").of_deployment("a", Rollouts::OfModel);
         let others =
             ["deployments/a/sweep", "models/m/sweep", "sweep"].map(|sweep| root.join(sweep));

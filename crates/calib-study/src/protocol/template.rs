@@ -5,14 +5,17 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use anyhow::{Context as _, ensure};
 use calib_core::Seed;
 use calib_sweep::Axis;
 use toml::{Table, Value};
 
-use super::{
-    super::{load, overlay::lay_over, toml_json::to_toml},
-    Plants,
+use super::Plants;
+use crate::{
+    error::{Problem, require},
+    overlay::lay_over,
+    overrides,
+    toml_json::to_toml,
+    written,
 };
 
 /// Below this are the seeds that are drawn: short enough to be typed.
@@ -29,16 +32,15 @@ pub(super) struct Template {
 
 impl Template {
     /// The study of `plants`, with paths as they are from `folder`.
-    pub(super) fn read(protocol: &Path, plants: &Plants, folder: &Path) -> anyhow::Result<Self> {
+    pub(super) fn read(protocol: &Path, plants: &Plants, folder: &Path) -> Result<Self, Problem> {
         let beside = protocol.parent().unwrap_or(Path::new(""));
         let path = beside.join(&plants.study);
-        let mut table = load::table_of(&path).with_context(|| protocol.display().to_string())?;
+        let mut table = written::table_of(&path)?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let name = name.with_context(|| format!("{} has no name", path.display()))?;
-        ensure!(
+        let name = name.ok_or_else(|| Problem::new(format!("{} has no name", path.display())))?;
+        require!(
             plants.repeat.is_none() || table.contains_key("simulate"),
-            "{}: repeat wants a study with [simulate]: without it {} would be the same plant again",
-            protocol.display(),
+            "repeat requires a study with [simulate]: without it {} would be the same plant again",
             path.display()
         );
         // Results lie beside the study that is drawn, and what it reads where it was.
@@ -53,14 +55,15 @@ impl Template {
         axes: &BTreeMap<String, Axis>,
         seed: Seed,
         defaults: &serde_json::Value,
-    ) -> anyhow::Result<BTreeMap<String, Value>> {
+    ) -> Result<BTreeMap<String, Value>, Problem> {
         let draw = |(key, axis): (&String, &Axis)| {
             let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
             let drawn = axis.draw(like, seed.child(key).rng().unit());
-            let drawn = drawn.with_context(|| format!("{key} cannot be drawn"))?;
-            Ok((key.clone(), to_toml(&drawn).with_context(|| key.clone())?))
+            let told = format!("{key} cannot be drawn");
+            let drawn = drawn.map_err(|error| Problem::from(error).after(&told))?;
+            Ok((key.clone(), to_toml(&drawn).map_err(|problem| problem.after(key))?))
         };
-        let mut values = axes.iter().map(draw).collect::<anyhow::Result<BTreeMap<_, _>>>()?;
+        let mut values = axes.iter().map(draw).collect::<Result<BTreeMap<_, _>, Problem>>()?;
         let simulated = self.table.contains_key("simulate").then_some("simulate.seed");
         for key in ["seed"].into_iter().chain(simulated) {
             let own = seed.child(key).rng().below(SEEDS) as i64;
@@ -75,7 +78,7 @@ impl Template {
         plant: &str,
         values: &BTreeMap<String, Value>,
         overrides: &[String],
-    ) -> anyhow::Result<Table> {
+    ) -> Result<Table, Problem> {
         let mut table = self.table.clone();
         for (key, value) in values {
             let (sections, last) = key.rsplit_once('.').unwrap_or(("", key));
@@ -90,7 +93,7 @@ impl Template {
             let data = Table::from_iter([("path".to_owned(), path)]);
             lay_over(&mut table, Table::from_iter([("data".to_owned(), Value::Table(data))]));
         }
-        overrides.iter().try_for_each(|text| load::apply(&mut table, text))?;
+        overrides.iter().try_for_each(|text| overrides::apply(&mut table, text))?;
         Ok(table)
     }
 }
@@ -99,8 +102,8 @@ impl Template {
 const PATHS: [(&str, &str); 2] = [("data", "path"), ("pretrain", "checkpoint")];
 
 /// Let every relative path of a study in `from` mean the same in a study in `to`.
-fn move_paths(table: &mut Table, from: &Path, to: &Path) -> anyhow::Result<()> {
-    let moved = |text: &str| -> anyhow::Result<Option<String>> {
+fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> {
+    let moved = |text: &str| -> Result<Option<String>, Problem> {
         if text.is_empty() || text.starts_with("${") || Path::new(text).is_absolute() {
             return Ok(None);
         }
@@ -122,7 +125,7 @@ fn move_paths(table: &mut Table, from: &Path, to: &Path) -> anyhow::Result<()> {
 }
 
 /// `path` as one would write it in `folder`.
-fn relative(path: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
+fn relative(path: &Path, folder: &Path) -> Result<PathBuf, Problem> {
     let (path, folder) = (without_parents(path)?, without_parents(folder)?);
     let common = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(common).map(|_| "..");
@@ -131,7 +134,7 @@ fn relative(path: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
 }
 
 /// The absolute path without `..`.
-fn without_parents(path: &Path) -> anyhow::Result<PathBuf> {
+fn without_parents(path: &Path) -> Result<PathBuf, Problem> {
     let mut plain = PathBuf::new();
     for part in std::path::absolute(path)?.components() {
         match part {

@@ -1,11 +1,12 @@
 //! Values of TOML as those of JSON, and back.
 
-use anyhow::Context as _;
 use serde_json::Value as Json;
 use toml::Value;
 
+use crate::error::Problem;
+
 /// As JSON; dates and times are their text, and numbers that are not finite nothing.
-pub(super) fn to_json(value: &Value) -> Json {
+pub(crate) fn to_json(value: &Value) -> Json {
     match value {
         Value::String(text) => Json::from(text.as_str()),
         Value::Integer(number) => Json::from(*number),
@@ -20,8 +21,10 @@ pub(super) fn to_json(value: &Value) -> Json {
 }
 
 /// As TOML, which has no nothing.
-pub(super) fn to_toml(value: &Json) -> anyhow::Result<Value> {
-    Value::try_from(value).with_context(|| format!("{value} cannot be written to a study"))
+pub(crate) fn to_toml(value: &Json) -> Result<Value, Problem> {
+    Value::try_from(value).map_err(|error| {
+        Problem::from(error).after(&format!("{value} cannot be written to a study"))
+    })
 }
 
 #[cfg(test)]

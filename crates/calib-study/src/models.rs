@@ -1,16 +1,16 @@
 //! Several models in one study: `[models.NAME]` says how each differs from the rest of the file.
 
-use anyhow::{bail, ensure};
 use toml::{Table, Value};
 
-use super::{
+use crate::{
     Study,
+    error::{Problem, refuse, require},
     overlay::{self, check_names, lay_over, take},
 };
 
 /// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
 /// their results could not stand beside each other.
-const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
+pub(crate) const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
 
 /// The key under which they lie.
 const KEY: &str = "models";
@@ -19,7 +19,7 @@ const KEY: &str = "models";
 const COMPARED: &str = "compare";
 
 /// Names of the models that are compared, in alphabetical order.
-pub(super) fn names(table: &Table) -> Vec<String> {
+pub(crate) fn names(table: &Table) -> Vec<String> {
     let all = overlay::names(table, KEY);
     match compared(table) {
         Some(compared) => {
@@ -31,7 +31,7 @@ pub(super) fn names(table: &Table) -> Vec<String> {
 
 impl Study {
     /// Names of the models that are compared, in alphabetical order; none where one was chosen.
-    pub(crate) fn compared_models(&self) -> Vec<String> {
+    pub fn compared_models(&self) -> Vec<String> {
         let is_compared =
             |name: &&String| self.compare.as_ref().is_none_or(|compared| compared.contains(name));
         self.models.keys().filter(is_compared).cloned().collect()
@@ -44,7 +44,7 @@ fn compared(table: &Table) -> Option<Vec<&str>> {
 }
 
 /// Leave the one model called `name` in the study; without a name they stay beside it.
-pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<()> {
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<(), Problem> {
     let Some(name) = name else { return Ok(()) };
     let own = take(table, KEY, "--model", name)?;
     table.remove(COMPARED);
@@ -53,26 +53,26 @@ pub(super) fn choose(table: &mut Table, name: Option<&str>) -> anyhow::Result<()
 }
 
 /// Whether every name can be that of a directory, and the models differ only in what makes a model.
-pub(super) fn check(table: &Table) -> anyhow::Result<()> {
+pub(crate) fn check(table: &Table) -> Result<(), Problem> {
     let all = overlay::names(table, KEY);
     check_names(KEY, &all)?;
     if let Some(compared) = compared(table) {
-        ensure!(!compared.is_empty(), "{COMPARED} lists no model; name some, or leave it out");
+        require!(!compared.is_empty(), "{COMPARED} lists no model; name some, or leave it out");
         if let Some(unknown) = compared.into_iter().find(|name| !all.iter().any(|of| of == name)) {
-            bail!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
+            refuse!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
         }
     }
     let shares_pretraining = is_pretrained_before_the_model(table);
     let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
     for (name, own) in models {
-        ensure!(
+        require!(
             !shares_pretraining || value(own.as_table(), "model", "period").is_none(),
             "[{KEY}.{name}] has a model.period of its own, and what precedes it would be for pre-training, which all \
              models share; give pretrain.period"
         );
         let keys = own.as_table().into_iter().flat_map(Table::keys);
         if let Some(key) = keys.into_iter().find(|key| !SECTIONS.contains(&key.as_str())) {
-            bail!(
+            refuse!(
                 "[{KEY}.{name}]: {key} cannot differ from model to model, only {} can; \
                  set {key} for the whole study, or give this model a study of its own",
                 SECTIONS.join(", ")

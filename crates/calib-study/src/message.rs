@@ -1,7 +1,7 @@
 //! serde's messages, told as a person would.
 
 /// Rewrite "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
-pub(super) fn friendly(message: &str) -> String {
+pub(crate) fn friendly(message: &str) -> String {
     let Some(rest) = message.strip_prefix("unknown field `") else {
         return friendly_variant(message);
     };
@@ -16,13 +16,50 @@ pub(super) fn friendly(message: &str) -> String {
 }
 
 fn friendly_variant(message: &str) -> String {
-    let Some(rest) = message.strip_prefix("unknown variant `") else { return message.to_owned() };
+    let Some(rest) = message.strip_prefix("unknown variant `") else {
+        return friendly_type(message).unwrap_or_else(|| message.to_owned());
+    };
     let Some((value, rest)) = rest.split_once('`') else { return message.to_owned() };
     let valid = quoted(rest);
     let nearest = nearest(value, &valid)
         .map_or_else(String::new, |nearest| format!("; did you mean \"{nearest}\"?"));
     let valid: Vec<String> = valid.iter().map(|value| format!("\"{value}\"")).collect();
     format!("unknown value \"{value}\"{nearest} (known values: {})", valid.join(", "))
+}
+
+/// Rewrite "invalid type: string "x", expected f64" in the words of whoever writes a study.
+fn friendly_type(message: &str) -> Option<String> {
+    let rest =
+        ["invalid type: ", "invalid value: "].iter().find_map(|of| message.strip_prefix(of))?;
+    let (got, expected) = rest.rsplit_once(", expected ")?;
+    Some(format!("expected {}, got {}", in_words(expected), value(got)))
+}
+
+/// What a type is for whoever writes a study.
+fn in_words(expected: &str) -> &str {
+    match expected {
+        "f32" | "f64" => "a number",
+        "usize" | "u8" | "u16" | "u32" | "u64" => "a whole number from 0 up",
+        "isize" | "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a string" | "path string" => "text",
+        "a sequence" => "a list",
+        "a map" => "a section",
+        of if of.starts_with("struct ") => "a section",
+        of => of,
+    }
+}
+
+/// What stands there, without the name of its type.
+fn value(got: &str) -> String {
+    match got {
+        "sequence" => "a list".to_owned(),
+        "map" => "a section".to_owned(),
+        of => match of.strip_prefix("string ") {
+            Some(text) => format!("the text {text}"),
+            None => of.split('`').nth(1).unwrap_or(of).to_owned(),
+        },
+    }
 }
 
 /// The words between backticks.
@@ -56,6 +93,12 @@ mod tests {
         let far = friendly("unknown field `zzz`, expected `gamma` or `beta1`");
         assert_eq!(far, "unknown key `zzz` (known keys: gamma, beta1)");
         assert_eq!(friendly("invalid type: string"), "invalid type: string");
+        let text = friendly("invalid type: string \"a, expected b\", expected f64");
+        assert_eq!(text, "expected a number, got the text \"a, expected b\"");
+        assert_eq!(
+            friendly("invalid type: map, expected a string"),
+            "expected text, got a section"
+        );
         let value = friendly("unknown variant `adm`, expected `adam` or `sgd`");
         assert_eq!(
             value,

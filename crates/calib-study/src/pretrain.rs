@@ -1,12 +1,14 @@
 use std::path::PathBuf;
 
-use anyhow::ensure;
 use calib_agent::{AgentConfig, PretrainSettings};
 use calib_data::TimeRange;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Problem, require};
+
 /// The `[pretrain]` section: agents that have learnt from the log before they are deployed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PretrainConfig {
     /// The most passes over the training transitions (default 0: no pre-training).
@@ -31,7 +33,7 @@ pub struct PretrainConfig {
 }
 
 /// What fine-tuning does with Adam's moments.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentsRule {
     /// They begin at zero, as with a new optimiser.
@@ -77,27 +79,24 @@ impl PretrainConfig {
     }
 
     /// Check every value on its own.
-    ///
-    /// # Errors
-    /// If a value is outside its range.
-    pub fn check(&self) -> anyhow::Result<()> {
+    pub(crate) fn check(&self) -> Result<(), Problem> {
         let inside = |value: f64| value > 0.0 && value < 1.0;
-        ensure!(
+        require!(
             (1e-45..=1e38).contains(&self.learning_rate),
             "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {}",
             self.learning_rate
         );
-        ensure!(
+        require!(
             inside(self.validation_fraction),
             "pretrain.validation_fraction must be above 0 and below 1, got {}",
             self.validation_fraction
         );
-        ensure!(
+        require!(
             inside(self.fraction),
             "pretrain.fraction must be above 0 and below 1, got {}",
             self.fraction
         );
-        ensure!(
+        require!(
             self.checkpoint.is_none() || self.epochs == 0,
             "pretrain.checkpoint takes agents from elsewhere and pretrain.epochs = {} trains them here; \
              give one of them",

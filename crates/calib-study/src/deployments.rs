@@ -1,13 +1,16 @@
 //! Named test windows: `[deployments.NAME]` says when an agent would have been deployed.
 
-use anyhow::{bail, ensure};
 use calib_data::TimeRange;
 
-use super::{Study, overlay::check_names};
+use crate::{
+    Study,
+    error::{Problem, refuse, require},
+    overlay::check_names,
+};
 
 impl Study {
     /// Names of the deployments in the order of time.
-    pub(crate) fn deployment_names(&self) -> Vec<String> {
+    pub fn deployment_names(&self) -> Vec<String> {
         let mut all: Vec<(&String, &TimeRange)> = self.deployments.iter().collect();
         all.sort_by_key(|(name, range)| {
             let instant =
@@ -19,33 +22,33 @@ impl Study {
 
     /// The study of the one deployment called `name`, which is then what is held out; without a name all deployments
     /// stay in it.
-    pub(super) fn choose_deployment(&mut self, name: Option<&str>) -> anyhow::Result<()> {
+    pub(crate) fn choose_deployment(&mut self, name: Option<&str>) -> Result<(), Problem> {
         let Some(name) = name else { return Ok(()) };
         let names = self.deployment_names();
         let mut deployments = std::mem::take(&mut self.deployments);
         let Some(range) = deployments.remove(name) else {
             if names.is_empty() {
-                bail!("--deployment {name}: the study has no [deployments]");
+                refuse!("--deployment {name}: the study has no [deployments]");
             }
-            bail!("--deployment {name}: the study's deployments are {}", names.join(", "));
+            refuse!("--deployment {name}: the study's deployments are {}", names.join(", "));
         };
         self.data.held_out = Some(range);
         Ok(())
     }
 
     /// Whether names can be those of directories, and windows lie outside everything that is learnt from.
-    pub(super) fn check_deployments(&self) -> anyhow::Result<()> {
+    pub(crate) fn check_deployments(&self) -> Result<(), Problem> {
         if self.deployments.is_empty() {
             return Ok(());
         }
         check_names("deployments", self.deployments.keys())?;
-        ensure!(
+        require!(
             self.data.held_out.is_none(),
             "data.held_out and [deployments] are both given: data.held_out is the one deployment of a study that \
              names none; make it a [deployments.NAME] of its own, and remove it from [data]"
         );
         let Some(train) = &self.data.train else {
-            bail!(
+            refuse!(
                 "[deployments] want data.train, so that it is clear what is before them: \
                  give it, such as train = {{ start = 2022-04-01, end = 2023-04-01 }}"
             )
@@ -57,13 +60,13 @@ impl Study {
         ];
         for (name, range) in &self.deployments {
             if let TimeRange { start: Some(start), end: Some(end) } = range {
-                ensure!(
+                require!(
                     start.instant() < end.instant(),
                     "deployments.{name} must start before it ends, got {range}"
                 );
             }
             for (key, other) in learnt {
-                ensure!(
+                require!(
                     !other.is_some_and(|other| overlap(range, other)),
                     "deployments.{name} ({range}) overlaps {key} ({}): what is deployed must not have been learnt \
                      from; move one of them",

@@ -1,19 +1,3 @@
-//! A study: one TOML file that says what to compute, checked before anything runs.
-
-mod deployments;
-mod load;
-mod message;
-mod model;
-mod models;
-mod overlay;
-mod partition;
-mod paths;
-mod pretrain;
-mod profiles;
-mod protocol;
-mod simulate;
-mod toml_json;
-
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::{AgentConfig, Part};
@@ -21,21 +5,15 @@ use calib_data::{DataConfig, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
 use calib_knn::ModelKind;
 use calib_represent::{RepresentationConfig, RepresentationKind};
-use calib_rollout::RolloutConfig;
+use calib_rollout::{RolloutConfig, StartKind};
 use calib_sweep::{Beginning, Rule, SweepConfig};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use load::{Chosen, UnsetVariable};
-pub(crate) use model::ModelSection;
-pub(crate) use partition::Partition;
-pub(crate) use paths::Rollouts;
-pub use paths::StudyPaths;
-pub(crate) use pretrain::{MomentsRule, PretrainConfig};
-pub(crate) use protocol::{Drawn, Protocol};
-pub(crate) use simulate::SimulateConfig;
+use crate::{ModelSection, PretrainConfig, SimulateConfig, schema};
 
 /// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
     /// Root of all randomness (default 0).
@@ -50,12 +28,14 @@ pub struct Study {
     pub data: DataConfig,
     /// The same study at other sizes, by name: what replaces the rest of it; empty once one was chosen, or none.
     #[serde(skip_serializing)]
+    #[schemars(schema_with = "schema::profiles")]
     pub profiles: BTreeMap<String, toml::Table>,
     /// Which of the models are compared (default: all).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compare: Option<Vec<String>>,
     /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(schema_with = "schema::models")]
     pub models: BTreeMap<String, toml::Table>,
     /// Named test windows; empty where one was chosen, which is then `data.held_out`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -87,24 +67,32 @@ impl Study {
     }
 
     /// Runs of every value in each member of the model.
-    pub(crate) fn member_runs(&self) -> usize {
+    pub fn member_runs(&self) -> usize {
         if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
     }
 
+    /// Whether start states of `[rollout]` follow from the deployment.
+    pub fn starts_follow_from_deployment(&self) -> bool {
+        match self.rollout.start {
+            StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => true,
+            StartKind::Random | StartKind::Rows => false,
+        }
+    }
+
     /// Where the rollouts start that agents are trained in; nothing else of `[rollout]` decides about them.
-    pub(crate) fn sweep_starts(&self) -> RolloutConfig {
+    pub fn sweep_starts(&self) -> RolloutConfig {
         let own = self.sweep.start.unwrap_or(self.rollout.start);
         RolloutConfig { start: own, ..self.rollout.starts() }
     }
 
     /// Which part of a run is scored.
-    pub(crate) fn part(&self) -> Part {
+    pub fn part(&self) -> Part {
         let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();
         self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
     }
 
     /// What the model is called in figures and tables.
-    pub(crate) fn model_name(&self) -> &'static str {
+    pub fn model_name(&self) -> &'static str {
         match (self.model.kind, self.representation.kind) {
             (ModelKind::Nn, _) => "NN",
             (ModelKind::Gru, _) => "GRU",
@@ -117,7 +105,7 @@ impl Study {
 }
 
 /// The `[evaluate]` section.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
     /// How a value is chosen from the evidence (default: `pooled`).

@@ -1,7 +1,7 @@
 use calib_data::TimeRange;
 use serde::Serialize;
 
-use super::Study;
+use crate::Study;
 
 /// Which part of the training range the calibration model is built from, and which one is for pre-training.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -9,29 +9,34 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::Seed;
 use calib_sweep::Axis;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::{SimulateConfig, Study, StudyPaths, load, toml_json::to_json};
+use crate::{
+    Job, Request, SimulateConfig, Study, StudyError,
+    error::{Problem, refuse, require},
+    source::Source,
+    toml_json::to_json,
+    written,
+};
 use template::Template;
 
 /// The section that makes a file a protocol.
-pub(super) const KEY: &str = "validity";
+pub(crate) const KEY: &str = "validity";
 
 /// The `[validity]` section of a protocol.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct Protocol {
+pub struct Protocol {
     /// Root of all that is drawn (default 0).
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// Whether rollouts are made and compared with what was recorded, and a report is written for every plant, beside the sweep
     /// that a choice needs (default: yes).
-    pub(crate) rollouts: bool,
+    pub rollouts: bool,
     /// The fewest held-out windows by which a plant is judged (default 2: with one there is no floor).
-    pub(crate) least_windows: usize,
+    pub least_windows: usize,
     /// The plants.
     plants: Vec<Plants>,
     /// What is drawn for every plant.
@@ -73,12 +78,11 @@ struct Draws {
 
 /// A study that a protocol draws.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Drawn {
+pub struct Drawn {
     /// What the plant is called, and the file without `.toml`.
-    pub(crate) plant: String,
+    pub plant: String,
     /// The study as it is to be written, with a comment of what was drawn.
-    pub(crate) text: String,
-    table: Table,
+    pub text: String,
 }
 
 /// More plants than anybody runs.
@@ -89,7 +93,7 @@ impl Protocol {
     ///
     /// # Errors
     /// A key that does not exist or a value that is not valid, with its line.
-    pub(crate) fn find(path: &Path) -> anyhow::Result<Option<Self>> {
+    pub fn find(path: &Path) -> Result<Option<Self>, StudyError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct File {
@@ -100,20 +104,20 @@ impl Protocol {
         if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(KEY)) {
             return Ok(None);
         }
-        let File { validity } = load::of_text(path, &text)?;
-        validity.check().with_context(|| path.display().to_string())?;
+        let File { validity } = written::of_text(&Source::new(path, text))?;
+        validity.check().map_err(|problem| given(path, &problem))?;
         Ok(Some(validity))
     }
 
-    fn check(&self) -> anyhow::Result<()> {
-        ensure!(
+    fn check(&self) -> Result<(), Problem> {
+        require!(
             !self.plants.is_empty(),
             "a protocol wants plants; add [[validity.plants]] with study = \"FILE.toml\""
         );
-        ensure!(self.least_windows > 0, "validity.least_windows must be at least 1, got 0");
+        require!(self.least_windows > 0, "validity.least_windows must be at least 1, got 0");
         let repeats = self.plants.iter().filter_map(|of| of.repeat);
         if let Some(got) = repeats.into_iter().find(|of| !(1..=MANY_PLANTS).contains(of)) {
-            bail!("validity.plants.repeat must be from 1 to {MANY_PLANTS}, got {got}");
+            refuse!("validity.plants.repeat must be from 1 to {MANY_PLANTS}, got {got}");
         }
         Ok(())
     }
@@ -123,40 +127,54 @@ impl Protocol {
     ///
     /// # Errors
     /// A study that cannot be read, a key that cannot be drawn, plants of one name.
-    pub(crate) fn draw(
+    pub fn draw(
         &self,
         path: &Path,
         folder: &Path,
         overrides: &[String],
-    ) -> anyhow::Result<Vec<Drawn>> {
+    ) -> Result<Vec<Drawn>, StudyError> {
+        self.drawn(path, folder, overrides).map_err(|problem| given(path, &problem))
+    }
+
+    fn drawn(
+        &self,
+        path: &Path,
+        folder: &Path,
+        overrides: &[String],
+    ) -> Result<Vec<Drawn>, Problem> {
         let defaults = defaults()?;
-        let task = axes(&self.task.draw).context("[validity.task.draw]")?;
+        let task = axes(&self.task.draw).map_err(|of| of.within("validity.task.draw"))?;
         let mut all: Vec<Drawn> = Vec::new();
         for plants in &self.plants {
             let template = Template::read(path, plants, folder)?;
             let mut own = task.clone();
-            own.extend(axes(&plants.draw).context("[validity.plants.draw]")?);
+            own.extend(axes(&plants.draw).map_err(|of| of.within("validity.plants.draw"))?);
             for number in 1..=plants.repeat.unwrap_or(1) {
                 let seed = Seed::new(self.seed).child("validity").child(&template.name);
                 let seed = seed.number(number as u64);
-                let values = template
-                    .values(&own, seed, &defaults)
-                    .with_context(|| format!("[validity.task.draw] of {}", template.name))?;
+                let values = template.values(&own, seed, &defaults).map_err(|problem| {
+                    problem.after(&format!("[validity.task.draw] of {}", template.name))
+                })?;
                 let plant = match plants.repeat {
                     Some(_) => format!("{}-{number:02}", template.name),
                     None => template.name.clone(),
                 };
-                ensure!(
+                require!(
                     all.iter().all(|other| other.plant != plant),
                     "two plants are called {plant}; rename one of the studies, or give repeat to one entry"
                 );
                 let table = template.with(&plant, &values, overrides)?;
                 let text = text(path, self.seed, &template, &values, &table)?;
-                all.push(Drawn { plant, text, table });
+                all.push(Drawn { plant, text });
             }
         }
         Ok(all)
     }
+}
+
+/// What is wrong with a protocol.
+fn given(path: &Path, problem: &Problem) -> StudyError {
+    StudyError::Given { study: path.display().to_string(), message: problem.to_string() }
 }
 
 impl Drawn {
@@ -164,21 +182,23 @@ impl Drawn {
     ///
     /// # Errors
     /// A key that does not exist, or a value that is not valid.
-    pub(crate) fn study(&self, folder: &Path) -> anyhow::Result<(Study, StudyPaths)> {
-        let path = folder.join(format!("{}.toml", self.plant));
-        let drawn = || format!("{} as the protocol draws it", self.plant);
-        Study::of_table(&path, self.table.clone()).with_context(drawn)
+    pub fn job(&self, folder: &Path) -> Result<Job, StudyError> {
+        let request = Request::new(folder.join(format!("{}.toml", self.plant)));
+        Job::of_text(request, self.text.clone()).map_err(|source| StudyError::Drawn {
+            plant: self.plant.clone(),
+            source: Box::new(source),
+        })
     }
 }
 
 /// Every key of a study with its default, as far as it has one.
-fn defaults() -> anyhow::Result<serde_json::Value> {
+fn defaults() -> Result<serde_json::Value, Problem> {
     let simulate = Some(SimulateConfig::default());
     Ok(serde_json::to_value(Study { simulate, ..Study::default() })?)
 }
 
 /// The lists and ranges of a section, by the keys of the study: `"agent.gamma" = …` and `[… .agent] gamma = …` mean the same.
-fn axes(draws: &Table) -> anyhow::Result<BTreeMap<String, Axis>> {
+fn axes(draws: &Table) -> Result<BTreeMap<String, Axis>, Problem> {
     let mut axes = BTreeMap::new();
     let mut pending: Vec<(String, &Table)> = vec![(String::new(), draws)];
     while let Some((section, draws)) = pending.pop() {
@@ -189,7 +209,8 @@ fn axes(draws: &Table) -> anyhow::Result<BTreeMap<String, Axis>> {
                     pending.push((key, inner));
                 }
                 value => {
-                    let axis = Axis::deserialize(to_json(value)).with_context(|| key.clone())?;
+                    let axis = Axis::deserialize(to_json(value));
+                    let axis = axis.map_err(|error| Problem::from(error).after(&key))?;
                     axes.insert(key, axis);
                 }
             }
@@ -205,7 +226,7 @@ fn text(
     template: &Template,
     values: &BTreeMap<String, Value>,
     table: &Table,
-) -> anyhow::Result<String> {
+) -> Result<String, Problem> {
     let name = protocol.file_name().unwrap_or_default().to_string_lossy();
     let mut text = format!(
         "# Drawn from {} by `calib validity {name}` with the seed {seed}:\n#\n",
