@@ -15,3 +15,5 @@ mod odd_logs;
 mod odd_values;
 mod parquet;
 mod shapes;
+mod times;
+mod types;

@@ -9,7 +9,9 @@ use crate::{
     campaign::{Draws, STUDY, number, on_all_cores},
     harness::Place,
     limits::{Ended, Tally, run},
-    shapes::{CONTENTS, FILES, KINDS, Shape, TIMES},
+    shapes::{FILES, Shape},
+    times::TIMES,
+    types::{CONTENTS, KINDS},
 };
 
 /// Cases with the other tests.
