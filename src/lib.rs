@@ -9,8 +9,11 @@ mod cli;
 mod clock;
 mod commands;
 mod exit;
+mod faults;
 mod memory;
 mod output;
+#[cfg(unix)]
+mod signals;
 
 use std::{
     borrow::Cow,
@@ -41,7 +44,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let printer = output::Printer::new(&cli.global);
-    let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| commands::run(cli, &printer)));
+    #[cfg(unix)]
+    signals::tell_of_lost_pages();
+    let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
+        faults::arm()?;
+        commands::run(cli, &printer)
+    }));
     let status = match outcome {
         Ok(Ok(status)) => status,
         Ok(Err(error)) => exit::report(&error, &printer),

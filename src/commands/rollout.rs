@@ -23,6 +23,7 @@ use super::{
 use crate::{
     clock::Stopwatch,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, duration},
 };
 
@@ -113,7 +114,7 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
         &sensors,
         comparison::settings(),
     ))?;
-    announce(study, &model, sensors.len(), printer);
+    let needed = announce(study, &model, sensors.len(), printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
@@ -124,6 +125,8 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let (manifest, verb) = if let Some(manifest) = existing {
         (manifest, "up to date:")
     } else {
+        let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
+        memory::require(needed, "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
         (roll_out(study, &model, from, &sensors, key, &directory, printer)?, "wrote")
@@ -166,7 +169,13 @@ fn sensors(
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
 
-fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) {
+/// Bytes that a row of the trajectories takes beside its state, and for each sensor: the table, its copy that is written,
+/// and its figure. As measured, rounded up.
+const ROW_BYTES: u64 = 88;
+const SENSOR_BYTES: u64 = 56;
+
+/// Say what is going to be rolled out; bytes that it takes.
+fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
     let members = model.model.members();
     let rows = (members * rollouts * (steps + 1)) as u64;
@@ -175,11 +184,13 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
         Model::Knn(_) => 8,
         Model::Parametric(_) => 4 * model.frames.states().columns() as u64,
     };
+    let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
         "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
         count(steps),
-        bytes(rows * (per_state + 32 * sensors as u64)),
+        bytes(needed),
     ));
+    needed
 }
 
 fn roll_out(

@@ -1,9 +1,9 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::{Moment, table::write_log};
-use calib_files::{read_json, write_json};
+use calib_files::{read_json, remove_file, write_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use calib_study::{SimulateConfig, shell_words};
 use serde::{Deserialize, Serialize};
@@ -275,10 +275,7 @@ fn remove_days(directory: &Path) -> anyhow::Result<()> {
     };
     for day in 0..previous.options.days.ceil() as u32 {
         let path = directory.join(file_name(previous.options.start, day));
-        if path.exists() {
-            std::fs::remove_file(&path)
-                .with_context(|| format!("cannot remove {}", path.display()))?;
-        }
+        remove_file(&path)?;
     }
     Ok(())
 }

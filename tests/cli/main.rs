@@ -21,6 +21,5 @@ mod recurrent;
 mod represent;
 mod studies;
 mod sweeps;
-mod torture;
 mod trust;
 mod validity;

@@ -16,7 +16,7 @@ pub enum ValueFunction {
 }
 
 /// The numbers whose products an MLP consists of. Sums, and all that is kept of it, are in single precision either way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// Single precision.

@@ -1,8 +1,9 @@
-use std::{fs, io, path::Path};
+use std::path::Path;
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
+use calib_files::remove_file;
 use calib_study::Job;
 
 use super::{MEASURES, pair::Pair};
@@ -23,13 +24,7 @@ pub(in crate::commands) fn write(directory: &Path, pairs: &[Pair]) -> anyhow::Re
 /// Remove what an earlier run wrote, where nothing is compared any more.
 pub(in crate::commands) fn remove(directory: &Path) -> anyhow::Result<()> {
     for name in FILES {
-        let path = directory.join(name);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("cannot remove {}", path.display()));
-            }
-            _ => {}
-        }
+        remove_file(&directory.join(name))?;
     }
     Ok(())
 }

@@ -7,7 +7,9 @@ use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
-use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
+use calib_files::{
+    Fingerprint, fingerprint_file, read_sealed_json, remove_file, write_sealed_json,
+};
 use calib_stats::{Interval, StepErrors};
 use calib_study::{Job, Layout};
 use serde::{Deserialize, Serialize};
@@ -101,12 +103,7 @@ pub(super) fn read(job: &Job, model: &str) -> Option<OneStep> {
 /// Nothing is known one step ahead.
 pub(super) fn remove(paths: &Layout) -> anyhow::Result<()> {
     for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("cannot remove {}", path.display()));
-            }
-            _ => {}
-        }
+        remove_file(&path)?;
     }
     Ok(())
 }

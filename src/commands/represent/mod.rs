@@ -28,6 +28,7 @@ use crate::{
     cli::Device,
     clock::Stopwatch,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, duration},
 };
 
@@ -187,8 +188,25 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         count(rows),
         candidates.len(),
         count(steps),
-        bytes((rows * (2 * columns + widest) * 4) as u64),
+        bytes(needed_bytes(study, dataset)),
     ));
+}
+
+/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+fn needed_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    let candidates = study.representation.candidates();
+    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
+    let of_one = |of: &LaplacianConfig| {
+        let layers = std::iter::repeat_n(of.hidden_units, of.hidden_layers);
+        let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([of.dimension]).collect();
+        // A batch has u, v and x.
+        calib_nn::training_bytes(&sizes, of.batch_size.saturating_mul(3))
+    };
+    let largest = candidates.iter().map(of_one).max().unwrap_or(0);
+    let states = (rows * (2 * columns + widest) * 4) as u64;
+    states.saturating_add(largest.saturating_mul(at_once))
 }
 
 fn make(
@@ -220,6 +238,10 @@ fn make(
         let chosen = select(&[scores]);
         (vec![candidate], chosen, chosen.map(|_| psi))
     } else {
+        if device.is_none() {
+            let remedy = "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
+            memory::require(needed_bytes(study, dataset), "training the representations", remedy)?;
+        }
         let task = (&split, seed, device);
         let trained = grid::train(study, dataset, task, &directory, printer)?;
         let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
