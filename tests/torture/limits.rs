@@ -141,7 +141,8 @@ impl Tally {
             Ended::Done => counts[0] += 1,
             Ended::Refused(message) => {
                 counts[1] += 1;
-                if !REMEDIES.iter().any(|remedy| message.contains(remedy)) {
+                let told = message.to_lowercase();
+                if !REMEDIES.iter().any(|remedy| told.contains(remedy)) {
                     *self.helpless.entry(bare(&message)).or_default() += 1;
                 }
             }

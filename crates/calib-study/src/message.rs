@@ -16,6 +16,9 @@ pub(crate) fn friendly(message: &str) -> String {
 }
 
 fn friendly_variant(message: &str) -> String {
+    if message == "duplicate key" {
+        return "the key is there twice; remove one of them".to_owned();
+    }
     let Some(rest) = message.strip_prefix("unknown variant `") else {
         return friendly_type(message).unwrap_or_else(|| message.to_owned());
     };

@@ -15,7 +15,7 @@ use calib_study::{Job, Layout};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, TOOL},
+    artefact::{self, Below, Claim, TOOL},
     model::{Model, search_place},
     model_files::OpenModel,
 };
@@ -138,6 +138,8 @@ pub(super) fn ensure(
         let error = StepError::new(errors.of_column(*column), &steps, Some(sensor))?;
         Ok(SensorError { sensor: sensor.clone(), error })
     };
+    // What a killed process left half-written goes.
+    let _claim = Claim::new(&paths.rollout(), Below::Unknown)?;
     steps.write(&paths.rollout())?;
     let one_step = OneStep {
         format: FORMAT,
