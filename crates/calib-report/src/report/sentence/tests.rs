@@ -233,7 +233,7 @@ fn a_choice_that_did_not_learn_is_named_and_not_explained() {
     let online = verdict.online.as_mut().unwrap();
     (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
     insta::assert_snapshot!(text(&verdict), @r"
-No value of learning_rate learns PIT300: do not deploy on this evidence.
+PIT300 hardly varies in the held-out windows, and no value of learning_rate predicts it better than their own means would: nothing to deploy on this evidence.
 The choice of kNN is learning_rate = 1e-4.
 On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: 0 % to 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
 Its skill is -0.10: it predicts no better than the mean return. The best value's is -0.02.
