@@ -53,7 +53,8 @@ fn content(place: &Place) -> Content {
     let mut content = place.content(".");
     let is_lock = |path: &Path| path.ends_with(".lock");
     let is_beside = |path: &Path| {
-        path.to_str().is_some_and(|name| name.starts_with(".calib-") && name.ends_with(".tmp"))
+        path.to_str().is_some_and(|name| name.starts_with(".calib-"))
+            && path.extension().is_some_and(|kind| kind == "tmp")
     };
     content.retain(|path, _| !is_lock(path) && !is_beside(path));
     content

@@ -3,7 +3,10 @@
 //!
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture hostile -- --nocapture
 
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use calib_files::{read_json, write_npy, write_sealed_json};
 use serde_json::{Value, json};
@@ -143,7 +146,7 @@ impl Bases {
     fn new() -> Self {
         let made = everything();
         made.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
-        let json = |name: &str| name.ends_with(".json");
+        let json = |name: &str| Path::new(name).extension().is_some_and(|kind| kind == "json");
         let manifests =
             files(&made, |name| json(name) && !name.contains("run-") && !name.contains("evaluate"));
         let units = files(&made, |name| json(name) && name.contains("run-"));

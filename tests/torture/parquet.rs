@@ -91,8 +91,8 @@ impl Column {
     fn pages(&self) -> (Vec<u8>, usize) {
         let mut bytes = Vec::new();
         let mut content = Vec::new();
-        content.extend(self.repetition_levels.iter().flat_map(|levels| with_length(levels)));
-        content.extend(self.definition_levels.iter().flat_map(|levels| with_length(levels)));
+        content.extend(self.repetition_levels.iter().flat_map(with_length));
+        content.extend(self.definition_levels.iter().flat_map(with_length));
         let encoding = if let Some(entries) = self.dictionary {
             let header = DictionaryPageHeader {
                 num_values: entries,

@@ -126,7 +126,7 @@ impl Shape {
                 let shift = if self.files == "two that overlap" { 100 } else { rows };
                 others[0] = timestamps_from(shift, rows);
                 if self.files == "other types" {
-                    others[1] = column(&name, *draws.of(&KINDS), &wave(rows, draws));
+                    others[1] = column(&name, draws.of::<&str>(&KINDS), &wave(rows, draws));
                 }
                 vec![(a(), one(&columns)), ("b.parquet".to_owned(), one(&others))]
             }
