@@ -119,7 +119,6 @@ fn try_one(
 
 /// Damage files that are read again, run the study again, and count.
 #[test]
-#[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
 fn damage() {
     let base = everything();
     base.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);

@@ -212,7 +212,7 @@ pub(crate) fn value(content: &str, row: u64, draws: &mut Draws) -> (f64, bool) {
         "constant" => 7.25,
         "-0.0" => -0.0,
         "alternating largest" => {
-            if row % 2 == 0 {
+            if row.is_multiple_of(2) {
                 f64::MAX
             } else {
                 f64::MIN
@@ -230,7 +230,7 @@ pub(crate) fn value(content: &str, row: u64, draws: &mut Draws) -> (f64, bool) {
     };
     let there = match content {
         "missing" => false,
-        "half missing" => row % 2 == 0,
+        "half missing" => row.is_multiple_of(2),
         _ => true,
     };
     (value, there)
@@ -313,7 +313,7 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
         return made;
     }
     // The outermost group has the column's name.
-    made.groups[0].0 = name.to_owned();
-    made.name = "value".to_owned();
+    name.clone_into(&mut made.groups[0].0);
+    "value".clone_into(&mut made.name);
     made
 }

@@ -399,7 +399,9 @@ fn closed_by_definition(model: &KnnModel, member: usize, weights: Weights) -> Ve
         reached
     };
     let mut counts = vec![0; len];
-    nodes.iter().for_each(|&node| counts[node] = closure(node).len());
+    for &node in &nodes {
+        counts[node] = closure(node).len();
+    }
     let mut classes: Vec<usize> = (nodes.iter())
         .map(|&node| (node, closure(node)))
         .filter(|(node, reached)| {
