@@ -23,6 +23,9 @@ impl Verdict {
                 format!("No value of {field} stands out for {sensor}: all did alike.")
             }
             Grade::Good | Grade::Fair => format!("Use {choice} for {sensor}."),
+            Grade::Poor if self.has_all_diverged() => {
+                format!("No value of {field} can be deployed for {sensor}: every one diverged.")
+            }
             Grade::Poor => match self.better_default() {
                 Some(default) => {
                     let default = assigned(&self.field, default);
@@ -54,7 +57,7 @@ impl Verdict {
     /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
     /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
-        let mut reasons = if self.reliance() == Grade::NotLearnt {
+        let mut reasons = if self.reliance() == Grade::NotLearnt && self.evidence == Told::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
         } else {
             self.reasons_of_choice(score)
@@ -90,7 +93,7 @@ impl Verdict {
     /// How it did on held-out data, beside other ways to choose.
     fn reasons_of_online(&self, online: &Agreement, score: &Score) -> Vec<String> {
         let mut reasons = vec![online_sentence(self, online, score)];
-        if online.stands_still {
+        if online.stands_still || self.has_all_diverged() {
             return reasons;
         }
         reasons.extend(skill_sentence(online));
@@ -107,7 +110,7 @@ impl Verdict {
 
     fn alike_sentence(&self) -> String {
         format!(
-            "Nothing was chosen: all {} values have the same error in every run that counts, so that {} stands for any of them.",
+            "Nothing was chosen: all {} values did alike in every run that counts, so that {} stands for any of them.",
             self.values, self.chosen
         )
     }
