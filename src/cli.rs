@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
+use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
@@ -81,6 +82,38 @@ pub(crate) enum Command {
     },
 }
 
+/// Whom the result is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// Lines and tables
+    ForPeople,
+    /// JSON
+    ForMachines,
+}
+
+impl Command {
+    /// Whom the result is for.
+    pub(crate) fn answer(&self) -> Answer {
+        let json = match self {
+            Self::Run(args)
+            | Self::Rollout(args)
+            | Self::Pretrain(args)
+            | Self::Sweep(args)
+            | Self::Evaluate(args) => args.json,
+            Self::Represent(args) => args.study.json,
+            Self::BuildModel(args) => args.study.json,
+            Self::Quickstart(args) => args.json,
+            Self::Simulate(args) => args.json,
+            Self::Inspect(args) => args.json,
+            Self::Check(args) => args.json,
+            Self::Validity(args) => args.json,
+            Self::Dtw(args) => args.json,
+            Self::Completions { .. } | Self::Man { .. } => false,
+        };
+        if json { Answer::ForMachines } else { Answer::ForPeople }
+    }
+}
+
 /// What `check` takes.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct CheckArgs {
@@ -126,9 +159,16 @@ pub(crate) struct StudyArgs {
 }
 
 impl StudyArgs {
-    /// Whether both choose the same model and deployment, if any.
-    pub(crate) fn is_same_part(&self, other: &Self) -> bool {
-        self.model == other.model && self.deployment == other.deployment
+    /// The study, read and resolved; the command looks at the file never again.
+    ///
+    /// # Errors
+    /// As [`Job::resolve`].
+    pub(crate) fn job(self) -> Result<Job, StudyError> {
+        let Self { study, set, profile, model, deployment, output, force, dry_run, json: _ } = self;
+        let existing = if force { Existing::Redo } else { Existing::Keep };
+        let writes = if dry_run { Writes::Nothing } else { Writes::Missing };
+        let policy = Policy { existing, writes };
+        Job::resolve(Request { study, set, profile, model, deployment, output, policy })
     }
 }
 
@@ -187,6 +227,13 @@ pub(crate) struct RepresentArgs {
 pub(crate) struct BuildModelArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
+    #[command(flatten)]
+    pub(crate) options: BuildOptions,
+}
+
+/// How a model is built; its tables are the same.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct BuildOptions {
     /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
@@ -204,13 +251,6 @@ pub(crate) struct BuildModelArgs {
     pub(crate) spill: Spill,
 }
 
-impl BuildModelArgs {
-    /// What is typed with nothing but `--verify`.
-    pub(crate) fn new(study: StudyArgs, verify: usize) -> Self {
-        Self { study, verify, index: None, memory: None, spill: Spill::Auto, device: None }
-    }
-}
-
 /// Search structures, as in `model.index`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Index {
@@ -226,9 +266,10 @@ pub(crate) enum Index {
 }
 
 /// Where large arrays are while a model is built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Spill {
     /// In files only if they do not fit in memory
+    #[default]
     Auto,
     /// Always in memory
     Never,

@@ -60,6 +60,18 @@ fn of_limits(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kib * 1024))
 }
 
+/// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
+pub(crate) fn require(needed: u64, what: &str, remedy: &str) -> anyhow::Result<()> {
+    match available() {
+        Some(available) if needed > available => anyhow::bail!(
+            "{what} may take {} of memory and {} are available; {remedy}",
+            bytes(needed),
+            bytes(available)
+        ),
+        _ => Ok(()),
+    }
+}
+
 /// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.
 pub(crate) fn check_log(data: &calib_data::DataConfig) -> anyhow::Result<()> {
     let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;

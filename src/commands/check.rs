@@ -55,7 +55,7 @@ pub(super) fn run(args: &CheckArgs, printer: &Printer) -> anyhow::Result<ExitSta
         check.logs(root);
     }
     let checked = check.checked;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&checked)?;
     } else {
         show(&checked, root, printer)?;

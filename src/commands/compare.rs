@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 use anyhow::ensure;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
+use calib_study::{Job, Layout, Study};
 use serde::Serialize;
 
 use super::{
@@ -16,18 +17,12 @@ use super::{
     deployed::{self, Deployed},
     evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
     figures::{self, Starts},
-    learning, load_study, name,
+    learning,
     one_step::Predicting,
     recorded, report, report_data,
     rollout::{self, RolloutManifest},
-    starts::follow_from_deployment,
 };
-use crate::{
-    cli::StudyArgs,
-    exit::ExitStatus,
-    output::Printer,
-    study::{Study, StudyPaths},
-};
+use crate::{exit::ExitStatus, output::Printer};
 
 /// `summary.json` of several models and deployments.
 #[derive(Serialize)]
@@ -72,11 +67,11 @@ pub(super) struct Part {
 }
 
 impl Part {
-    fn new(args: &StudyArgs) -> anyhow::Result<Self> {
-        let judged = judge(args)?;
-        let Judged { study, paths, manifest, .. } = &judged;
+    fn new(job: &Job) -> anyhow::Result<Self> {
+        let judged = judge(job)?;
+        let (study, paths, manifest) = (job.study(), job.layout(), &judged.manifest);
         let mut report = report::assemble(&judged)?;
-        if let Some(name) = &args.model {
+        if let Some(name) = job.model() {
             // In one report with others a model is called what the study calls it.
             let renamed = |text: &mut String| *text = text.replace(study.model_name(), name);
             report.verdicts.iter_mut().for_each(|verdict| renamed(&mut verdict.model));
@@ -87,20 +82,21 @@ impl Part {
                 curves.environment = format!("{} of {name}", curves.environment);
             }
         }
-        let rollouts = rollout::finished(study, paths, &manifest.model)?;
-        let (model, deployment) = (args.model.clone(), args.deployment.clone());
+        let rollouts = rollout::finished(job, &manifest.model)?;
+        let owned = |name: Option<&str>| name.map(str::to_owned);
+        let (model, deployment) = (owned(job.model()), owned(job.deployment()));
         let starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
         let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
         let pairs = match compared {
-            Some(_) => comparison::read(&paths.rollout())?,
+            Some(_) => comparison::read(job)?,
             None => Vec::new(),
         };
         let model_name = model.as_deref().unwrap_or(study.model_name());
         let one_step = match &rollouts {
-            Some(_) => Predicting::read(model_name, study, paths, &manifest.model)?,
+            Some(_) => Predicting::read(model_name, job, &manifest.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
@@ -112,7 +108,7 @@ impl Part {
 
     /// What its model is called.
     pub(super) fn model_name(&self) -> &str {
-        self.model.as_deref().unwrap_or(self.judged.study.model_name())
+        self.model.as_deref().unwrap_or(self.judged.study().model_name())
     }
 
     /// What its deployment is called; nothing where there is only one.
@@ -132,14 +128,14 @@ impl Part {
 /// Judge the finished sweeps of `parts`, each by itself and all in one report, which warns of models that were
 /// `left_out`.
 pub(super) fn run(
-    args: &StudyArgs,
-    parts: &[StudyArgs],
+    job: &Job,
+    parts: &[Job],
     left_out: &[String],
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     // The study without any model says where the common results lie.
-    let (study, paths) = load_study(args)?;
-    if args.dry_run {
+    let paths = job.layout();
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
@@ -155,12 +151,12 @@ pub(super) fn run(
     let mut ended = if left_out.is_empty() { ExitStatus::Done } else { ExitStatus::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
-    let names: Vec<String> = parts.iter().map(name).collect();
+    let names: Vec<String> = parts.iter().map(Job::name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
-        let written = report::write(&judged.paths, report, &judged.summary);
-        artefact::or_read_only(written, &judged.paths.report(), printer)?;
-        if !args.json {
+        let written = report::write(judged.paths(), report, &judged.summary);
+        artefact::or_read_only(written, &judged.paths().report(), printer)?;
+        if !printer.is_for_machines() {
             printer.heading(name);
             print_advice(&judged.summary, printer)?;
         }
@@ -170,14 +166,14 @@ pub(super) fn run(
         }
     }
     let what_to_deploy = deployed::all(&parts)?;
-    let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy)?;
+    let mut whole = whole(job, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
     let table = choices(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
-    artefact::or_read_only(write(&paths, &whole, &summaries), &paths.report(), printer)?;
-    if args.json {
+    artefact::or_read_only(write(paths, &whole, &summaries), &paths.report(), printer)?;
+    if printer.is_for_machines() {
         printer.json(&summaries)?;
     } else {
         printer.lines(&table)?;
@@ -190,7 +186,7 @@ pub(super) fn run(
 }
 
 /// Write the figures, the page and the summary.
-fn write(paths: &StudyPaths, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
+fn write(paths: &Layout, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_figures(paths, whole)?;
     report::write_page(paths, whole)?;
@@ -198,7 +194,7 @@ fn write(paths: &StudyPaths, whole: &Report, summaries: &Summaries) -> anyhow::R
 }
 
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
-fn write_figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
+fn write_figures(paths: &Layout, whole: &Report) -> anyhow::Result<()> {
     let directory = paths.evaluate().join("figures");
     let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
@@ -221,7 +217,7 @@ fn summaries(
             models.insert(name, part.judged.summary);
             continue;
         };
-        let window = part.judged.study.data.held_out.as_ref().map(ToString::to_string);
+        let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
         let place = deployments.iter().position(|of| of.deployment == deployment);
         let place = place.unwrap_or_else(|| {
             let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
@@ -246,13 +242,8 @@ pub(super) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
 }
 
 /// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
-fn whole(
-    study: &Study,
-    paths: &StudyPaths,
-    args: &StudyArgs,
-    parts: &[Part],
-    what_to_deploy: &[Deployed],
-) -> anyhow::Result<Report> {
+fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> anyhow::Result<Report> {
+    let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
     let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
@@ -274,7 +265,7 @@ fn whole(
         .iter()
         .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
     let mut whole = Report {
-        title: evaluate::title(study, args),
+        title: job.title(),
         verdicts,
         sensitivities: sensitivities.collect(),
         learning: learning::of_several(study, parts, &deployments),
@@ -288,12 +279,12 @@ fn whole(
     };
     let mut seen: Vec<PathBuf> = Vec::new();
     for part in parts {
-        let directory = part.judged.paths.rollout();
+        let directory = part.judged.paths().rollout();
         if !seen.contains(&directory) {
             seen.push(directory);
             whole.rollouts.extend(part.report.rollouts.iter().map(|figure| {
                 let mut figure = figure.clone();
-                if follow_from_deployment(&part.judged.study) {
+                if part.judged.study().starts_follow_from_deployment() {
                     figure.sensor = part.in_deployment(&figure.sensor);
                 }
                 if let Some(name) = &part.model {
@@ -323,8 +314,8 @@ fn whole(
                 .extend(windows.into_iter().map(|fact| if plain { fact } else { told(fact) }));
         }
     }
-    let studies: Vec<&Study> = parts.iter().map(|part| &part.judged.study).collect();
-    whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
+    let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
+    whole.reproduction.command = report::command_lines(job, &report::commands(&studies));
     Ok(whole)
 }
 
@@ -336,7 +327,7 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
             // Rollouts that deployments share stand in the first one's place only, without its name.
             for follows in [true, false] {
                 let own = group.iter().filter(|part| {
-                    follow_from_deployment(&part.judged.study) == follows
+                    part.judged.study().starts_follow_from_deployment() == follows
                         && (follows || number == 0)
                 });
                 let own = own.filter_map(|part| {

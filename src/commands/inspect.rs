@@ -1,5 +1,6 @@
 use anyhow::{Context as _, ensure};
 use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_study::{Job, Request};
 
 use super::plant_of_study;
 use crate::{
@@ -7,7 +8,6 @@ use crate::{
     exit::ExitStatus,
     memory,
     output::{Printer, bytes, count, percent, significant, table},
-    study::{Chosen, Study},
 };
 
 /// Channels that are listed without `--all`.
@@ -18,7 +18,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
     let Settings { data, preprocess, deployments } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&profile)?;
     } else {
         show_log(&profile, printer)?;
@@ -44,22 +44,25 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
-        let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
-        let (study, paths) = Study::load(&args.data, &args.set, chosen)?;
-        let data = plant_of_study::data(&study, &paths)?;
+        let job = Job::resolve(Request {
+            set: args.set.clone(),
+            profile: args.profile.clone(),
+            ..Request::new(&args.data)
+        })?;
+        let (study, data) = (job.study(), plant_of_study::data(&job)?);
         let of = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
         };
         let deployments = study.deployment_names().into_iter().map(of).collect();
-        return Ok(Settings { data, preprocess: study.preprocess, deployments });
+        return Ok(Settings { data, preprocess: study.preprocess.clone(), deployments });
     } else {
         ensure!(
             args.profile.is_none(),
             "--profile is of a study, and {} is none; leave it out",
             args.data.display()
         );
-        Study::of_data(&args.data, &args.set)?
+        calib_study::of_data(&args.data, &args.set)?
     };
     memory::check_log(&study.data)?;
     Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })

@@ -9,6 +9,7 @@ use calib_report::{
     Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
 };
 use calib_represent::RepresentationKind;
+use calib_study::{Job, Layout, Study};
 
 use super::{
     artefact::{self, Below, Claim},
@@ -27,10 +28,9 @@ use super::{
     trajectory_columns::Columns,
     verdict_rows::{self, verdict_row},
 };
-use crate::study::{Study, StudyPaths};
 
 /// Write the summary, the figures and `report.html`.
-pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+pub(super) fn write(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
@@ -51,7 +51,7 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
 }
 
 /// Write `report.html`.
-pub(super) fn write_page(paths: &StudyPaths, report: &Report) -> anyhow::Result<()> {
+pub(super) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> {
     let html = report.html()?;
     if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
         artefact::remove_temporaries(directory, Below::Unknown)?;
@@ -89,21 +89,21 @@ pub(super) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 
 /// Everything that is known of a finished sweep and its model.
 pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
-    let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
-    let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
+    let Judged { job, manifest: sweep, summary, results } = judged;
+    let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
         model.has_profile(&paths.model()),
-        "profile.json of the model in {} is not what was written; run `{}` to make it again",
-        paths.model().display(),
-        paths.command("build-model")
+        "profile.json of the model in {} is not what was written; run `{build}` to make it again",
+        paths.model().display()
     );
     let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = rollout::finished(study, paths, &model.content()?)?;
+    let rollouts = rollout::finished(job, &model.content()?)?;
     let (shown, starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
-    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
     Ok(Report {
         title: summary.title.clone(),
@@ -128,24 +128,24 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, &model, rollouts.as_ref())?,
+        tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
-        reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
+        reproduction: reproduction(job, &commands(&[study]), sweep)?,
     })
 }
 
 /// What the rollouts were like, and the representations that could be used.
 fn tables(
-    study: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
+    let (study, paths) = (job.study(), job.layout());
     let name = study.model_name();
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
-        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        let one_step = Predicting::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
@@ -190,7 +190,7 @@ pub(super) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
 }
 
 /// The representations that could be used, if the study has any.
-pub(super) fn representation_table(study: &Study, paths: &StudyPaths) -> Option<Table> {
+pub(super) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
     (study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
         .flatten()
@@ -199,7 +199,7 @@ pub(super) fn representation_table(study: &Study, paths: &StudyPaths) -> Option<
 
 /// The rollouts over what was recorded, and all starts that they were made from.
 pub(super) fn rollout_figures(
-    paths: &StudyPaths,
+    paths: &Layout,
     manifest: &RolloutManifest,
 ) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
     let mut columns =
@@ -248,17 +248,17 @@ pub(super) fn commands(models: &[&Study]) -> Vec<&'static str> {
 }
 
 fn reproduction(
-    written: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     commands: &[&str],
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
-    let laid_over = paths.profile().map_or_else(String::new, |name| {
+    let written = job.whole()?;
+    let laid_over = job.profile().map_or_else(String::new, |name| {
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
     });
     Ok(Reproduction {
-        command: command_lines(paths, commands),
-        study_toml: laid_over + &toml::to_string(written)?,
+        command: command_lines(job, commands),
+        study_toml: laid_over + &toml::to_string(&written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
         fingerprint: sweep.data.to_string(),
@@ -266,8 +266,8 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(super) fn command_lines(paths: &StudyPaths, commands: &[&str]) -> String {
-    commands.iter().map(|command| paths.command(command)).collect::<Vec<_>>().join("\n")
+pub(super) fn command_lines(job: &Job, commands: &[&str]) -> String {
+    commands.iter().map(|command| job.reproduction(command)).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]

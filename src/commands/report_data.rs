@@ -12,7 +12,7 @@ pub(super) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
     match &judged.manifest.held_out {
         Some(held_out) => {
             let [start, end] = &held_out.times;
-            let name = judged.paths.deployment();
+            let name = judged.job.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
             let windows = windows(&judged.manifest, held_out.rows);
             format!(

@@ -4,6 +4,7 @@ use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
 use calib_core::{Frames, RowStream, Seed};
 use calib_data::{Dataset, format_time};
+use calib_study::{Job, Study};
 use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
 use serde::{Deserialize, Serialize};
 
@@ -11,10 +12,7 @@ use super::{
     artefact::MANIFEST,
     partition::{self, Parts},
 };
-use crate::{
-    output::{Printer, count},
-    study::{Study, StudyPaths},
-};
+use crate::output::{Printer, count};
 
 /// What streams a sweep has, and why they are not what the study says.
 pub(super) struct Streams {
@@ -66,7 +64,7 @@ impl Streams {
         let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
         if log.left_out > 0 {
             notes.push(format!(
-                "{} of {} windows of the log are not replayed: gaps leave no step to score in them",
+                "{} of {} windows of the log are not replayed: gaps leave hardly a step to score in them",
                 log.left_out, sweep.log_replay_runs
             ));
         }
@@ -81,13 +79,14 @@ impl Streams {
 ///
 /// # Errors
 /// [`Unscorable`], or a log that cannot be read.
-pub(super) fn check(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<()> {
-    if !study.deployments.is_empty() || paths.model().join(MANIFEST).exists() {
+pub(super) fn check(job: &Job, printer: &Printer) -> anyhow::Result<()> {
+    let study = job.study();
+    if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
         return Ok(());
     }
     // The steps that follow say again what there is to say.
     let silent = &printer.silent();
-    let Parts { dataset, .. } = partition::load(study, paths, silent)?;
+    let Parts { dataset, .. } = partition::load(job, silent)?;
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     Streams::of(study, &dataset, &candidates, silent).map(|_| ())
 }
@@ -120,7 +119,7 @@ fn held_out_windows(
     }
     if windows.left_out > 0 {
         notes.push(format!(
-            "{} windows of the held-out range are left out: gaps leave no step to score in them",
+            "{} windows of the held-out range are left out: gaps leave hardly a step to score in them",
             windows.left_out
         ));
     }

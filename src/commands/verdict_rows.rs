@@ -5,10 +5,10 @@ use calib_report::{
     Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
 };
 use calib_stats::Summary;
+use calib_study::Study;
 use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, Sampling, SensorVerdict, Truth};
 
 use super::{streams::part_name, sweep::SweepManifest};
-use crate::study::Study;
 
 /// The swept field, or all of them where there are several.
 pub(super) fn field(candidates: &[Candidate]) -> String {
@@ -72,6 +72,7 @@ pub(super) fn verdict_row(
             Rule::MeanError => Reason::MeanError,
             Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
             Rule::Pooled => Reason::Pooled { streams: of_all, sources },
+            Rule::LogReplay => Reason::LogReplay { streams: of_all - of_members },
             Rule::OneStandardError => Reason::OneStandardError { streams: of_all, sources },
         },
         evidence: told(&verdict.scores),

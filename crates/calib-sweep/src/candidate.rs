@@ -4,7 +4,7 @@ use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{SweepConfig, SweepError, axis::fields, sampling::combinations};
+use crate::{SweepConfig, SweepError, sampling::combinations};
 
 /// One agent of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,7 +79,7 @@ pub fn candidates(
         all.push(Candidate { index, is_default, values, agent: with });
     }
     if !all.iter().any(|candidate| candidate.is_default) {
-        let own = fields(agent);
+        let own = agent.fields();
         let values = sweep.grid.keys().map(|field| (field.clone(), own[field].clone()));
         let values: Vec<(String, Value)> = values.collect();
         let place = place_of(&values, &all);
@@ -109,7 +109,7 @@ fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
     let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
-    let mut fields = fields(agent);
+    let mut fields = agent.fields();
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))
         .map_err(|error| invalid(error.to_string()))?;

@@ -14,7 +14,7 @@ pub(super) fn choice(
     parts: &[&Part],
     verdicts: &[(SensorVerdict, Grade)],
 ) -> anyhow::Result<usize> {
-    let (study, manifest) = (&parts[0].judged.study, &parts[0].judged.manifest);
+    let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
     let judging = Judging {
         part: study.part(),
         rule: study.evaluate.rule,

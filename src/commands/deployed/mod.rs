@@ -76,7 +76,7 @@ pub(super) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
         return Ok(Vec::new());
     }
     let mut rows = Vec::new();
-    for sensor in &parts[0].judged.study.sweep.sensors {
+    for sensor in &parts[0].judged.study().sweep.sensors {
         for model in &deployments[0] {
             let own = deployments.iter().flatten().copied();
             let own: Vec<&Part> =

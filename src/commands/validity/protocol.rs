@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
+use calib_study::{Drawn, Protocol};
 
 use super::{super::chain::Extent, studies::files};
-use crate::{
-    cli::ValidityArgs,
-    study::{Drawn, Protocol},
-};
+use crate::cli::ValidityArgs;
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {
@@ -72,6 +70,6 @@ impl Named {
 
     /// All studies, with `overrides` over what is drawn.
     pub(super) fn draw(&self, overrides: &[String]) -> anyhow::Result<Vec<Drawn>> {
-        self.protocol.draw(&self.file, &self.studies(), overrides)
+        Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }
 }

@@ -1,13 +1,14 @@
 use std::{collections::BTreeMap, path::Path};
 
 use calib_core::Period;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Paths, TimeRange};
 use crate::DataError;
 
 /// `[data]`: where the log is, and which part of it is for what.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataConfig {
     /// Parquet files: a file, a folder (searched recursively), a glob pattern, or a list of them.
@@ -43,7 +44,7 @@ pub struct DataConfig {
 }
 
 /// The unit of timestamps that are plain numbers since 1970-01-01.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum TimestampUnit {
     /// Seconds.
     #[serde(rename = "s")]

@@ -82,7 +82,7 @@ impl Log {
         }
         let present = || times.iter().flatten().copied().filter(|&time| time != rows::NO_TIME);
         let (Some(first), Some(last)) = (present().min(), present().max()) else {
-            return Err(DataError::NoRows { files: files.len() });
+            return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
         };
         let split = Split::new(data, first, last)?;
         let rows = Rows::plan(&times, &split.window());

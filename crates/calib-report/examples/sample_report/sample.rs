@@ -7,7 +7,7 @@ use calib_report::{
     RolloutRow, Samples, Score, Sensitivity, Setting, Table, Told, TopK, Trajectory, Verdict, Way,
 };
 use calib_stats::{
-    Direction, Estimate, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise,
+    Direction, Estimate, Losses, Selection, Summary, kendall_tau_b, select, spearman, summarise,
     top_k_hit,
 };
 
@@ -123,11 +123,11 @@ impl Sensor {
             curve.summaries.iter().flatten().map(|summary| summary.mean).collect()
         };
         let online = means(&self.online());
-        let cost = |index| regret(&online, index, direction).expect("online errors are numbers");
+        let losses = Losses::new(&[&online]).expect("online errors are numbers");
         let argmin =
             |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
         let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
-        let estimate = |index: usize| Some(Estimate { value: cost(index)?, interval: None });
+        let estimate = |index: usize| losses.regret(index);
         let alternative = |way, index: usize| Alternative {
             way,
             value: Some(RATES[index].into()),

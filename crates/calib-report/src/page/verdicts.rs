@@ -41,8 +41,8 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if judged {
             p.caption {
                 "Regret: how much larger the prediction error on held-out data is than with the best value of each window. \
-                 A bar is full at 50 %; the line in it is the 95 % interval. Another held-out window: what a chooser would cost \
-                 that sees the deployment itself at another time; less than that is luck."
+                 A bar is full at 50 %; the line in it is the 95 % interval over windows. Another held-out window: what a chooser would \
+                 cost that sees one window of the deployment itself, at another time."
             }
         }
         @if !warnings.is_empty() {
@@ -190,7 +190,7 @@ fn comparison(report: &Report) -> Table {
         caption: format!(
             "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
              the mean return. Regret is how much worse the choice is than the best value of each window, with its interval over \
-             windows and runs. Stability is the share of other draws of \
+             windows. Stability is the share of other draws of \
              members, runs and windows of the log that would choose the same.",
             report.score.name
         ),

@@ -16,6 +16,13 @@ impl Verdict {
                     a held-out range in which it moves."
                 .to_owned();
         }
+        if self.grade == Grade::NotLearnt && self.hardly_varies() {
+            return format!(
+                "Errors are small ({} of the spread in training), but so is what happens in the windows: they do not tell whether anything \
+                 was learnt. Make them longer (`sweep.steps`), or hold out livelier data.",
+                percent(online.best_error)
+            );
+        }
         if self.grade == Grade::NotLearnt {
             return "On held-out data even the best value predicts no better than the mean return. Let agents learn for longer, widen \
                     the grid, or try another value function."

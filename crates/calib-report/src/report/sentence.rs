@@ -2,9 +2,14 @@
 
 use calib_stats::Estimate;
 
-use super::{Agreement, Alternative, Grade, Reason, Sources, Told, Verdict, Way};
+use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
+
+mod words;
+
+pub(super) use words::{assigned, listed};
+use words::{fields, ordinal};
 
 /// Choices that differ more often than this from draw to draw are told as uncertain.
 const STABLE: f64 = 0.8;
@@ -33,6 +38,10 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if self.hardly_varies() => format!(
+                "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
+                 means would: nothing to deploy on this evidence."
+            ),
             Grade::NotLearnt => {
                 format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
             }
@@ -40,6 +49,12 @@ impl Verdict {
                 format!("Use {choice} for {sensor}, as far as the logs can tell.")
             }
         }
+    }
+
+    /// Whether errors are small beside the spread of returns in training (less than half of it) although nothing beats the mean of
+    /// each window: the windows are too short, or too quiet, to tell whether anything was learnt.
+    pub(super) fn hardly_varies(&self) -> bool {
+        self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
     }
 
     /// The choice as one would type it.
@@ -50,7 +65,7 @@ impl Verdict {
     /// The default, if held-out data says that it is better than the choice.
     pub(super) fn better_default(&self) -> Option<&Setting> {
         let against = self.online.as_ref()?.against_default?;
-        let better = against.interval.map_or(against.value > 1.0, |interval| interval.low > 1.0);
+        let better = against.interval.is_some_and(|interval| interval.low > 1.0);
         self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
     }
 
@@ -103,7 +118,7 @@ impl Verdict {
         reasons.extend(self.default_sentence(online));
         let others = [Way::LogReplay, Way::LatestWindow];
         reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
-        reasons.push(self.floor_sentence(online));
+        reasons.push(self.window_sentence(online));
         reasons.push(agreement_sentence(online));
         reasons
     }
@@ -127,6 +142,9 @@ impl Verdict {
             Reason::Pooled { streams, sources } => format!(
                 "Over {streams} streams of {}, its mean logarithm of the error is the smallest.",
                 sources.of(model)
+            ),
+            Reason::LogReplay { streams } => format!(
+                "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
             ),
             Reason::OneStandardError { streams, sources } => {
                 let of = sources.of(model);
@@ -259,50 +277,22 @@ impl Verdict {
         Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
     }
 
-    fn floor_sentence(&self, online: &Agreement) -> String {
+    fn window_sentence(&self, online: &Agreement) -> String {
         let cost = |way| self.regret_of(way).map(percent);
-        let Some(floor) = cost(Way::AnotherWindow) else {
+        let Some(another) = cost(Way::AnotherWindow) else {
             let reason = match online.windows {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
             };
-            return format!(
-                "How much of that regret is the luck of a window cannot be told: {reason}."
-            );
+            return format!("How much of that is the luck of a window cannot be told: {reason}.");
         };
         let hindsight = cost(Way::Hindsight)
             .map_or_else(String::new, |cost| format!(", and the best constant value {cost}"));
-        let random = cost(Way::Random)
-            .map_or_else(String::new, |cost| format!("; any value costs {cost} on average"));
-        format!("Choosing by another held-out window would have cost {floor}{hindsight}{random}.")
+        let random = cost(Way::Random).map_or_else(String::new, |cost| {
+            format!("; a value drawn at random costs {cost} on average")
+        });
+        format!("Choosing by another held-out window would have cost {another}{hindsight}{random}.")
     }
-}
-
-impl Sources {
-    /// Whose streams they are.
-    fn of(self, model: &str) -> String {
-        match self {
-            Self::Members => model.to_owned(),
-            Self::MembersAndLog => format!("{model} and of the replayed log"),
-        }
-    }
-}
-
-/// A value of a field as one would type it. Where several fields vary, it names them already.
-pub(super) fn assigned(field: &str, value: &Setting) -> String {
-    if is_one(field) { format!("{field} = {value}") } else { value.to_string() }
-}
-
-/// "`learning_rate`", "gamma and `learning_rate`".
-fn fields(field: &str) -> String {
-    listed(&field.split(SEPARATOR).map(str::to_owned).collect::<Vec<_>>())
-}
-
-/// What stands between the fields of a grid of several.
-const SEPARATOR: &str = ", ";
-
-fn is_one(field: &str) -> bool {
-    !field.contains(SEPARATOR)
 }
 
 /// "2.5 % (95 %: 1 to 4 %)".
@@ -396,26 +386,6 @@ fn agreement_sentence(online: &Agreement) -> String {
     };
     let kendall = online.kendall.map_or(String::new(), |tau| format!(", Kendall {tau:.2}"));
     format!("The ranking of all values {strength} Online's (Spearman {spearman:.2}{kendall}).{top}")
-}
-
-/// "2nd".
-fn ordinal(rank: usize) -> String {
-    let suffix = match (rank % 10, rank % 100) {
-        (1, tens) if tens != 11 => "st",
-        (2, tens) if tens != 12 => "nd",
-        (3, tens) if tens != 13 => "rd",
-        _ => "th",
-    };
-    format!("{rank}{suffix}")
-}
-
-/// "a", "a and b", "a, b and c".
-pub(super) fn listed(items: &[String]) -> String {
-    match items {
-        [] => String::new(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    }
 }
 
 #[cfg(test)]

@@ -78,6 +78,11 @@ pub enum Reason {
         /// What they are of.
         sources: Sources,
     },
+    /// The same over the windows of the replayed log alone.
+    LogReplay {
+        /// Windows.
+        streams: usize,
+    },
     /// The default is left only for a value that is better by more than a standard error over so many streams.
     OneStandardError {
         /// Streams.
