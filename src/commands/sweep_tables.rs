@@ -19,11 +19,11 @@ pub(super) fn write(
 ) -> anyhow::Result<()> {
     let candidates = &sweep.candidates;
     let [runs, curves] = FILES.map(|name| directory.join(name));
-    write_table(runs_table(sweep, results)?, &runs)?;
+    write_table(runs_table(sweep, results), &runs)?;
     write_table(curves_table(candidates, results), &curves)
 }
 
-fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<Table> {
+fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
     let SweepManifest { candidates, study, .. } = sweep;
     let part = study.part();
     let rows: Vec<_> = results
@@ -69,7 +69,7 @@ fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<T
     for (name, part) in PARTS {
         table = table.with(name, rmse(part));
     }
-    Ok(table)
+    table
 }
 
 /// The error of each part of a run, whichever is scored.
