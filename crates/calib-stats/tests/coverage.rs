@@ -87,7 +87,7 @@ fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
                 let (level, own) = (random.normal(), 0.05 * random.normal());
                 let mut mean = |error: f64| {
                     let mut run = || error * (level + 0.01 * random.normal()).exp();
-                    (run() + run()) / 2.0
+                    run().midpoint(run())
                 };
                 [mean(0.9 * own.exp()), mean(1.0)]
             };

@@ -36,7 +36,7 @@ impl Order {
             Self::Descending => numbers.reverse(),
             Self::Zigzag => {
                 let last = count as u32 - 1;
-                let at = |node: u32| if node % 2 == 0 { node / 2 } else { last - node / 2 };
+                let at = |node: u32| if node.is_multiple_of(2) { node / 2 } else { last - node / 2 };
                 numbers = (0..=last).map(at).collect();
             }
             Self::Shuffled(seed) => {
@@ -154,7 +154,9 @@ impl Shape {
         for &root in done.iter().rev() {
             let mut members = Vec::new();
             visit(&back, root, &mut seen, &mut members);
-            members.iter().for_each(|&node| class[node as usize] = classes.len());
+            for &node in &members {
+                class[node as usize] = classes.len();
+            }
             classes.push(members);
         }
         let inside = |node: &u32| {
@@ -170,7 +172,9 @@ impl Shape {
 fn against(edges: &[Vec<u32>]) -> Vec<Vec<u32>> {
     let mut back = vec![Vec::new(); edges.len()];
     for (node, row) in edges.iter().enumerate() {
-        row.iter().for_each(|&to| back[to as usize].push(node as u32));
+        for &to in row {
+            back[to as usize].push(node as u32);
+        }
     }
     back
 }

@@ -106,8 +106,7 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
 
 /// What the choice and other ways to choose cost.
 fn costs(verdict: &Verdict) -> Markup {
-    let all_diverged = verdict.online.as_ref().is_some_and(|online| online.regret.is_none());
-    let unknown = if all_diverged { "diverged" } else { "not checked" };
+    let unknown = if verdict.has_all_diverged() { "diverged" } else { "not checked" };
     html! {
         dl.costs {
             @if let Some(online) = &verdict.online {

@@ -23,6 +23,11 @@ impl Verdict {
             && matches!(self.reliance(), Grade::Good | Grade::Fair | Grade::Unchecked)
     }
 
+    /// Whether every value diverged on held-out data.
+    pub(crate) fn has_all_diverged(&self) -> bool {
+        self.online.as_ref().is_some_and(|online| online.regret.is_none())
+    }
+
     /// How far the choice can be relied on, in a few words.
     pub(crate) fn badge(&self) -> &'static str {
         let reliance = self.reliance();

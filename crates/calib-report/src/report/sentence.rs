@@ -2,9 +2,14 @@
 
 use calib_stats::Estimate;
 
-use super::{Agreement, Alternative, Grade, Reason, Sources, Told, Verdict, Way};
+use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
+
+mod words;
+
+pub(super) use words::{assigned, listed};
+use words::{fields, ordinal};
 
 /// Choices that differ more often than this from draw to draw are told as uncertain.
 const STABLE: f64 = 0.8;
@@ -23,6 +28,9 @@ impl Verdict {
                 format!("No value of {field} stands out for {sensor}: all did alike.")
             }
             Grade::Good | Grade::Fair => format!("Use {choice} for {sensor}."),
+            Grade::Poor if self.has_all_diverged() => {
+                format!("No value of {field} can be deployed for {sensor}: every one diverged.")
+            }
             Grade::Poor => match self.better_default() {
                 Some(default) => {
                     let default = assigned(&self.field, default);
@@ -64,7 +72,7 @@ impl Verdict {
     /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
     /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
-        let mut reasons = if self.reliance() == Grade::NotLearnt {
+        let mut reasons = if self.reliance() == Grade::NotLearnt && self.evidence == Told::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
         } else {
             self.reasons_of_choice(score)
@@ -100,7 +108,7 @@ impl Verdict {
     /// How it did on held-out data, beside other ways to choose.
     fn reasons_of_online(&self, online: &Agreement, score: &Score) -> Vec<String> {
         let mut reasons = vec![online_sentence(self, online, score)];
-        if online.stands_still {
+        if online.stands_still || self.has_all_diverged() {
             return reasons;
         }
         reasons.extend(skill_sentence(online));
@@ -117,7 +125,7 @@ impl Verdict {
 
     fn alike_sentence(&self) -> String {
         format!(
-            "Nothing was chosen: all {} values have the same error in every run that counts, so that {} stands for any of them.",
+            "Nothing was chosen: all {} values did alike in every run that counts, so that {} stands for any of them.",
             self.values, self.chosen
         )
     }
@@ -287,33 +295,6 @@ impl Verdict {
     }
 }
 
-impl Sources {
-    /// Whose streams they are.
-    fn of(self, model: &str) -> String {
-        match self {
-            Self::Members => model.to_owned(),
-            Self::MembersAndLog => format!("{model} and of the replayed log"),
-        }
-    }
-}
-
-/// A value of a field as one would type it. Where several fields vary, it names them already.
-pub(super) fn assigned(field: &str, value: &Setting) -> String {
-    if is_one(field) { format!("{field} = {value}") } else { value.to_string() }
-}
-
-/// "`learning_rate`", "gamma and `learning_rate`".
-fn fields(field: &str) -> String {
-    listed(&field.split(SEPARATOR).map(str::to_owned).collect::<Vec<_>>())
-}
-
-/// What stands between the fields of a grid of several.
-const SEPARATOR: &str = ", ";
-
-fn is_one(field: &str) -> bool {
-    !field.contains(SEPARATOR)
-}
-
 /// "2.5 % (95 %: 1 to 4 %)".
 pub(super) fn with_interval(estimate: Estimate) -> String {
     let value = percent(estimate.value);
@@ -405,26 +386,6 @@ fn agreement_sentence(online: &Agreement) -> String {
     };
     let kendall = online.kendall.map_or(String::new(), |tau| format!(", Kendall {tau:.2}"));
     format!("The ranking of all values {strength} Online's (Spearman {spearman:.2}{kendall}).{top}")
-}
-
-/// "2nd".
-fn ordinal(rank: usize) -> String {
-    let suffix = match (rank % 10, rank % 100) {
-        (1, tens) if tens != 11 => "st",
-        (2, tens) if tens != 12 => "nd",
-        (3, tens) if tens != 13 => "rd",
-        _ => "th",
-    };
-    format!("{rank}{suffix}")
-}
-
-/// "a", "a and b", "a, b and c".
-pub(super) fn listed(items: &[String]) -> String {
-    match items {
-        [] => String::new(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    }
 }
 
 #[cfg(test)]

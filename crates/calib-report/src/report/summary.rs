@@ -76,7 +76,14 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
 
 /// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
-    if own.iter().all(|of| of.reliance() == Grade::NotLearnt) {
+    let not_learnt = own.iter().all(|of| of.reliance() == Grade::NotLearnt);
+    if not_learnt && own.iter().all(|of| of.hardly_varies()) {
+        return Some(format!(
+            "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
+             model chooses: nothing to deploy on this evidence."
+        ));
+    }
+    if not_learnt {
         return Some(format!(
             "{sensor}: no value learns it, whichever model chooses: do not deploy on this evidence."
         ));
@@ -198,6 +205,7 @@ mod tests {
         let not_learnt = |verdict: &mut Verdict, online: &mut Agreement| {
             verdict.grade = Grade::NotLearnt;
             online.chosen_skill = Some(-0.1);
+            online.best_error = 0.9;
         };
         let own = [of_model("a", not_learnt), of_model("b", not_learnt)];
         assert_eq!(
@@ -206,6 +214,16 @@ mod tests {
                 "PIT300: no value learns it, whichever model chooses: do not deploy on this evidence."
             ]
         );
+    }
+
+    #[test]
+    fn what_hardly_varies_is_told_from_what_is_not_learnt() {
+        let quiet = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::NotLearnt;
+            online.best_error = 0.2;
+        };
+        let told = choices_of_models(&[of_model("a", quiet), of_model("b", quiet)]);
+        assert!(told[0].starts_with("PIT300 hardly varies in the held-out windows"), "{told:?}");
     }
 
     #[test]
