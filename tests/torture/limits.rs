@@ -86,11 +86,12 @@ fn limit(command: &mut std::process::Command) {
     }
 }
 
-/// Words by which a message says what to do, or what was expected.
-const REMEDIES: [&str; 34] = [
+/// Words by which a message says what to do, what was expected, or what there is instead.
+const REMEDIES: [&str; 42] = [
     "expected",
     "run `",
     "choose",
+    "Choose",
     "give ",
     "remove",
     "set ",
@@ -107,6 +108,7 @@ const REMEDIES: [&str; 34] = [
     "again",
     "try ",
     "check ",
+    "Check ",
     "above",
     "did you mean",
     "keys are",
@@ -122,6 +124,12 @@ const REMEDIES: [&str; 34] = [
     "another",
     "less",
     "one of",
+    "shows every",
+    "scale the",
+    "columns are",
+    "No such file",
+    "is not a readable",
+    "is not a channel",
 ];
 
 /// Counts by kind, and what must not be.

@@ -81,7 +81,11 @@ fn odd_logs() {
         let shape = shape(which, &mut draws);
         let place = place(&shape, &mut draws);
         let args = *draws.of(&COMMANDS);
-        let ended = run(&place, args, &["logs", "data.", "sweep.sensors", "query"]);
+        let ended = run(
+            &place,
+            args,
+            &["log", "data.", "sweep.sensors", "query", "channel", "held-out", "values"],
+        );
         (shape, args.join(" "), ended)
     });
     let mut tally = Tally::default();
