@@ -36,7 +36,8 @@ impl Order {
             Self::Descending => numbers.reverse(),
             Self::Zigzag => {
                 let last = count as u32 - 1;
-                let at = |node: u32| if node.is_multiple_of(2) { node / 2 } else { last - node / 2 };
+                let at =
+                    |node: u32| if node.is_multiple_of(2) { node / 2 } else { last - node / 2 };
                 numbers = (0..=last).map(at).collect();
             }
             Self::Shuffled(seed) => {
