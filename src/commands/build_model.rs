@@ -56,10 +56,11 @@ pub(super) fn run(
     let data = plant_of_study::data(job)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
     let is_dry = job.policy().is_dry();
+    let memory = options.memory.map(|size| size.0);
     let known = if is_dry {
-        prepared::look(job, &data, &printer.progress())?
+        prepared::look(job, &data, memory, &printer.progress())?
     } else {
-        Known::Prepared(Box::new(prepared::open(job, &data, &printer.progress())?))
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, &printer.progress())?))
     };
     let training = Training::of(&known);
     let config =

@@ -19,6 +19,8 @@ pub(super) struct Training {
     pub(super) timestamps: Vec<Timestamp>,
     segments: Segments,
     pub(super) columns: usize,
+    /// Memory that making them takes, in bytes.
+    making_bytes: u64,
 }
 
 impl Training {
@@ -30,12 +32,14 @@ impl Training {
                     timestamps: train.timestamps().to_vec(),
                     segments: train.segments().clone(),
                     columns: train.states().columns(),
+                    making_bytes: 0,
                 }
             }
-            Known::Surveyed(surveyed) => Self {
+            Known::Surveyed(surveyed, making_bytes) => Self {
                 timestamps: surveyed.timestamps(),
                 segments: surveyed.segment_rows().clone(),
                 columns: surveyed.columns(),
+                making_bytes: *making_bytes,
             },
         }
     }
@@ -111,11 +115,13 @@ impl BuildPlan {
         let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
         let copy = 4 * (rows * psi.unwrap_or(0)) as u64;
-        let taken = |spill: Spilled| match spill {
-            Spilled::Nothing => need.peak(),
-            // Some of the states should stay in memory, or each is read from the disk again and again.
-            Spilled::States => need.working.saturating_add(need.states / 3),
-            Spilled::Everything => need.least,
+        let taken = |spill: Spilled| {
+            data.making_bytes.max(match spill {
+                Spilled::Nothing => need.peak(),
+                // Some of the states should stay in memory, or each is read from the disk again and again.
+                Spilled::States => need.working.saturating_add(need.states / 3),
+                Spilled::Everything => need.least,
+            })
         };
         let available = options.memory.map(|size| size.0).or_else(memory::available);
         let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);

@@ -39,13 +39,13 @@ pub(super) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
 /// As [`load`], with nothing held out: of a deployment that the log does not have.
 pub(super) fn load_training(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
     let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
-    parts(job.study(), prepared::open(job, &data, &printer.progress())?)
+    parts(job.study(), prepared::open(job, &data, None, &printer.progress())?)
 }
 
 /// As [`load`], with progress told to a monitor.
 pub(super) fn read(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Parts> {
     let (study, data) = (job.study(), plant_of_study::data(job)?);
-    let prepared = prepared::open(job, &data, monitor);
+    let prepared = prepared::open(job, &data, None, monitor);
     // What is held out is the deployment, where the study has several.
     let prepared = match job.deployment() {
         Some(name) => prepared.with_context(|| format!("[deployments.{name}]"))?,

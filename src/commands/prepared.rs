@@ -7,7 +7,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use calib_core::{Frames, Monitor, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed};
 use calib_files::{
@@ -21,7 +21,10 @@ use super::{
     artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
     frames,
 };
-use crate::{memory, output::count};
+use crate::{
+    memory,
+    output::{bytes, count},
+};
 
 /// `manifest.json` of a prepared log.
 #[derive(Serialize, Deserialize)]
@@ -68,8 +71,8 @@ pub(super) struct Prepared {
 /// What there is of a log before its states are asked for.
 pub(super) enum Known {
     Prepared(Box<Prepared>),
-    /// It was looked at, and its states are not there.
-    Surveyed(Box<Surveyed>),
+    /// It was looked at, and its states are not there. Making them takes this much memory, in bytes.
+    Surveyed(Box<Surveyed>, u64),
 }
 
 /// The logs that this process has opened, of the study that it opened last: within a command a log is what it was when
@@ -77,10 +80,11 @@ pub(super) enum Known {
 static OPENED: Mutex<Option<(PathBuf, BTreeMap<PathBuf, Prepared>)>> = Mutex::new(None);
 
 /// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
-/// less of it.
+/// less of it; `memory` is how much there is, in bytes, if somebody says so.
 pub(super) fn open(
     job: &Job,
     data: &DataConfig,
+    memory: Option<u64>,
     monitor: &dyn Monitor,
 ) -> anyhow::Result<Prepared> {
     let place = Place::of(job, data)?;
@@ -89,21 +93,34 @@ pub(super) fn open(
     }
     let prepared = match place.kept(job) {
         Some(kept) => kept,
-        None => place.prepare(job, data, monitor)?,
+        None => place.prepare(job, data, memory, monitor)?,
     };
     place.remember(&prepared);
     Ok(prepared)
 }
 
 /// As [`open`], but where states would have to be made they are not: for a plan of what they are needed for.
-pub(super) fn look(job: &Job, data: &DataConfig, monitor: &dyn Monitor) -> anyhow::Result<Known> {
+pub(super) fn look(
+    job: &Job,
+    data: &DataConfig,
+    memory: Option<u64>,
+    monitor: &dyn Monitor,
+) -> anyhow::Result<Known> {
     let place = Place::of(job, data)?;
     if let Some(known) = place.opened().or_else(|| place.kept(job)) {
         return Ok(Known::Prepared(Box::new(known)));
     }
     memory::check_log(data)?;
     let surveyed = calib_data::survey(data, &job.study().preprocess, monitor)?;
-    Ok(Known::Surveyed(Box::new(surveyed)))
+    let (_, needed) = place.scratch(&surveyed, memory, Writable::Yes)?;
+    Ok(Known::Surveyed(Box::new(surveyed), needed))
+}
+
+/// Whether the results of the study can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Writable {
+    Yes,
+    No,
 }
 
 /// Where a log is kept once it is prepared.
@@ -200,13 +217,17 @@ impl Place {
         &self,
         job: &Job,
         data: &DataConfig,
+        memory: Option<u64>,
         monitor: &dyn Monitor,
     ) -> anyhow::Result<Prepared> {
         memory::check_log(data)?;
         let study = job.study();
         let surveyed = calib_data::survey(data, &study.preprocess, monitor)?;
+        // Refused before anything is written.
+        self.scratch(&surveyed, memory, Writable::Yes)?;
         let claim = if job.policy().is_dry() { None } else { self.claim()? };
-        let place = self.scratch(&surveyed, claim.is_some())?;
+        let writable = if claim.is_some() { Writable::Yes } else { Writable::No };
+        let (place, _) = self.scratch(&surveyed, memory, writable)?;
         let dataset = surveyed.load(&place, monitor)?;
         let Some(claim) = claim else { return Ok(Prepared { dataset, states: None }) };
         self.keep(&claim, job, dataset)
@@ -220,24 +241,33 @@ impl Place {
         }
     }
 
-    /// Where states are while they are made: in memory if they take no more than half of what there is.
-    fn scratch(&self, surveyed: &Surveyed, is_ours: bool) -> anyhow::Result<ScratchPlace> {
-        let states = surveyed.state_bytes();
-        let working = surveyed.working_bytes();
-        let fits = memory::available().is_none_or(|there| states <= there / 2);
-        let place = if fits || !is_ours {
-            ScratchPlace::Memory
+    /// Where states are while they are made, and the memory that it takes, in bytes: they are in memory if they take no
+    /// more than half of what there is.
+    fn scratch(
+        &self,
+        surveyed: &Surveyed,
+        memory: Option<u64>,
+        writable: Writable,
+    ) -> anyhow::Result<(ScratchPlace, u64)> {
+        let (states, working) = (surveyed.state_bytes(), surveyed.working_bytes());
+        let there = memory.or_else(memory::available);
+        let fits = there.is_none_or(|there| states <= there / 2);
+        let (place, taken) = if fits || writable == Writable::No {
+            (ScratchPlace::Memory, states + working)
         } else {
-            ScratchPlace::Disk(self.directory.clone())
+            (ScratchPlace::Disk(self.directory.clone()), working)
         };
-        let taken = if place == ScratchPlace::Memory { states + working } else { working };
-        let rows = count(surveyed.rows() + surveyed.held_out_rows());
-        memory::require(
-            taken,
-            &format!("reading {rows} states of {} columns", surveyed.columns()),
-            "raise `preprocess.subsample`, shorten `data.train`, or leave channels out with `data.exclude`",
-        )?;
-        Ok(place)
+        if let Some(there) = there.filter(|there| taken > *there) {
+            bail!(
+                "reading {} states of {} columns takes {} of memory, and {} is there; raise `preprocess.subsample`, shorten \
+                 `data.train`, leave channels out with `data.exclude`, or say with `calib build-model … --memory SIZE` that there is more",
+                count(surveyed.rows() + surveyed.held_out_rows()),
+                surveyed.columns(),
+                bytes(taken),
+                bytes(there),
+            );
+        }
+        Ok((place, taken))
     }
 
     fn keep(&self, claim: &Claim, job: &Job, dataset: Dataset) -> anyhow::Result<Prepared> {

@@ -20,13 +20,13 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// The stamp of a file; none where the system does not tell when a file was changed.
+    /// The stamp of a file; none where the system does not tell when a file was changed, or tells of a year beyond 2262.
     ///
     /// # Errors
     /// If there is no such file.
     pub fn of(path: &Path) -> Result<Option<Self>, FileError> {
         let found = fs::metadata(path).map_err(|source| FileError::io("read", path, source))?;
-        Ok(of_metadata(&found))
+        Ok(known(&found))
     }
 
     /// The shortest time between two writes that surely have two stamps, in nanoseconds: some file systems count seconds.
@@ -37,20 +37,19 @@ impl Stamp {
     }
 }
 
-#[cfg(unix)]
-fn of_metadata(found: &fs::Metadata) -> Option<Stamp> {
-    use std::os::unix::fs::MetadataExt as _;
-    let since_1970 = |secs: i64, ns: i64| secs.saturating_mul(1_000_000_000).saturating_add(ns);
-    Some(Stamp {
-        bytes: found.len(),
-        modified_ns: since_1970(found.mtime(), found.mtime_nsec()),
-        changed_ns: since_1970(found.ctime(), found.ctime_nsec()),
-        inode: found.ino(),
-    })
-}
-
-#[cfg(not(unix))]
-fn of_metadata(_found: &fs::Metadata) -> Option<Stamp> {
+fn known(found: &fs::Metadata) -> Option<Stamp> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let since_1970 = |secs: i64, ns: i64| secs.checked_mul(1_000_000_000)?.checked_add(ns);
+        Some(Stamp {
+            bytes: found.len(),
+            modified_ns: since_1970(found.mtime(), found.mtime_nsec())?,
+            changed_ns: since_1970(found.ctime(), found.ctime_nsec())?,
+            inode: found.ino(),
+        })
+    }
+    #[cfg(not(unix))]
     None
 }
 
