@@ -21,6 +21,7 @@ mod features;
 mod guard;
 mod impute;
 mod log;
+mod matrix;
 mod modes;
 mod names;
 mod profile;
@@ -37,7 +38,7 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
-pub use log::Declared;
+pub use log::{Declared, log_files};
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,
     ValueProfile,
