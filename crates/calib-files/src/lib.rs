@@ -28,7 +28,9 @@ mod stamp;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{is_temporary, link_or_copy, write_atomically, write_output};
+pub use atomic::{
+    Below, is_temporary, link_or_copy, remove_temporaries, write_atomically, write_output,
+};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
