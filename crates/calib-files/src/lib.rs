@@ -42,7 +42,7 @@ pub use lock::open_lock;
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{open_regular, read_regular, require_regular};
-pub use scratch::{Scratch, ScratchPlace};
+pub use scratch::{Scratch, ScratchFile, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
