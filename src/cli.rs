@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
+use calib_knn::IndexKind;
+use calib_pipeline::{Answer, MemorySize, STEP_PATTERNS, ValidityExtent, ValidityOptions};
 use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-
-use crate::memory::MemorySize;
 
 /// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
 #[derive(Debug, Parser)]
@@ -80,15 +80,6 @@ pub(crate) enum Command {
         /// The directory to write to
         directory: PathBuf,
     },
-}
-
-/// Whom the result is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Answer {
-    /// Lines and tables
-    ForPeople,
-    /// JSON
-    ForMachines,
 }
 
 impl Command {
@@ -389,10 +380,6 @@ pub(crate) struct InspectArgs {
     pub(crate) json: bool,
 }
 
-/// The step patterns of the paper's Table 1.
-pub(crate) const STEP_PATTERNS: [&str; 4] =
-    ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];
-
 #[derive(Debug, Args)]
 pub(crate) struct DtwArgs {
     /// The first series: FILE.npy, FILE.csv or FILE.parquet, with :COLUMN where there are several
@@ -421,4 +408,60 @@ pub(crate) struct DtwArgs {
     /// Print the distances as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl From<Device> for calib_pipeline::Device {
+    fn from(device: Device) -> Self {
+        match device {
+            Device::Cpu => Self::Cpu,
+            Device::Cuda => Self::Cuda,
+            Device::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<Index> for IndexKind {
+    fn from(index: Index) -> Self {
+        match index {
+            Index::Auto => Self::Auto,
+            Index::KdTree => Self::KdTree,
+            Index::Join => Self::Join,
+            Index::Scan => Self::Scan,
+        }
+    }
+}
+
+impl From<Spill> for calib_pipeline::Spill {
+    fn from(spill: Spill) -> Self {
+        match spill {
+            Spill::Auto => Self::Auto,
+            Spill::Never => Self::Never,
+            Spill::Always => Self::Always,
+        }
+    }
+}
+
+impl From<BuildOptions> for calib_pipeline::BuildOptions {
+    fn from(options: BuildOptions) -> Self {
+        let BuildOptions { device, verify, index, memory, spill } = options;
+        Self {
+            device: device.map(Into::into),
+            verify,
+            index: index.map(Into::into),
+            memory: memory.map(|size| size.0),
+            spill: spill.into(),
+        }
+    }
+}
+
+impl From<ValidityArgs> for ValidityOptions {
+    fn from(args: ValidityArgs) -> Self {
+        let ValidityArgs { studies, set, draw, output, resamples, seed, .. } = args;
+        let extent = match (args.dry_run, args.judge_only) {
+            (true, _) => ValidityExtent::Plan,
+            (false, true) => ValidityExtent::Judge,
+            (false, false) => ValidityExtent::Run,
+        };
+        Self { studies, set, draw, output, resamples, seed, extent }
+    }
 }

@@ -1,20 +1,17 @@
 use anyhow::{Context as _, ensure};
 use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
-use calib_study::{Job, Request};
-
-use super::plant_of_study;
-use crate::{
-    cli::InspectArgs,
-    exit::ExitStatus,
-    memory,
-    output::{Printer, bytes, count, percent, significant, table},
+use calib_pipeline::{
+    Job, Outcome, Printer, Request, check_log, data_of,
+    output::{bytes, count, percent, significant, table},
 };
+
+use crate::cli::InspectArgs;
 
 /// Channels that are listed without `--all`.
 const LISTED: usize = 60;
 
 /// Show what is in a log, and what preprocessing would make of it.
-pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let Settings { data, preprocess, deployments } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
@@ -38,7 +35,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
             "no channel or no transition is left: nothing could be built from this log as it is",
         );
     }
-    Ok(if usable { ExitStatus::Done } else { ExitStatus::Negative })
+    Ok(if usable { Outcome::Done } else { Outcome::Negative })
 }
 
 /// A study's own sections, or the defaults for data alone.
@@ -49,7 +46,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
             profile: args.profile.clone(),
             ..Request::new(&args.data)
         })?;
-        let (study, data) = (job.study(), plant_of_study::data(&job)?);
+        let (study, data) = (job.study(), data_of(&job)?);
         let of = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
@@ -64,7 +61,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    memory::check_log(&study.data)?;
+    check_log(&study.data)?;
     Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
 }
 

@@ -2,22 +2,21 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use calib_files::write_atomically;
-use calib_study::{Job, Request};
+use calib_pipeline::{Job, Outcome, Printer, Request};
 
-use super::chain;
-use crate::{cli::QuickstartArgs, exit::ExitStatus, output::Printer};
+use crate::cli::QuickstartArgs;
 
 /// The study that quickstart runs; `configs/quickstart.toml` in the repository.
 const STUDY: &str = include_str!("../../configs/quickstart.toml");
 
 /// Simulate a plant, run the whole chain on it, and leave everything in a directory.
-pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let directory = &args.directory;
     printer.heading(
         "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
     );
     let study = write_study(directory, args.seed)?;
-    let status = chain::run(&Job::resolve(Request::new(&study))?, printer)?;
+    let status = calib_pipeline::run(&Job::resolve(Request::new(&study))?, printer)?;
     printer.say(&format!(
         "Open the report in a browser; then copy {}, point its data.path at your own logs, and remove [simulate].",
         study.display(),

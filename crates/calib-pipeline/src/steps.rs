@@ -1,0 +1,136 @@
+//! The steps, as others call them.
+
+use std::path::Path;
+
+use calib_plant::PlantOptions;
+use calib_represent::RepresentationKind;
+use calib_study::{Each, Job};
+
+use crate::{
+    BuildOptions, Device, Logs, Outcome, Printer, Simulated, StepError, ValidityOptions,
+    build_model as model, chain, check as checking, compare,
+    each::{Which, each},
+    evaluate as judging, pretrain as agents, represent as representations, rollout as rollouts,
+    simulate as simulation, sweep as sweeping,
+    sweep_plan::Counted,
+    validity as validities,
+};
+
+/// Every step that a study needs, from its log to the verdict, as far as it is missing.
+///
+/// # Errors
+/// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
+pub fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(chain::run(job, printer)?)
+}
+
+/// Write the log of the plant that the study describes; nothing is said of a study that describes none.
+///
+/// # Errors
+/// As [`run`]; also if the folder holds other logs.
+pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
+    Ok(simulation::of_study(job, printer)?)
+}
+
+/// Write the log of this plant, a Parquet file a day, as far as it is missing; `force` begins anew.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_plant(
+    directory: &Path,
+    plant: PlantOptions,
+    force: bool,
+    printer: &Printer,
+) -> Result<Simulated, StepError> {
+    Ok(simulation::simulate(directory, plant, force, printer)?)
+}
+
+/// Train or import representations of the states, score them, and choose one.
+///
+/// # Errors
+/// As [`run`].
+pub fn represent(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(each(Each::Model, job, printer, |job, which| {
+        // Of several models some search among the states themselves.
+        let study = job.study();
+        let none = study.is_parametric() || study.representation.kind == RepresentationKind::None;
+        if which == Which::OneOfSeveral && none {
+            printer.say("no representation: nothing to train");
+            return Ok(Outcome::Done);
+        }
+        representations::run(job, device, printer)
+    })?)
+}
+
+/// Build the calibration models.
+///
+/// # Errors
+/// As [`run`].
+pub fn build_model(
+    job: &Job,
+    options: &BuildOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(each(Each::Model, job, printer, |job, _| model::run(job, options, printer))?)
+}
+
+/// Roll the models out, and compare with what was recorded.
+///
+/// # Errors
+/// As [`run`].
+pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))?)
+}
+
+/// Pre-train one agent a sensor.
+///
+/// # Errors
+/// As [`run`].
+pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let run = || -> anyhow::Result<Outcome> {
+        job.refuse_deployment()?;
+        agents::run(job, printer)
+    };
+    Ok(run()?)
+}
+
+/// Train agents for every value of the grid, in the models, Online and on the replayed log.
+///
+/// # Errors
+/// As [`run`].
+pub fn sweep(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let counted = Counted::default();
+    Ok(each(Each::Deployment, job, printer, |job, _| sweeping::run(job, &counted, printer))?)
+}
+
+/// Choose a value, judge the choice by held-out data, and write the report.
+///
+/// # Errors
+/// As [`run`].
+pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let run = || match job.parts(Each::Deployment)?.as_slice() {
+        [only] if only.is_same_part(job) => judging::run(job, printer),
+        parts => compare::run(job, parts, &[], printer),
+    };
+    Ok(run()?)
+}
+
+/// Compare a folder of results with what was written.
+///
+/// # Errors
+/// As [`run`].
+pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(checking::run(results, logs, printer)?)
+}
+
+/// Judge how well calib chooses, over several studies with held-out data.
+///
+/// # Errors
+/// As [`run`].
+pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(validities::run(options, printer)?)
+}
