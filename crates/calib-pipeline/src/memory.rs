@@ -122,13 +122,14 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
             else {
                 continue;
             };
-            // Cached files count as used, but give way.
-            let cached = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
-            let cached = cached
-                .lines()
-                .find_map(|line| line.strip_prefix("inactive_file "))
-                .and_then(|bytes| bytes.trim().parse().ok())
-                .unwrap_or(0);
+            // Pages of files count as used, but give way, those that were used lately among them: a log that was just
+            // prepared is nothing else.
+            let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
+            let pages = |line: &str| -> Option<u64> {
+                let of = |name| line.strip_prefix(name);
+                of("inactive_file ").or_else(|| of("active_file "))?.trim().parse().ok()
+            };
+            let cached: u64 = told.lines().filter_map(pages).sum();
             left.push(limit.saturating_sub(used.saturating_sub(cached)));
         }
     }
@@ -178,7 +179,7 @@ mod tests {
         };
         write("job/memory.max", "1000\n");
         write("job/memory.current", "600\n");
-        write("job/memory.stat", "anon 300\ninactive_file 250\n");
+        write("job/memory.stat", "anon 300\ninactive_file 150\nactive_file 100\n");
         write("job/step/memory.max", "max\n");
         write("job/step/memory.current", "10\n");
         assert_eq!(limits(root.path(), "0::/job/step\n"), [650]);
