@@ -152,6 +152,55 @@ fn crates_have_no_circles_and_the_low_ones_know_nobody() {
     }
 }
 
+/// The crates as a picture: an arrow to each that one is built from, but to those that it has through another one anyway.
+fn picture() -> String {
+    let mut graph = crates();
+    let (_, own) = read(&root().join("Cargo.toml"))
+        .rsplit_once("\n[dependencies]\n")
+        .map(|(before, own)| (before.to_owned(), own.to_owned()))
+        .expect("dependencies");
+    let own = own.split("\n[").next().unwrap_or_default();
+    let used = own.lines().filter_map(|line| line.split(['.', ' ']).next());
+    let used = used.filter(|name| name.starts_with("calib-")).map(str::to_owned);
+    graph.insert("calib".to_owned(), used.collect());
+    let mut lines = vec!["```mermaid".to_owned(), "graph TD".to_owned()];
+    for (name, used) in &graph {
+        let direct = used
+            .iter()
+            .filter(|one| !used.iter().any(|other| other != *one && reaches(&graph, other, one)));
+        lines.extend(direct.map(|one| format!("    {} --> {}", short(name), short(one))));
+    }
+    lines.push("```".to_owned());
+    lines.join("\n")
+}
+
+fn short(name: &str) -> &str {
+    name.strip_prefix("calib-").unwrap_or(name)
+}
+
+fn reaches(graph: &Graph, from: &str, to: &str) -> bool {
+    graph.get(from).into_iter().flatten().any(|next| next == to || reaches(graph, next, to))
+}
+
+#[test]
+fn the_picture_of_the_crates_is_true() {
+    let told = read(&root().join("ARCHITECTURE.md"));
+    assert!(
+        told.contains(&picture()),
+        "`cargo test --release --test direction draw_the_crates -- --ignored` draws it anew"
+    );
+}
+
+#[test]
+#[ignore = "writes ARCHITECTURE.md"]
+fn draw_the_crates() {
+    let path = root().join("ARCHITECTURE.md");
+    let told = read(&path);
+    let (before, rest) = told.split_once("```mermaid").expect("a picture");
+    let (_, after) = rest.split_once("```").expect("its end");
+    fs::write(&path, format!("{before}{}{after}", picture())).expect("writable");
+}
+
 #[test]
 fn a_heavy_dependency_has_one_package() {
     let owners = [
