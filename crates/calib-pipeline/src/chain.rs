@@ -20,6 +20,7 @@ use crate::{
     },
     model::build_model,
     output::{Printer, duration},
+    plan::Plan,
     represent,
     rollouts::rollout,
     sweep::{self, plan::Counted, streams},
@@ -104,6 +105,11 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
     // Only the verdict is the result; the steps before it just report.
     let talk = &printer.talking();
     let mut ended = Ended(Outcome::Done);
+    let plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
+    talk.say_all(&plan.lines());
+    if job.policy().is_dry() && printer.is_for_machines() {
+        printer.json(&plan)?;
+    }
     if let Some(plant) = PlantOfStudy::of(job)?
         && !simulate(plant, job, talk)?
     {

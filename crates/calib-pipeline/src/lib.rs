@@ -26,6 +26,7 @@ mod each;
 mod log;
 mod model;
 pub mod output;
+mod plan;
 mod represent;
 mod rollouts;
 mod steps;

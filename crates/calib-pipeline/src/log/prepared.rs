@@ -98,6 +98,19 @@ pub(crate) fn open(
     Ok(prepared)
 }
 
+/// Whether the states of a log are there, and the log is what it was.
+pub(crate) fn is_there(job: &Job, data: &DataConfig) -> bool {
+    let Ok(place) = Place::of(job, data) else { return false };
+    if place.opened().is_some() {
+        return true;
+    }
+    let kept = place.kept(job);
+    if let Some(kept) = &kept {
+        place.remember(kept);
+    }
+    kept.is_some()
+}
+
 /// As [`open`], but where states would have to be made they are not: for a plan of what they are needed for.
 pub(crate) fn look(
     job: &Job,
