@@ -151,3 +151,32 @@ fn only_what_the_study_reads_is_kept() {
     dry.succeeds();
     assert_eq!(fs::read_dir(states).expect("there").count(), 1, "a dry run writes nothing");
 }
+
+#[test]
+fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
+    let place = Place::with_study();
+    let plan = |args: &[&str]| {
+        let args = [&["run", "study.toml", "--dry-run", "--json"], args].concat();
+        let told: serde_json::Value =
+            serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON");
+        let steps = told["steps"].as_array().expect("steps").clone();
+        let to_do = steps.iter().filter(|step| step["state"] == "to_do");
+        to_do.map(|step| step["step"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(plan(&[]), ["reading the log", "build-model", "rollout", "sweep", "evaluate"]);
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_eq!(plan(&[]), ["rollout", "sweep", "evaluate"]);
+    let told = place.calib(&["run", "study.toml"]);
+    told.succeeds();
+    assert!(
+        told.stderr().contains("up to date: reading the log, build-model\n"),
+        "{}",
+        told.stderr()
+    );
+    assert_eq!(plan(&[]), ["evaluate"]);
+    assert_eq!(plan(&["--set", "agent.gamma=0.8"]), ["sweep", "evaluate"]);
+    assert_eq!(plan(&["--set", "rollout.steps=300"]), ["rollout", "evaluate"]);
+    assert_eq!(plan(&["--force"]).len(), 5);
+    place.edit_study("members = 3", "members = 4");
+    assert_eq!(plan(&[]), ["build-model", "rollout", "sweep", "evaluate"]);
+}

@@ -5,27 +5,31 @@ use calib_core::Seed;
 use calib_plant::Plant;
 use calib_study::{Each, Job, Study};
 
-use super::{
-    build_model, compare,
-    each::each_part,
-    evaluate,
-    plant_of_study::PlantOfStudy,
-    pretrain, report, represent, rollout,
-    simulate::{Found, sentence},
-    streams, sweep,
-    sweep_plan::Counted,
-    torch::NoLibtorch,
-};
 use crate::{
-    clock::Stopwatch,
-    options::BuildOptions,
-    outcome::{Outcome, was_interrupted},
+    agents::pretrain,
+    base::{
+        clock::Stopwatch,
+        options::BuildOptions,
+        outcome::{Outcome, was_interrupted},
+        torch::NoLibtorch,
+    },
+    each::each_part,
+    log::{
+        plant_of_study::PlantOfStudy,
+        simulate::{Found, sentence},
+    },
+    model::build_model,
     output::{Printer, duration},
+    plan::Plan,
+    represent,
+    rollouts::rollout,
+    sweep::{self, plan::Counted, streams},
+    verdict::{compare, evaluate, report},
 };
 
 /// How far a study is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Extent {
+pub(crate) enum Extent {
     /// To the report, with rollouts and everything.
     Report,
     /// To the end of the sweep, with nothing but what a choice follows from.
@@ -90,17 +94,22 @@ struct Model {
 }
 
 /// Run every step that a study needs, as far as it is not done.
-pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     run_to(Extent::Report, job, printer)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
-pub(super) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
     let talk = &printer.talking();
     let mut ended = Ended(Outcome::Done);
+    let plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
+    talk.say_all(&plan.lines());
+    if job.policy().is_dry() && printer.is_for_machines() {
+        printer.json(&plan)?;
+    }
     if let Some(plant) = PlantOfStudy::of(job)?
         && !simulate(plant, job, talk)?
     {

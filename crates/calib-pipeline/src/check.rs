@@ -12,10 +12,12 @@ use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_
 use serde::Serialize;
 use serde_json::Value;
 
-use super::artefact::{Files, MANIFEST};
 use crate::{
-    options::Logs,
-    outcome::{Interrupted, Outcome},
+    base::{
+        artefact::{Files, MANIFEST},
+        options::Logs,
+        outcome::{Interrupted, Outcome},
+    },
     output::{Printer, count},
 };
 
@@ -41,7 +43,7 @@ struct Damage {
 }
 
 /// Read everything below a folder of results, and name what is damaged.
-pub(super) fn run(root: &Path, logs: Logs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> anyhow::Result<Outcome> {
     ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
     let mut check = Check { checked: Checked::default(), printer };
     check.folder(root)?;

@@ -18,74 +18,34 @@
 //! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`validity`] judges
 //! how well calib chooses over several studies.
 
-mod artefact;
-mod build_check;
-mod build_model;
-mod build_network;
-mod build_plan;
+mod agents;
+mod base;
 mod chain;
-mod changes;
 mod check;
-mod clock;
-mod collapse;
-mod compare;
-mod compare_choices;
-mod compare_pairs;
-mod compare_tables;
-mod comparison;
-mod deployed;
 mod each;
-mod environments;
-mod evaluate;
-mod figures;
-mod frames;
-mod jumps;
-mod kept_report;
-mod learning;
-mod memory;
+mod log;
 mod model;
-mod model_files;
-mod one_step;
-mod options;
-mod outcome;
 pub mod output;
-mod partition;
-mod plant_of_study;
-mod prepared;
-mod pretrain;
-mod pretrain_files;
-mod recorded;
-mod recurrence;
-mod report;
-mod report_data;
+mod plan;
 mod represent;
-mod rollout;
-mod simulate;
-mod stale;
-mod standing_still;
-mod starts;
+mod rollouts;
 mod steps;
-mod streams;
 mod sweep;
-mod sweep_notes;
-mod sweep_plan;
-mod sweep_tables;
-mod torch;
-mod train_model;
-mod trajectory;
-mod trajectory_columns;
-mod truth;
 mod validity;
-mod verdict_rows;
+mod verdict;
 
+pub use base::{
+    clock::Stopwatch,
+    memory::{MemorySize, check_log},
+    options::{BuildOptions, Device, Logs, Spill, ValidityExtent, ValidityOptions},
+    outcome::{Outcome, StepError},
+};
 pub use calib_study::{Job, Request, StudyError};
-pub use clock::Stopwatch;
-pub use memory::{MemorySize, check_log};
-pub use options::{BuildOptions, Device, Logs, Spill, ValidityExtent, ValidityOptions};
-pub use outcome::{Outcome, StepError};
+pub use log::{
+    plant_of_study::{data_of, plant_of},
+    simulate::Simulated,
+};
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
-pub use plant_of_study::{data_of, plant_of};
-pub use simulate::Simulated;
 pub use steps::{
     build_model, check, evaluate, pretrain, represent, rollout, run, simulate, simulate_plant,
     sweep, validity,

@@ -8,12 +8,16 @@ use calib_study::{Each, Job};
 
 use crate::{
     BuildOptions, Device, Logs, Outcome, Printer, Simulated, StepError, ValidityOptions,
-    build_model as model, chain, check as checking, compare,
+    agents::pretrain as agents,
+    chain, check as checking,
     each::{Which, each},
-    evaluate as judging, pretrain as agents, represent as representations, rollout as rollouts,
-    simulate as simulation, sweep as sweeping,
-    sweep_plan::Counted,
+    log::simulate as simulation,
+    model::build_model as model,
+    represent as representations,
+    rollouts::rollout as rollouts,
+    sweep::{self as sweeping, plan::Counted},
     validity as validities,
+    verdict::{compare, evaluate as judging},
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing.

@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use calib_core::Monitor;
 use serde::Serialize;
 
-use super::{Answer, Observer, Remark, Result, Shown};
+use super::{Answer, Observer, Remark, Result, Shown, Unobserved};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
 #[derive(Clone)]
@@ -43,6 +43,11 @@ impl Printer {
     pub fn new(observer: Arc<dyn Observer>) -> Self {
         let (voice, results) = (Voice::Audible, Results::Wanted);
         Self { observer, voice, results, answer: Answer::ForPeople }
+    }
+
+    /// A printer that nobody hears.
+    pub fn nobody() -> Self {
+        Self::new(Arc::new(Unobserved)).silent()
     }
 
     /// The same printer, which says nothing but results and errors.

@@ -18,9 +18,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Candidate, ENCODER};
 use crate::{
-    options::Device,
+    base::{artefact, options::Device, torch},
     output::Printer,
-    {artefact, torch},
 };
 
 /// Version of the training: greater when the same configuration and seed lead to other weights.

@@ -18,53 +18,53 @@ use calib_represent::{
 use calib_study::{Job, Layout, Made, Study};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    artefact::{self, Below, Claim, Files, Manifest, TOOL},
-    partition, plant_of_study,
-    stale::Kept,
-    torch,
-};
 use crate::{
-    clock::Stopwatch,
-    memory,
-    options::Device,
-    outcome::Outcome,
+    base::{
+        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        clock::Stopwatch,
+        memory,
+        options::Device,
+        outcome::Outcome,
+        stale::Kept,
+        torch,
+    },
+    log::partition,
     output::{Printer, bytes, count, duration},
 };
 
-pub(super) use table::report_table;
+pub(crate) use table::report_table;
 
 /// `manifest.json` of a representation directory.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct RepresentationManifest {
-    pub(super) format: u32,
-    pub(super) tool: String,
+pub(crate) struct RepresentationManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
     /// Fingerprint of data and configuration.
-    pub(super) key: String,
-    pub(super) study: Study,
+    pub(crate) key: String,
+    pub(crate) study: Study,
     /// Fingerprint of the data that it was trained or imported for.
-    pub(super) data: Fingerprint,
+    pub(crate) data: Fingerprint,
     /// Rows that ψ was scored on: the last fifth.
-    pub(super) validation_rows: usize,
-    pub(super) candidates: Vec<Candidate>,
+    pub(crate) validation_rows: usize,
+    pub(crate) candidates: Vec<Candidate>,
     /// Position of the chosen one; none if none qualifies.
-    pub(super) chosen: Option<usize>,
+    pub(crate) chosen: Option<usize>,
     /// Fingerprint of every other file.
-    pub(super) files: Files,
+    pub(crate) files: Files,
 }
 
 /// A representation that could be used.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Candidate {
+pub(crate) struct Candidate {
     /// Hyperparameters; none of an imported one.
-    pub(super) config: Option<LaplacianConfig>,
+    pub(crate) config: Option<LaplacianConfig>,
     /// The directory of its encoder, below `candidates/`; none of an imported one.
-    pub(super) directory: Option<String>,
+    pub(crate) directory: Option<String>,
     /// None if its training diverged.
-    pub(super) scores: Option<Scores>,
-    pub(super) divergence: Option<Divergence>,
+    pub(crate) scores: Option<Scores>,
+    pub(crate) divergence: Option<Divergence>,
     /// The learning curve.
-    pub(super) points: Vec<Point>,
+    pub(crate) points: Vec<Point>,
 }
 
 impl Manifest for RepresentationManifest {
@@ -79,7 +79,7 @@ const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
 /// Train or import the representations of a study, and choose one.
-pub(super) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     if device.is_some() {
@@ -91,7 +91,6 @@ pub(super) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyho
              set it to \"laplacian\" or \"import\""
         );
     }
-    printer.say(&format!("represent: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
     let dataset = partition::load(job, printer)?.dataset;
     let key = key(job, &dataset)?;
     let directory = paths.representation();
@@ -279,17 +278,17 @@ fn make(
 }
 
 /// The chosen representation of the training states.
-pub(super) struct Representation {
+pub(crate) struct Representation {
     /// Names all that it follows from, and what it is.
-    pub(super) key: String,
+    pub(crate) key: String,
     /// ψ of every state.
-    pub(super) psi: States,
+    pub(crate) psi: States,
     /// What computes ψ of other states; an imported representation has none.
-    pub(super) encoder: Option<Mlp>,
+    pub(crate) encoder: Option<Mlp>,
 }
 
 /// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
-pub(super) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Representation>> {
+pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Representation>> {
     let (study, paths) = (job.study(), job.layout());
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
@@ -324,7 +323,7 @@ pub(super) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Repres
 
 /// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Width {
+pub(crate) enum Width {
     /// They are the columns of the states.
     OfStates,
     /// ψ has so many, whichever it will be.
@@ -334,7 +333,7 @@ pub(super) enum Width {
 }
 
 /// The width of what the study searches, whose states have so many columns.
-pub(super) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
+pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
     let config = &study.representation;
     let candidates = match config.kind {
         RepresentationKind::None => return Width::OfStates,
@@ -354,7 +353,7 @@ pub(super) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
 }
 
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
-pub(super) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
+pub(crate) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
     let Representation { psi, encoder, .. } = of;
     write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
     let Some(encoder) = encoder else { return Ok(vec![PSI]) };
@@ -363,7 +362,7 @@ pub(super) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<V
 }
 
 /// What a model's directory holds of the representation that its neighbours were searched in.
-pub(super) fn of_model(
+pub(crate) fn of_model(
     directory: &Path,
     files: &Files,
 ) -> anyhow::Result<(Option<States>, Option<Mlp>)> {

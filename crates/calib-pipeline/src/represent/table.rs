@@ -9,7 +9,7 @@ use calib_stats::Direction;
 
 use super::{Candidate, RepresentationManifest};
 use crate::{
-    artefact,
+    base::artefact,
     output::{Printer, significant, table},
 };
 

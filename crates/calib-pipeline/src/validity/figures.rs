@@ -9,7 +9,8 @@ use calib_report::{
 };
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
-use super::{super::figures, Judgement, show, tables::short};
+use super::{Judgement, show, tables::short};
+use crate::rollouts::figures;
 
 /// Regrets below this are drawn here: logarithms have no zero.
 const FLOOR: f64 = 1e-3;

@@ -6,7 +6,8 @@ use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
-use super::{super::artefact::write_table, Judgement, Task, show::part_name};
+use super::{Judgement, Task, show::part_name};
+use crate::base::artefact::write_table;
 
 pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<()> {
     write_table(pairs(judgement), &directory.join("pairs.parquet"))?;

@@ -5,15 +5,13 @@ use calib_agent::Part;
 use calib_sweep::{Baseline, Candidate, SensorVerdict, SweepError, Truth};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
-use super::{
-    super::{
-        evaluate::{self, Judged},
+use super::{race, studies::Listed, task::Task};
+use crate::{
+    rollouts::{
         one_step::{self, OneStep},
         rollout::{self, RolloutManifest},
     },
-    race,
-    studies::Listed,
-    task::Task,
+    verdict::evaluate::{self, Judged},
 };
 
 /// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.

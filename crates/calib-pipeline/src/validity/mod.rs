@@ -25,14 +25,14 @@ use calib_study::shell_words;
 use calib_validity::{Options, Pair, Validity, judge};
 use serde::Serialize;
 
-use super::{
-    artefact::{Below, Claim, TOOL},
-    chain::Extent,
-};
 use crate::{
-    clock::Stopwatch,
-    options::{ValidityExtent, ValidityOptions},
-    outcome::Outcome,
+    base::{
+        artefact::{Below, Claim, TOOL},
+        clock::Stopwatch,
+        options::{ValidityExtent, ValidityOptions},
+        outcome::Outcome,
+    },
+    chain::Extent,
     output::{Printer, duration},
 };
 use gather::{Gathered, Reason, gather};
@@ -103,7 +103,7 @@ struct Judgement {
 }
 
 /// Run what is missing of each study, and judge all of them together.
-pub(super) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<Outcome> {
     let listing = studies::list(args)?;
     studies::check(&listing.studies)?;
     let directory = output(args, &listing);

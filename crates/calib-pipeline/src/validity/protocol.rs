@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 use calib_study::{Drawn, Protocol};
 
-use super::{super::chain::Extent, studies::files};
-use crate::options::ValidityOptions;
+use super::studies::files;
+use crate::{base::options::ValidityOptions, chain::Extent};
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {

@@ -3,7 +3,7 @@
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
 
-use super::super::evaluate::Judged;
+use crate::verdict::evaluate::Judged;
 
 /// A race on the runs that were made.
 pub(super) struct Outcome {

@@ -8,19 +8,18 @@ use calib_knn::ModelKind;
 use calib_study::{Drawn, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
 
-use super::{
-    super::{
-        artefact::MANIFEST,
-        chain::{self, Extent},
-        evaluate,
+use super::protocol::Named;
+use crate::{
+    base::{artefact::MANIFEST, options::ValidityOptions},
+    chain::{self, Extent},
+    log::{
         plant_of_study::{self, PlantOfStudy},
         simulate::Found,
-        streams::Unscorable,
-        sweep,
     },
-    protocol::Named,
+    output::Printer,
+    sweep::{self, streams::Unscorable},
+    verdict::evaluate,
 };
-use crate::{options::ValidityOptions, output::Printer};
 
 /// What is judged together.
 pub(super) struct Listing {
