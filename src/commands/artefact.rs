@@ -10,8 +10,8 @@ use std::{
 use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 use calib_files::{
-    Fingerprint, Fingerprinter, fingerprint_file, open_lock, read_sealed_json, remove_file,
-    write_atomically, write_sealed_json,
+    Fingerprint, Fingerprinter, fingerprint_file, open_lock, open_regular, read_sealed_json,
+    remove_file, write_atomically, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -141,9 +141,7 @@ pub(super) fn adopt<'a, M: Manifest>(
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     for name in files {
-        let from = other.join(name);
-        let mut file =
-            File::open(&from).with_context(|| format!("cannot read {}", from.display()))?;
+        let mut file = open_regular(&other.join(name))?;
         write_atomically(&directory.join(name), |copy| io::copy(&mut file, copy).map(|_| ()))?;
     }
     claim.complete(manifest)

@@ -16,6 +16,7 @@ use super::artefact::{Files, MANIFEST};
 use crate::{
     cli::CheckArgs,
     exit::{ExitStatus, Interrupted},
+    memory,
     output::{Printer, count},
 };
 
@@ -150,7 +151,7 @@ impl Check<'_> {
         } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
             read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
         } else if name.ends_with(".parquet") {
-            read_parquet(path).map(drop).map_err(anyhow::Error::from)
+            table(path)
         } else {
             return;
         };
@@ -203,6 +204,12 @@ impl Check<'_> {
             }
         }
     }
+}
+
+/// A table, whose pages have checksums.
+fn table(path: &Path) -> anyhow::Result<()> {
+    memory::check_table(path, None)?;
+    read_parquet(path).map(drop).map_err(anyhow::Error::from)
 }
 
 /// A record that tells of a file beside it.

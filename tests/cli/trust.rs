@@ -117,6 +117,7 @@ fn pipes_are_refused_instead_of_waited_for() {
     assert!(place.calib(&["run", "s.toml"]).fails(2).contains("a pipe"));
     place.calib(&["inspect", "logs.parquet"]).fails(2);
     place.calib(&["inspect", "*.parquet"]).fails(2);
+    assert!(place.calib(&["validity", "s.toml"]).fails(2).contains("a pipe"));
 }
 
 /// A log of one row a minute, in which `values` gives the first channel.

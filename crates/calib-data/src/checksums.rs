@@ -10,7 +10,7 @@ use std::{
     path::Path,
 };
 
-use calib_files::FileError;
+use calib_files::{FileError, open_regular};
 use flate2::read::MultiGzDecoder;
 use polars::prelude as pl;
 use polars_parquet_format::{
@@ -53,7 +53,7 @@ pub(crate) fn verify(
     };
     let damage = |chunk: &Chunk| -> Result<Option<String>, FileError> {
         let of_system = |source| FileError::io("read", path, source);
-        let mut file = File::open(path).map_err(of_system)?;
+        let mut file = open_regular(path)?;
         file.seek(SeekFrom::Start(chunk.bytes[0])).map_err(of_system)?;
         match chunk.check(file) {
             Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),

@@ -37,6 +37,7 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
+pub use guard::may_be_of_a_reader;
 pub use log::Declared;
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,

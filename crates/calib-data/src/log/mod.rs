@@ -14,14 +14,14 @@ use std::{collections::HashMap, ops::Range};
 
 use calib_core::{Monitor, Period, Timestamp};
 
+use self::{file::LogFile, rows::Rows, split::Split};
 pub(crate) use self::{
-    file::FieldKind,
+    file::{FieldKind, classify},
     gaps::{Steps, inside},
     read::{Batch, ChannelValues, Codes},
     rows::{EXAMPLES, Irregularities},
     values::NotNumbers,
 };
-use self::{file::LogFile, rows::Rows, split::Split};
 use crate::{DataConfig, DataError, time::format_time};
 
 /// Everything about the log except the values of its channels.
