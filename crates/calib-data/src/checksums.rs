@@ -94,6 +94,10 @@ fn chunks(metadata: &pl::FileMetadata, is_wanted: impl Fn(&str) -> bool) -> Vec<
 impl Chunk {
     /// Look through the pages; what is wrong with the first that is not whole.
     fn check(&self, file: File) -> io::Result<Option<String>> {
+        // Pages are taken into memory as they are: none is larger than the file.
+        if self.bytes[1] > file.metadata()?.len() {
+            return Ok(Some("is cut off".to_owned()));
+        }
         let mut reader = BufReader::with_capacity(WINDOW, file);
         let (mut seen, mut place) = (0_i64, self.bytes[0]);
         let mut content = Vec::new();

@@ -197,7 +197,7 @@ impl Declared {
         let mut rows = 0_u64;
         for source in source::find_files(data)? {
             let file = LogFile::open(source)?;
-            rows += if file.is_result { 0 } else { file.rows as u64 };
+            rows = rows.saturating_add(if file.is_result { 0 } else { file.rows as u64 });
         }
         Ok(Self { rows, least_bytes: rows.saturating_mul(BYTES_PER_ROW) })
     }
