@@ -10,7 +10,6 @@ use calib_study::{Job, Request, StudyError};
 use super::simulate::{self, Found, Simulated};
 use crate::{
     cli::{PlantArgs, SimulateArgs},
-    memory,
     output::Printer,
 };
 
@@ -55,9 +54,7 @@ pub(super) fn data(job: &Job) -> anyhow::Result<DataConfig> {
             ),
         }
     }
-    let data = data_to_read(job)?;
-    memory::check_log(&data)?;
-    Ok(data)
+    Ok(data_to_read(job)?)
 }
 
 /// The `[data]` section with the variables of the environment.

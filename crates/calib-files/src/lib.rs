@@ -24,10 +24,11 @@ mod npy;
 mod open;
 mod scratch;
 mod sealed;
+mod stamp;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{is_temporary, write_atomically, write_output};
+pub use atomic::{is_temporary, link_or_copy, write_atomically, write_output};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
@@ -41,4 +42,5 @@ pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{open_regular, read_regular, require_regular};
 pub use scratch::{Scratch, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
+pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};

@@ -10,7 +10,7 @@ mod split;
 mod times;
 mod values;
 
-use std::{collections::HashMap, ops::Range};
+use std::{collections::HashMap, ops::Range, path::PathBuf};
 
 use calib_core::{Monitor, Period, Timestamp};
 
@@ -177,6 +177,15 @@ fn refuse_mixed_partitions(
         }
     }
     Ok(())
+}
+
+/// The files that `data` selects, in order of their names. Nothing of them is read; some may turn out to be results of
+/// calib, which are no logs.
+///
+/// # Errors
+/// If a pattern selects nothing, or a folder cannot be read.
+pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+    Ok(source::find_files(data)?.into_iter().map(|source| source.path).collect())
 }
 
 /// What the footers of a log say, before anything of it is read.
