@@ -3,13 +3,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::{Moment, table::write_log};
-use calib_files::{FileError, fingerprint_file, read_sealed_json, remove_file, write_sealed_json};
+use calib_files::{FileError, read_sealed_json, remove_file, write_sealed_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use calib_study::{SimulateConfig, shell_words};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{Below, Claim, Files, TOOL, fingerprints},
+    artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
     changes::{self, CHANGES, DatedChange},
     plant_of_study,
 };
@@ -49,7 +49,7 @@ impl Simulation {
         for (name, written) in &self.files {
             let path = directory.join(name);
             ensure!(
-                !path.exists() || fingerprint_file(&path)? == *written,
+                !path.exists() || fingerprint_once(&path)? == *written,
                 "{} is not what was simulated: it was damaged or edited; remove it to have it simulated again, \
                  or keep edited logs in another folder, without [simulate]",
                 path.display()

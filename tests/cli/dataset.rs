@@ -151,3 +151,20 @@ fn only_what_the_study_reads_is_kept() {
     dry.succeeds();
     assert_eq!(fs::read_dir(states).expect("there").count(), 1, "a dry run writes nothing");
 }
+
+#[test]
+fn what_others_put_beside_prepared_logs_stays() {
+    let place = Place::with_study();
+    let run = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).succeeds();
+    run("preprocess.subsample=1");
+    let states = place.path().join("study-results/dataset");
+    let own = fs::read_dir(&states).expect("there").flatten().next().expect("one").path();
+    fs::create_dir(states.join("notes")).expect("made");
+    fs::write(states.join("notes/mine.txt"), "mine").expect("written");
+    fs::write(own.join("mine.txt"), "mine").expect("written");
+    run("preprocess.subsample=2");
+    assert!(states.join("notes/mine.txt").exists());
+    let left: Vec<_> =
+        fs::read_dir(&own).expect("there").flatten().map(|entry| entry.file_name()).collect();
+    assert_eq!(left, ["mine.txt"]);
+}
