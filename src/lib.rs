@@ -46,6 +46,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let printer = if cli.global.quiet { printer.quiet() } else { printer };
     #[cfg(unix)]
     signals::tell_of_lost_pages();
+    hush_readers();
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
         faults::arm()?;
         commands::run(cli, &printer)
@@ -60,4 +61,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     ExitCode::from(status as u8)
+}
+
+/// The Parquet reader's panics on damaged files are errors of the file, and told as such.
+fn hush_readers() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        if !calib_data::may_be_of_a_reader() {
+            usual(panic);
+        }
+    }));
 }

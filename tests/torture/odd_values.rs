@@ -151,7 +151,7 @@ fn odd_values() {
         let place = copied(&base);
         let args = [args, &["--set", &set]].concat();
         let last = key.rsplit('.').next().unwrap_or(&key);
-        let ended = run(&place, &args, &[last, "data", "study", "sensor"]);
+        let ended = run(&place, &args, &[last, "data", "study", "sensor", "Parquet file at"]);
         (key, args.join(" "), ended)
     });
     let mut tally = Tally::default();

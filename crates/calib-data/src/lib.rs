@@ -38,6 +38,7 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
+pub use guard::may_be_of_a_reader;
 pub use log::{Declared, log_files};
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,

@@ -15,6 +15,7 @@ use serde_json::Value;
 use crate::{
     base::{
         artefact::{Files, MANIFEST},
+        memory,
         options::Logs,
         outcome::{Interrupted, Outcome},
     },
@@ -151,7 +152,7 @@ impl Check<'_> {
         } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
             read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
         } else if name.ends_with(".parquet") {
-            read_parquet(path).map(drop).map_err(anyhow::Error::from)
+            table(path)
         } else {
             return;
         };
@@ -204,6 +205,12 @@ impl Check<'_> {
             }
         }
     }
+}
+
+/// A table, whose pages have checksums.
+fn table(path: &Path) -> anyhow::Result<()> {
+    memory::check_table(path, None)?;
+    read_parquet(path).map(drop).map_err(anyhow::Error::from)
 }
 
 /// A record that tells of a file beside it.

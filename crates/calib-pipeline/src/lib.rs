@@ -36,7 +36,7 @@ mod verdict;
 
 pub use base::{
     clock::Stopwatch,
-    memory::{MemorySize, check_log},
+    memory::{MemorySize, check_log, check_table},
     options::{BuildOptions, Device, Logs, Spill, ValidityExtent, ValidityOptions},
     outcome::{Outcome, StepError},
 };

@@ -14,14 +14,14 @@ use std::{collections::HashMap, ops::Range, path::PathBuf};
 
 use calib_core::{Monitor, Period, Timestamp};
 
+use self::{file::LogFile, rows::Rows, split::Split};
 pub(crate) use self::{
-    file::FieldKind,
+    file::{FieldKind, classify},
     gaps::{Steps, inside},
     read::{Batch, ChannelValues, Codes},
     rows::{EXAMPLES, Irregularities},
     values::NotNumbers,
 };
-use self::{file::LogFile, rows::Rows, split::Split};
 use crate::{DataConfig, DataError, time::format_time};
 
 /// Everything about the log except the values of its channels.
@@ -206,7 +206,7 @@ impl Declared {
         let mut rows = 0_u64;
         for source in source::find_files(data)? {
             let file = LogFile::open(source)?;
-            rows += if file.is_result { 0 } else { file.rows as u64 };
+            rows = rows.saturating_add(if file.is_result { 0 } else { file.rows as u64 });
         }
         Ok(Self { rows, least_bytes: rows.saturating_mul(BYTES_PER_ROW) })
     }

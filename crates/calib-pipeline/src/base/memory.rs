@@ -6,6 +6,8 @@ use std::{
     str::FromStr,
 };
 
+use calib_data::table::declared_bytes;
+
 use crate::output::{bytes, count};
 
 /// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
@@ -90,6 +92,15 @@ pub fn check_log(data: &calib_data::DataConfig) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// Refuse a table that memory cannot hold, by what its footer says; `names` are the columns to be read, or all.
+///
+/// # Errors
+/// If it cannot, or the footer cannot be read.
+pub fn check_table(path: &Path, names: Option<&[&str]>) -> anyhow::Result<()> {
+    let what = format!("reading {}", path.display());
+    require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")
 }
 
 /// `MemAvailable`, which counts what the system would free if asked.

@@ -57,6 +57,16 @@ pub(crate) fn data(job: &Job) -> anyhow::Result<DataConfig> {
     Ok(data_to_read(job)?)
 }
 
+/// Refuse a log that is not what `[simulate]` wrote, where the study has such a section.
+pub(crate) fn check_days(job: &Job) -> anyhow::Result<()> {
+    match PlantOfStudy::of(job)? {
+        Some(PlantOfStudy { directory, found: Found::Whole, .. }) => {
+            simulate::check_days(&directory)
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The `[data]` section with the variables of the environment.
 pub(crate) fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
     job.data_to_read(|name| std::env::var(name).ok())

@@ -11,7 +11,7 @@ use anyhow::{Context as _, bail};
 use calib_core::{Frames, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed};
 use calib_files::{
-    Fingerprint, ScratchPlace, Stamp, read_sealed_json, remove_file, remove_folder,
+    Fingerprint, ScratchPlace, Stamp, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
 };
 use calib_study::{Each, Job};
@@ -22,6 +22,7 @@ use crate::{
         artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
         frames, memory,
     },
+    log::plant_of_study,
     output::{Printer, bytes, count},
 };
 
@@ -58,6 +59,8 @@ impl Manifest for DatasetManifest {
 const SOURCES: &str = "sources.json";
 const TRAIN: &str = "train";
 const HELD_OUT: &str = "held-out";
+/// Digits of a key that a folder is called by.
+const KEY_DIGITS: usize = 12;
 
 /// A prepared log.
 #[derive(Clone)]
@@ -122,6 +125,7 @@ pub(crate) fn look(
     if let Some(known) = place.opened().or_else(|| place.kept(job)) {
         return Ok(Known::Prepared(Box::new(known)));
     }
+    plant_of_study::check_days(job)?;
     memory::check_log(data)?;
     let there = memory.or_else(memory::available);
     tell(data, printer);
@@ -238,6 +242,7 @@ impl Place {
         memory: Option<u64>,
         printer: &Printer,
     ) -> anyhow::Result<Prepared> {
+        plant_of_study::check_days(job)?;
         memory::check_log(data)?;
         // Before anything is read: what is held of the log by then is a part of what it takes.
         let there = memory.or_else(memory::available);
@@ -359,7 +364,7 @@ impl Place {
         for other in folders(&self.root).filter(|other| !read.contains(other)) {
             if let Ok(Some(claim)) = Claim::of_nobody(&other, Below::Ours) {
                 claim.begin()?;
-                remove_folder(&other)?;
+                forget(&other)?;
             }
         }
         Ok(())
@@ -387,7 +392,7 @@ fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> anyhow::Result<Strin
 
 /// The folder of a prepared log.
 fn folder(key: &str) -> &str {
-    &key[..key.len().min(12)]
+    &key[..key.len().min(KEY_DIGITS)]
 }
 
 fn sources(data: &DataConfig) -> anyhow::Result<Sources> {
@@ -400,10 +405,31 @@ fn sources(data: &DataConfig) -> anyhow::Result<Sources> {
     Ok(Sources { files: files.map(source).collect::<anyhow::Result<_>>()? })
 }
 
+/// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
+fn forget(directory: &Path) -> anyhow::Result<()> {
+    for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts()) {
+        remove_file(&directory.join(name))?;
+    }
+    remove_file(&directory.join(".lock"))?;
+    remove_empty_folder(directory);
+    Ok(())
+}
+
+/// The files of states and of their rows.
+fn parts() -> impl Iterator<Item = String> {
+    let of = |name| [format!("{name}.npy"), format!("{name}.parquet")];
+    [TRAIN, HELD_OUT].into_iter().flat_map(of)
+}
+
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir(root).into_iter().flatten().flatten();
-    let mut found: Vec<PathBuf> =
-        entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    let is_own = |entry: &fs::DirEntry| {
+        let name = entry.file_name();
+        let is_key = name.len() == KEY_DIGITS
+            && name.to_string_lossy().bytes().all(|digit| digit.is_ascii_hexdigit());
+        is_key && entry.file_type().is_ok_and(|kind| kind.is_dir())
+    };
+    let mut found: Vec<PathBuf> = entries.filter(is_own).map(|entry| entry.path()).collect();
     found.sort();
     found.into_iter()
 }

@@ -1,16 +1,16 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::table::write_log;
-use calib_files::{read_json, remove_file, write_json};
+use calib_files::{FileError, read_sealed_json, remove_file, write_sealed_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use calib_study::Job;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     base::{
-        artefact::{Below, Claim, TOOL},
+        artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
         outcome::Interrupted,
     },
     log::{
@@ -24,11 +24,39 @@ use crate::{
 const SIMULATION: &str = "simulation.json";
 
 /// `simulation.json`: what the day files beside it were made from, and the truth about each channel.
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Simulation {
     tool: String,
     options: PlantOptions,
     channels: Vec<ChannelInfo>,
+    /// The day files, once all of them are written.
+    #[serde(default, skip_serializing_if = "Files::is_empty")]
+    files: Files,
+}
+
+impl Simulation {
+    fn is_of_plant(&self, other: &Self) -> bool {
+        (&self.tool, &self.options, &self.channels)
+            == (&other.tool, &other.options, &other.channels)
+    }
+
+    fn read(directory: &Path) -> Result<Self, FileError> {
+        read_sealed_json(&directory.join(SIMULATION))
+    }
+
+    /// Refuse days that are there and not what was written: what is simulated would follow from them without a word.
+    fn check_days(&self, directory: &Path) -> anyhow::Result<()> {
+        for (name, written) in &self.files {
+            let path = directory.join(name);
+            ensure!(
+                !path.exists() || fingerprint_once(&path)? == *written,
+                "{} is not what was simulated: it was damaged or edited; remove it to have it simulated again, \
+                 or keep edited logs in another folder, without [simulate]",
+                path.display()
+            );
+        }
+        Ok(())
+    }
 }
 
 /// A log that was simulated.
@@ -90,10 +118,14 @@ pub(crate) fn simulate(
     printer: &Printer,
 ) -> anyhow::Result<Simulated> {
     let mut plant = Plant::new(options.clone())?;
-    let simulation =
-        Simulation { tool: TOOL.to_owned(), options, channels: plant.schema().to_vec() };
+    let simulation = Simulation {
+        tool: TOOL.to_owned(),
+        options,
+        channels: plant.schema().to_vec(),
+        files: Files::new(),
+    };
     let _claim = Claim::new(directory, Below::Unknown)?;
-    own(directory, &simulation, force)?;
+    let known = own(directory, &simulation, force)?;
     let changes = changes::write(directory, &plant)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
     printer.say(&format!("simulate: {}", sentence(&plant)));
@@ -123,6 +155,11 @@ pub(crate) fn simulate(
         }
         simulated.files.push(path);
         progress.advance(1);
+    }
+    let named = simulated.files.iter().filter_map(|path| path.file_name()?.to_str());
+    let files = fingerprints(directory, named)?;
+    if files != known {
+        write_sealed_json(&directory.join(SIMULATION), &Simulation { files, ..simulation })?;
     }
     Ok(simulated)
 }
@@ -161,9 +198,10 @@ pub(crate) enum Found {
 
 /// Whether `directory` has the log of this plant.
 pub(crate) fn find(directory: &Path, options: &PlantOptions) -> anyhow::Result<Found> {
-    let found = match read_json::<Simulation>(&directory.join(SIMULATION)) {
+    let damaged = || records(directory);
+    let found = match Simulation::read(directory) {
         Ok(found) => found,
-        Err(error) if !error.is_not_found() => return Err(error.into()),
+        Err(error) if !error.is_not_found() => return Err(error).with_context(damaged),
         Err(_) if holds_logs(directory) => return Ok(Found::NotSimulated),
         Err(_) => return Ok(Found::Unfinished),
     };
@@ -172,7 +210,24 @@ pub(crate) fn find(directory: &Path, options: &PlantOptions) -> anyhow::Result<F
     }
     let days = Plant::new(options.clone())?.days();
     let is_there = |day| directory.join(file_name(options.start, day)).exists();
-    Ok(if (0..days).all(is_there) { Found::Whole } else { Found::Unfinished })
+    Ok(if !found.files.is_empty() && (0..days).all(is_there) {
+        Found::Whole
+    } else {
+        Found::Unfinished
+    })
+}
+
+/// Refuse days of a simulated log that are not what was written, before they are read.
+pub(crate) fn check_days(directory: &Path) -> anyhow::Result<()> {
+    Simulation::read(directory).map_or(Ok(()), |found| found.check_days(directory))
+}
+
+/// What can be done where nobody knows what a log was simulated from.
+fn records(directory: &Path) -> String {
+    format!(
+        "it is not known what the logs in {} were simulated from; simulate into another folder, or remove them with {SIMULATION}",
+        directory.display()
+    )
 }
 
 /// Whether a folder has anything but hidden files: logs may lie in folders of their own.
@@ -181,16 +236,20 @@ fn holds_logs(directory: &Path) -> bool {
     entries.into_iter().any(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
 }
 
-/// Make the directory this simulation's, unless it is another one's.
-fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<()> {
+/// Make the directory this simulation's, unless it is another one's. Returns what is known of days that are there.
+fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<Files> {
     let path = directory.join(SIMULATION);
-    match read_json::<Simulation>(&path) {
-        Ok(found) if found == *simulation => return Ok(()),
+    let damaged = || records(directory);
+    match Simulation::read(directory) {
+        Ok(found) if !force && found.is_of_plant(simulation) => {
+            found.check_days(directory)?;
+            return Ok(found.files);
+        }
         Ok(_) if !force => bail!(
             "{} holds another simulation; choose another directory, or replace it with --force",
             directory.display()
         ),
-        Err(error) if !error.is_not_found() && !force => return Err(error.into()),
+        Err(error) if !error.is_not_found() && !force => return Err(error).with_context(damaged),
         Err(_) if !force && has_parquet(directory) => bail!(
             "{} holds Parquet files that calib did not simulate; choose another directory",
             directory.display()
@@ -208,7 +267,8 @@ fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result
             );
         }
     }
-    Ok(write_json(&path, simulation)?)
+    write_sealed_json(&path, simulation)?;
+    Ok(Files::new())
 }
 
 fn parquet_files(directory: &Path) -> Vec<PathBuf> {
@@ -223,10 +283,10 @@ fn has_parquet(directory: &Path) -> bool {
 
 /// Remove the days of the simulation that is being replaced; other Parquet files stay.
 fn remove_days(directory: &Path) -> anyhow::Result<()> {
-    let Ok(previous) = read_json::<Simulation>(&directory.join(SIMULATION)) else {
-        return Ok(());
-    };
-    for day in 0..previous.options.days.ceil() as u32 {
+    let Ok(previous) = Simulation::read(directory) else { return Ok(()) };
+    // What no plant can have is no record of one.
+    let days = Plant::new(previous.options.clone())?.days();
+    for day in 0..days {
         let path = directory.join(file_name(previous.options.start, day));
         remove_file(&path)?;
     }

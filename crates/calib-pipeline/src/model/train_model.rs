@@ -1,7 +1,7 @@
 //! Models that are networks: trained, stored as weights, opened.
 
 use std::{
-    fmt, fs,
+    fmt,
     io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
@@ -15,7 +15,7 @@ use calib_dynamics::{
     Transitioning,
 };
 use calib_files::{
-    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, remove_file,
+    Fingerprint, fingerprint_file, read_regular, read_sealed_tensors, read_tensors, remove_file,
     write_atomically, write_json, write_tensors,
 };
 use calib_knn::ModelKind;
@@ -128,7 +128,7 @@ fn script_path(job: &Job) -> anyhow::Result<PathBuf> {
 pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::Result<()> {
     let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
-    let content = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let content = read_regular(&path)?;
     Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)
 }
 

@@ -15,6 +15,8 @@ use calib_files::{Fingerprint, read_array, read_json, read_tensors};
 use calib_study::Job;
 use serde::Deserialize;
 
+use crate::base::memory;
+
 /// Numbers by row, as they were found.
 struct Found {
     values: Vec<f32>,
@@ -91,6 +93,8 @@ fn safetensors(path: &Path, name: Option<&str>) -> anyhow::Result<Found> {
 }
 
 fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> anyhow::Result<Found> {
+    let wanted: Vec<&str> = columns.iter().map(String::as_str).chain(timestamp).collect();
+    memory::check_table(path, (!columns.is_empty()).then_some(wanted.as_slice()))?;
     let times = timestamp.map(|name| read_parquet_columns(path, &[name])).transpose()?;
     let timestamps = match (&times, timestamp) {
         (Some(table), Some(name)) => Some(table.column::<Timestamp>(name)?.to_vec()),

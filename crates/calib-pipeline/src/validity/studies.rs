@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use calib_core::Seed;
+use calib_files::read_regular;
 use calib_knn::ModelKind;
 use calib_study::{Drawn, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
@@ -134,13 +135,8 @@ impl Listed {
     /// Whether its file is what it is to be.
     fn is_written(&self) -> anyhow::Result<bool> {
         let Some(drawn) = &self.drawn else { return Ok(true) };
-        match std::fs::read_to_string(self.path()) {
-            Ok(text) => Ok(text == drawn.text),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
-            Err(error) => {
-                Err(error).with_context(|| format!("cannot read {}", self.path().display()))
-            }
-        }
+        let path = self.path();
+        Ok(path.exists() && read_regular(path)? == drawn.text.as_bytes())
     }
 
     /// Write the file of a drawn study, if it is not there as it is to be.

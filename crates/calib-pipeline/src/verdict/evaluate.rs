@@ -69,7 +69,12 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(Outcome::Done);
     }
-    let report = report::assemble(&judged)?;
+    let report = report::assemble(&judged).with_context(|| {
+        format!(
+            "{} cannot be written; if results were edited, the steps with --force make them again",
+            paths.report().display()
+        )
+    })?;
     let written = report::write(job, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {
@@ -109,7 +114,14 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
     let sensors = study.sweep.sensors.iter();
     let verdicts = sensors
         .map(|sensor| Ok(verdict_of(sensor, study.part(), (study, &manifest, &results))?))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+        .collect::<anyhow::Result<Vec<_>>>()
+        .with_context(|| {
+            format!(
+                "{} cannot be judged; if they were edited, `{} --force` makes them again",
+                paths.sweep().display(),
+                job.command("sweep")
+            )
+        })?;
     let rows: Vec<calib_report::Verdict> =
         verdicts.iter().map(|verdict| verdict_row(verdict, &manifest, study)).collect();
     let summary = Summary {
