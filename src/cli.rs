@@ -49,6 +49,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
+    /// Write logs of any form (CSV, long tables, a file a tag) once as one wide Parquet file
+    Import(ImportArgs),
     /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
     Run(StudyArgs),
     /// Train or import representations of the states, score them, and choose one
@@ -332,7 +334,7 @@ pub(crate) struct PlantArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InspectArgs {
-    /// A study file, or a Parquet file, folder or glob
+    /// A study file, or a log: a file (Parquet, CSV), folder or glob
     pub(crate) data: PathBuf,
     /// Override a key of the study, such as `preprocess.max_missing=0.2`
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
@@ -346,6 +348,20 @@ pub(crate) struct InspectArgs {
     /// Print the profile as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// The logs: a file, folder or glob
+    pub(crate) logs: PathBuf,
+    /// The Parquet file to write
+    pub(crate) out: PathBuf,
+    /// Set a key of [data], such as `data.timestamp_format=%d.%m.%Y` or `data.resample=last`; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the file if it is there
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 /// The step patterns of the paper's Table 1.

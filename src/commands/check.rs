@@ -17,6 +17,7 @@ use crate::{
     cli::CheckArgs,
     exit::{ExitStatus, Interrupted},
     output::{Printer, count},
+    study::working_files,
 };
 
 /// What was found, for `--json`.
@@ -192,6 +193,7 @@ impl Check<'_> {
         for (mut data, preprocess) in found {
             // Results lie beside their study, and paths start from there.
             data.resolve(root.parent().unwrap_or(Path::new("")));
+            data.scratch = working_files();
             let shown = data.path.0.join(", ");
             match calib_data::inspect(&data, &preprocess, &self.printer.progress()) {
                 Ok(_) => self.checked.logs.push(shown),

@@ -1,7 +1,7 @@
 use anyhow::{Context as _, ensure};
-use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_data::{ChannelProfile, Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time};
 
-use super::plant_of_study;
+use super::{import::shape_name, plant_of_study};
 use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
@@ -32,8 +32,17 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
     }
-    let usable = profile.train.transitions > 0 && profile.kept().next().is_some();
-    if !usable {
+    let refused = profile.contradictions.count > 0 && data.contradictions == Contradictions::Refuse;
+    if refused {
+        let error = DataError::Contradictions {
+            count: profile.contradictions.count,
+            examples: profile.contradictions.examples.clone(),
+        };
+        printer.warn(&format!("a study of this log would be refused: {error}"));
+    }
+    let usable =
+        !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
+    if !usable && !refused {
         printer.warn(
             "no channel or no transition is left: nothing could be built from this log as it is",
         );
@@ -83,6 +92,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         format_time(profile.start),
         format_time(profile.end),
     ))?;
+    printer.result(&format!("read as {}", shape_name(profile.shape)))?;
     printer.result(&format!(
         "sample period {} s ({period}); one state every {} s",
         significant(profile.period_secs),
@@ -106,8 +116,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         (profile.duplicates.identical, "duplicate rows (dropped)"),
         (
             profile.duplicates.conflicting,
-            "rows that contradict another of the same time (the first is kept)",
+            "rows that contradict another of the same time",
         ),
+        (profile.bad_quality, "samples of bad quality (missing values)"),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
         (profile.null_timestamps, "rows without a timestamp of the years 1 to 9998 (dropped)"),
         (profile.short_steps, "steps shorter than the period (tolerated)"),

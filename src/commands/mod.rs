@@ -19,6 +19,7 @@ mod environments;
 mod evaluate;
 mod figures;
 mod generate;
+mod import;
 mod inspect;
 mod jumps;
 mod learning;
@@ -84,6 +85,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Quickstart(args) => quickstart::run(&args, printer),
         Command::Simulate(args) => simulate::run(&args, printer),
         Command::Inspect(args) => inspect::run(&args, printer),
+        Command::Import(args) => import::run(&args, printer),
         Command::Run(args) => chain::run(&args, printer),
         Command::Represent(args) => each(Of::Model, &args.study, printer, |study_args, which| {
             // Of several models some search among the states themselves.

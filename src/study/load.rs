@@ -8,7 +8,7 @@ use serde::{Deserialize as _, de::DeserializeOwned};
 use toml::{Table, Value};
 
 use calib_data::DataConfig;
-use calib_files::{FileError, require_regular};
+use calib_files::{FileError, ScratchPlace, require_regular};
 
 use super::{
     Study, StudyPaths,
@@ -96,6 +96,7 @@ impl Study {
         let mut study =
             typed(table).with_context(|| format!("--set {}", overrides.join(" --set ")))?;
         study.data.path = path.to_owned().into();
+        study.data.scratch = working_files();
         study.check()?;
         Ok(study)
     }
@@ -158,8 +159,14 @@ impl Study {
             *path = expand(path).with_context(|| paths.study().display().to_string())?;
         }
         data.resolve(paths.study().parent().unwrap_or(Path::new("")));
+        data.scratch = working_files();
         Ok(data)
     }
+}
+
+/// Where text files are kept, column by column, while they are read: the system's folder for temporary files.
+pub(crate) fn working_files() -> ScratchPlace {
+    ScratchPlace::Disk(std::env::temp_dir())
 }
 
 /// More runs or rollouts than anybody asks for.

@@ -25,7 +25,7 @@ use calib_rollout::RolloutConfig;
 use calib_sweep::{Beginning, Rule, SweepConfig};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use load::{Chosen, UnsetVariable};
+pub(crate) use load::{Chosen, UnsetVariable, working_files};
 pub(crate) use model::ModelSection;
 pub(crate) use partition::Partition;
 pub(crate) use paths::Rollouts;

@@ -78,6 +78,7 @@ pub fn survey(
     monitor: &dyn Monitor,
 ) -> Result<Surveyed, DataError> {
     let survey = Survey::new(data, preprocess, monitor)?;
+    survey.refuse_contradictions(data.contradictions)?;
     survey.refuse_empty()?;
     let columns = survey.columns(preprocess);
     Ok(Surveyed { survey, columns, preprocess: preprocess.clone() })

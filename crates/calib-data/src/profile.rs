@@ -3,7 +3,7 @@
 use calib_core::Timestamp;
 use serde::{Deserialize, Serialize};
 
-use crate::{DataError, DropReason, names::hint};
+use crate::{DataError, DropReason, Shape, names::hint};
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
 ///
@@ -11,6 +11,15 @@ use crate::{DataError, DropReason, names::hint};
 /// `rows_outside` lie before or after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
+    /// What a row of the files is. Default: [`Shape::Wide`].
+    #[serde(default, skip_serializing_if = "Shape::is_wide")]
+    pub shape: Shape,
+    /// Samples of a long table that their quality made missing. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bad_quality: u64,
+    /// Values of the same channel and time that differ. Default: none.
+    #[serde(default, skip_serializing_if = "ContradictionsFound::is_none")]
+    pub contradictions: ContradictionsFound,
     /// Number of files.
     pub files: usize,
     /// Their size in bytes.
@@ -57,6 +66,26 @@ pub struct Profile {
     pub unseen_modes: u64,
     /// Memory of the states, in bytes.
     pub state_bytes: u64,
+}
+
+/// Values of the same channel and time that differ.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContradictionsFound {
+    /// How many differ from the one that is kept.
+    pub count: u64,
+    /// Some of them, in words.
+    pub examples: Vec<String>,
+}
+
+impl ContradictionsFound {
+    fn is_none(&self) -> bool {
+        self.count == 0
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// Rows whose timestamp another row has. The first one is kept.

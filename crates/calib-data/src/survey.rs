@@ -1,24 +1,29 @@
 //! First pass over the values: what every channel is like, what is kept, which rows are dropped.
 
 use std::{
+    collections::BTreeMap,
     ops::Range,
-    sync::atomic::{AtomicBool, Ordering::Relaxed},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
 };
 
-use calib_core::{Bounds, Monitor, Period};
+use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    ChannelProfile, DataConfig, DataError, DropReason, PartProfile, PreprocessConfig, Profile,
-    ValueProfile,
+    ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, PartProfile,
+    PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement},
     describe::describe_rows,
     impute::{clean, impute},
-    log::{Batch, ChannelValues, EXAMPLES, Log, NotNumbers},
+    log::{Batch, ChannelValues, Contradiction, EXAMPLES, Log, NotNumbers, SHOWN},
     modes::Modes,
     names::Names,
     sample::Samples,
     select::fit,
+    time::format_time,
 };
 
 /// What the first pass found: everything but the values.
@@ -64,7 +69,8 @@ impl Survey {
             preprocess,
             stretches: &stretches,
             dropped_rows: flags(log.rows.timestamps.len()),
-            conflicts: flags(log.rows.duplicates.len()),
+            conflicts: flags(log.recorded().duplicates.len()),
+            contradictions: Mutex::default(),
             log: &log,
         };
         let (channels, sensors) = scan.channels(data, modes.as_ref(), monitor)?;
@@ -72,6 +78,8 @@ impl Survey {
             scan.dropped_rows[row].store(true, Relaxed);
         }
         let conflicting = count(&scan.conflicts);
+        let contradictions =
+            scan.contradictions.into_inner().unwrap_or_else(PoisonError::into_inner);
         let dropped = scan.dropped_rows;
         let part = |rows: &Range<usize>| -> Result<(Part, PartProfile), DataError> {
             let inside = crate::log::inside(&stretches, rows);
@@ -104,6 +112,7 @@ impl Survey {
             train: train_profile,
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
+            contradictions: contradictions.told(&log),
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -125,6 +134,32 @@ struct Scan<'a> {
     dropped_rows: Vec<AtomicBool>,
     /// Duplicates that contradict the row that is kept.
     conflicts: Vec<AtomicBool>,
+    contradictions: Mutex<Found>,
+}
+
+/// Contradictions of all channels.
+#[derive(Default)]
+struct Found {
+    count: u64,
+    /// By channel.
+    first: BTreeMap<usize, Vec<Contradiction>>,
+}
+
+/// A contradiction in words.
+pub(crate) fn told(channel: &str, of: &Contradiction) -> String {
+    let at = format_time(Timestamp::from_micros(of.time));
+    format!("at {at} {channel} is {} and {}", of.values[0], of.values[1])
+}
+
+impl Found {
+    fn told(self, log: &Log) -> ContradictionsFound {
+        let told = |(channel, of): (usize, Vec<Contradiction>)| {
+            let name = &log.channels[channel].name;
+            of.iter().map(|of| told(name, of)).collect::<Vec<_>>()
+        };
+        let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
+        ContradictionsFound { count: self.count, examples }
+    }
 }
 
 impl Scan<'_> {
@@ -178,7 +213,7 @@ impl Scan<'_> {
             let scanned: Vec<_> = values
                 .par_iter_mut()
                 .zip(channels)
-                .map(|(values, &channel)| self.channel(profiles[channel].clone(), values))
+                .map(|(values, &channel)| self.channel(channel, profiles[channel].clone(), values))
                 .collect();
             for (&channel, (profile, bounds)) in channels.iter().zip(scanned) {
                 profiles[channel] = profile;
@@ -191,17 +226,18 @@ impl Scan<'_> {
     /// The profile of one channel, and its bounds if it is kept.
     fn channel(
         &self,
+        index: usize,
         profile: ChannelProfile,
         channel: &mut ChannelValues,
     ) -> (ChannelProfile, Option<Bounds>) {
         let log = self.log;
-        for ((duplicate, value), conflict) in
-            log.rows.duplicates.iter().zip(&channel.duplicates).zip(&self.conflicts)
-        {
-            let kept = channel.values[duplicate.row as usize];
-            if !value.is_nan() && !kept.is_nan() && *value != kept {
-                conflict.store(true, Relaxed);
-            }
+        for &position in &channel.conflicts {
+            self.conflicts[position as usize].store(true, Relaxed);
+        }
+        if channel.contradicting > 0 {
+            let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
+            found.count += channel.contradicting;
+            found.first.insert(index, std::mem::take(&mut channel.contradictions));
         }
         let values = &mut channel.values;
         let train = log.train.clone();

@@ -3,6 +3,7 @@
 mod checksums;
 mod cleaning;
 mod columns;
+mod formats;
 mod inputs;
 mod ranges;
 mod real;
