@@ -1,12 +1,15 @@
 use anyhow::{Context as _, ensure};
-use calib_data::{ChannelProfile, Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_data::{
+    ChannelProfile, Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile,
+    format_time,
+};
 
 use super::{import::shape_name, plant_of_study};
 use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
     memory,
-    output::{Printer, bytes, count, percent, significant, table},
+    output::{Printer, bytes, count, percent, significant, span, table},
     study::{Chosen, Study},
 };
 
@@ -40,8 +43,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
         };
         printer.warn(&format!("a study of this log would be refused: {error}"));
     }
-    let usable =
-        !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
+    let usable = !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
     if !usable && !refused {
         printer.warn(
             "no channel or no transition is left: nothing could be built from this log as it is",
@@ -83,41 +85,28 @@ struct Settings {
 }
 
 fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
-    let period = if profile.period_was_detected { "detected" } else { "given" };
+    printer.result(&format!("read as {}", shape_name(profile.shape)))?;
+    let long = profile.end.micros_since(profile.start) as f64 / 1e6;
     printer.result(&format!(
-        "{} rows in {} files ({}), {} to {}",
+        "{} rows in {} files ({}), {} to {}: {}, times {}",
         count(profile.file_rows as usize),
         count(profile.files),
         bytes(profile.bytes),
         format_time(profile.start),
         format_time(profile.end),
+        span(long),
+        if profile.utc { "in UTC" } else { "as the log has them" },
     ))?;
-    printer.result(&format!("read as {}", shape_name(profile.shape)))?;
+    let period = if profile.period_was_detected { "detected" } else { "given" };
     printer.result(&format!(
-        "sample period {} s ({period}); one state every {} s",
-        significant(profile.period_secs),
-        significant(profile.sampled_period_secs),
+        "sample period {} ({period}); one state every {}",
+        span(profile.period_secs),
+        span(profile.sampled_period_secs),
     ))?;
-    let gaps = &profile.gaps;
-    let longest = if gaps.count == 0 {
-        String::new()
-    } else {
-        format!(
-            " (longest {} s, {} s in all)",
-            significant(gaps.longest_secs),
-            significant(gaps.total_secs)
-        )
-    };
-    printer.result(&format!("gaps: {}{longest}", count(gaps.count as usize)))?;
-    for (from, to) in &gaps.examples {
-        printer.result(&format!("    {} to {}", format_time(*from), format_time(*to)))?;
-    }
+    show_gaps(profile, printer)?;
     let oddities = [
         (profile.duplicates.identical, "duplicate rows (dropped)"),
-        (
-            profile.duplicates.conflicting,
-            "rows that contradict another of the same time",
-        ),
+        (profile.duplicates.conflicting, "rows that contradict another of the same time"),
         (profile.bad_quality, "samples of bad quality (missing values)"),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
         (profile.null_timestamps, "rows without a timestamp of the years 1 to 9998 (dropped)"),
@@ -130,30 +119,70 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
+    profile.value_doubts().iter().for_each(|doubt| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }
     Ok(())
 }
 
+fn show_gaps(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
+    let gaps = &profile.gaps;
+    if gaps.count == 0 {
+        return printer.result("gaps: none");
+    }
+    printer.result(&format!(
+        "gaps: {}, {} in all; the longest:",
+        count(gaps.count as usize),
+        span(gaps.total_secs)
+    ))?;
+    let shown = gaps.examples.iter().map(|(from, to)| {
+        let long = span(to.micros_since(*from) as f64 / 1e6);
+        vec![format!("    {long}"), format_time(*from), format_time(*to)]
+    });
+    printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
+}
+
+/// Gaps that are shown.
+const GAPS: usize = 5;
+
 fn show_channels(profile: &Profile, args: &InspectArgs, printer: &Printer) -> anyhow::Result<()> {
-    let header = ["channel", "min", "max", "mean", "missing", "stuck", "step", "distinct", "use"];
-    let shown = if args.all { profile.channels.len() } else { LISTED };
-    let rows: Vec<Vec<String>> = profile.channels.iter().take(shown).map(channel_row).collect();
-    printer.result("")?;
-    printer.lines(&table(&header, &rows))?;
-    if profile.channels.len() > shown {
-        let more = profile.channels.len() - shown;
-        printer.result(&format!("… and {} more; --all shows them", count(more)))?;
+    let limit = if args.all { profile.channels.len() } else { LISTED };
+    let dropped: Vec<&ChannelProfile> =
+        profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();
+    let more = |shown: usize, of: usize| match of.saturating_sub(shown) {
+        0 => Ok(()),
+        left => printer.result(&format!("… and {} more; --all shows them", count(left))),
+    };
+    if !dropped.is_empty() {
+        printer.result("")?;
+        printer.result(&format!("{} channels are dropped:", count(dropped.len())))?;
+        for channel in dropped.iter().take(limit) {
+            let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
+            printer.result(&format!("    {}: {why}{}", channel.name, notes(channel)))?;
+        }
+        more(limit, dropped.len())?;
+    }
+    let kept: Vec<&ChannelProfile> = profile.kept().collect();
+    if !kept.is_empty() {
+        let header = ["kept", "min", "max", "mean", "missing", "stuck", "step", "distinct"];
+        let rows: Vec<Vec<String>> =
+            kept.iter().take(limit).map(|channel| channel_row(channel)).collect();
+        printer.result("")?;
+        printer.lines(&table(&header, &rows))?;
+        more(limit, kept.len())?;
+        for channel in kept.iter().take(limit) {
+            let notes = notes(channel);
+            if let Some(notes) = notes.strip_prefix("; ") {
+                printer.result(&format!("{}: {notes}", channel.name))?;
+            }
+        }
     }
     Ok(())
 }
 
-fn channel_row(channel: &ChannelProfile) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
-    let values = channel.values.as_ref();
-    let fate =
-        channel.dropped.as_ref().map_or_else(|| "kept".to_owned(), |why| format!("dropped: {why}"));
+/// What in a channel was no number.
+fn notes(channel: &ChannelProfile) -> String {
     let mut notes = Vec::new();
     if !channel.words.is_empty() {
         let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
@@ -162,22 +191,28 @@ fn channel_row(channel: &ChannelProfile) -> Vec<String> {
     if channel.non_finite > 0 {
         notes.push(format!("{} not finite", count(channel.non_finite as usize)));
     }
-    let notes = if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) };
+    if channel.far_out.spikes > 0 {
+        notes.push(format!("{} spikes", count(channel.far_out.spikes as usize)));
+    }
+    if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
+}
+
+fn channel_row(channel: &ChannelProfile) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    let values = channel.values.as_ref();
+    let distinct = values.map_or_else(
+        || "0".to_owned(),
+        |of| of.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
+    );
     vec![
         channel.name.clone(),
         number(values.map(|of| of.min)),
         number(values.map(|of| of.max)),
         number(values.map(|of| of.mean)),
         percent(channel.missing_fraction),
-        values.map_or_else(
-            || "–".to_owned(),
-            |of| format!("{} s", significant(of.longest_stuck_secs)),
-        ),
+        values.map_or_else(|| "–".to_owned(), |of| span(of.longest_stuck_secs)),
         number(values.and_then(|of| of.smallest_change)),
-        values
-            .and_then(|of| of.distinct)
-            .map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
-        format!("{fate}{notes}"),
+        distinct,
     ]
 }
 

@@ -22,7 +22,8 @@ pub enum Partition {
 impl Study {
     /// How the training range is divided.
     pub fn partition(&self) -> Partition {
-        let on_its_clock = |period: &Option<TimeRange>| period.as_ref().map(|of| self.data.on_its_clock(of));
+        let on_its_clock =
+            |period: &Option<TimeRange>| period.as_ref().map(|of| self.data.on_its_clock(of));
         let model = on_its_clock(&self.model.period);
         if self.pretrain.is_on() {
             let pretrain = on_its_clock(&self.pretrain.period);

@@ -304,9 +304,13 @@ impl Survey {
         }
     }
 
-    /// Fill what the first pass filled, and clip.
+    /// Treat and fill what the first pass did, and clip.
     fn repair(&self, values: &mut [f64], sensor: &Sensor, preprocess: &PreprocessConfig) {
-        if self.profile.channels[sensor.channel].imputed > 0 {
+        let profile = &self.profile.channels[sensor.channel];
+        if let Some(fences) = sensor.fences.filter(|_| profile.far_out.spikes > 0) {
+            fences.treat(values, &self.stretches, preprocess.outliers);
+        }
+        if profile.imputed > 0 {
             let timestamps = &self.log.rows.timestamps;
             let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
             impute(values, timestamps, &self.stretches, missing, limit, |_| {});

@@ -24,6 +24,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     let (start, end) = (rows.timestamps[0], rows.timestamps[rows.timestamps.len() - 1]);
     Profile {
         shape: log.shape,
+        utc: log.utc,
         bad_quality: log.bad_quality,
         contradictions: ContradictionsFound::default(),
         files: log.files.len(),
@@ -58,7 +59,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
             count: log.steps.gaps,
             longest_secs: log.steps.longest_gap as f64 / 1e6,
             total_secs: log.steps.total_gap as f64 / 1e6,
-            examples: log.steps.first_gaps.clone(),
+            examples: log.steps.longest_gaps.clone(),
         },
         channels: Vec::new(),
         unused_excludes: Vec::new(),

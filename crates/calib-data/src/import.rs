@@ -48,7 +48,11 @@ struct Column {
 ///
 /// # Errors
 /// If the log cannot be read, contradicts itself, or the file cannot be written.
-pub fn import(data: &DataConfig, path: &Path, monitor: &dyn Monitor) -> Result<Imported, DataError> {
+pub fn import(
+    data: &DataConfig,
+    path: &Path,
+    monitor: &dyn Monitor,
+) -> Result<Imported, DataError> {
     let data = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
     let log = Log::open(&data, monitor)?;
     let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
@@ -94,8 +98,11 @@ fn spill_columns(
             } else {
                 if has_words {
                     let found = values.not_numbers.words.iter();
-                    let mut found: Vec<(String, u64)> = found.map(|(word, times)| (word.clone(), *times)).collect();
-                    found.sort_by(|left, right| right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0)));
+                    let mut found: Vec<(String, u64)> =
+                        found.map(|(word, times)| (word.clone(), *times)).collect();
+                    found.sort_by(|left, right| {
+                        right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0))
+                    });
                     words.insert(name.clone(), found);
                 }
                 None

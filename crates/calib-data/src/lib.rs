@@ -28,6 +28,7 @@ mod impute;
 mod log;
 mod modes;
 mod names;
+mod outliers;
 mod profile;
 mod refuse;
 mod sample;
@@ -38,15 +39,16 @@ mod text;
 mod time;
 
 pub use config::{
-    Contradictions, DataConfig, Missing, Moment, Normalisation, Paths, PreprocessConfig, Reduce,
-    Resample, Shape, TimeRange, TimestampUnit,
+    Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
+    Reduce, Resample, Shape, TimeRange, TimestampUnit,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use import::{Imported, import};
 pub use log::Declared;
+pub use outliers::Fences;
 pub use profile::{
-    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Duplicates, Gaps,
+    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Duplicates, FarOut, Gaps,
     PartProfile, Profile, ValueProfile,
 };
 pub use select::DropReason;

@@ -3,7 +3,7 @@
 use calib_core::Timestamp;
 use serde::{Deserialize, Serialize};
 
-use crate::{DataError, DropReason, Shape, names::hint};
+use crate::{DataError, DropReason, Fences, Shape, names::hint};
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
 ///
@@ -14,6 +14,9 @@ pub struct Profile {
     /// What a row of the files is. Default: [`Shape::Wide`].
     #[serde(default, skip_serializing_if = "Shape::is_wide")]
     pub shape: Shape,
+    /// Whether times are UTC, because the log or the study has a time zone; else they are as the log has them. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub utc: bool,
     /// Samples of a long table that their quality made missing. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub bad_quality: u64,
@@ -128,7 +131,7 @@ pub struct Gaps {
     pub longest_secs: f64,
     /// All together, in seconds.
     pub total_secs: f64,
-    /// The first few: last row before the gap, first row after it.
+    /// The longest, the longest first: last row before the gap, first row after it.
     pub examples: Vec<(Timestamp, Timestamp)>,
 }
 
@@ -151,10 +154,35 @@ pub struct ChannelProfile {
     pub non_finite: u64,
     /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
     pub words: Vec<(String, u64)>,
+    /// Spikes, and held-out values far outside of the training range. Default: none.
+    #[serde(default, skip_serializing_if = "FarOut::is_none")]
+    pub far_out: FarOut,
     /// Missing values that were filled.
     pub imputed: u64,
     /// Missing values that were not, so that their rows were dropped.
     pub unfilled: u64,
+}
+
+/// Values of a channel that lie far from all others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FarOut {
+    /// Spikes of both ranges: single samples beyond the fences, and values that are no measurement.
+    pub spikes: u64,
+    /// The first few, with their times.
+    pub examples: Vec<(Timestamp, f64)>,
+    /// The fences, if there are any.
+    pub fences: Option<Fences>,
+    /// Held-out values, other than treated spikes, that lie further from the training range than it is wide.
+    pub held_out: u64,
+    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value.
+    pub furthest: f64,
+}
+
+impl FarOut {
+    /// Whether there is nothing to tell.
+    pub fn is_none(&self) -> bool {
+        self.spikes == 0 && self.held_out == 0
+    }
 }
 
 /// The values of a channel, in its unit.
@@ -242,6 +270,34 @@ impl Profile {
                 "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
                 crate::format_time(self.start)
             ));
+        }
+        doubts
+    }
+
+    /// What in the values of the kept channels spoils a model or a verdict, in sentences; empty for a good log.
+    pub fn value_doubts(&self) -> Vec<String> {
+        let example = |of: &FarOut| {
+            let (time, value) = of.examples.first()?;
+            Some(format!(" (such as {value} at {})", crate::format_time(*time)))
+        };
+        let mut doubts = Vec::new();
+        for channel in self.kept().filter(|channel| !channel.far_out.is_none()) {
+            let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
+            let name = &channel.name;
+            if spikes > 0 {
+                let example = example(&channel.far_out).unwrap_or_default();
+                doubts.push(format!(
+                    "{name} has {spikes} spikes{example}: preprocess.outliers says what becomes of them"
+                ));
+            }
+            if held_out > 0 {
+                doubts.push(format!(
+                    "{name} has {held_out} held-out values far outside of its training range, up to {:.0} of its widths {}: \
+                     no model of the training range knows them, and errors there say little",
+                    furthest.abs(),
+                    if furthest < 0.0 { "below" } else { "above" },
+                ));
+            }
         }
         doubts
     }

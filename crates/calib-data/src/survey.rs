@@ -13,8 +13,8 @@ use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, PartProfile,
-    PreprocessConfig, Profile, ValueProfile,
+    ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut, Fences,
+    PartProfile, PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement},
     describe::describe_rows,
     impute::{clean, impute},
@@ -43,6 +43,7 @@ pub(crate) struct Survey {
 pub(crate) struct Sensor {
     pub(crate) channel: usize,
     pub(crate) bounds: Bounds,
+    pub(crate) fences: Option<Fences>,
 }
 
 /// The rows of one range.
@@ -197,6 +198,7 @@ impl Scan<'_> {
                 missing_fraction: 0.0,
                 non_finite: 0,
                 words: Vec::new(),
+                far_out: FarOut::default(),
                 imputed: 0,
                 unfilled: 0,
             });
@@ -217,7 +219,8 @@ impl Scan<'_> {
                 .collect();
             for (&channel, (profile, bounds)) in channels.iter().zip(scanned) {
                 profiles[channel] = profile;
-                sensors.extend(bounds.map(|bounds| Sensor { channel, bounds }));
+                let fences = profiles[channel].far_out.fences;
+                sensors.extend(bounds.map(|bounds| Sensor { channel, bounds, fences }));
             }
         }
         Ok((profiles, sensors))
@@ -241,25 +244,27 @@ impl Scan<'_> {
         }
         let values = &mut channel.values;
         let train = log.train.clone();
+        let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
+        let mut far_out = self.treat_spikes(values, movement.smallest_change);
         let in_train = Moments::of(&values[train.clone()]);
         let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
         let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
         let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
         let missing = values.len() - count(moments);
         let missing_fraction = 1.0 - count(in_train) as f64 / train.len() as f64;
-        let value_profile = moments.map(|moments| {
-            let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
-            ValueProfile {
-                min: moments.min,
-                max: moments.max,
-                mean: moments.mean,
-                std: moments.std(),
-                constant: moments.min == moments.max,
-                longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
-                smallest_change: movement.smallest_change,
-                unchanged: movement.unchanged,
-                distinct: movement.distinct,
-            }
+        if let (Some(moments), Some(held_out)) = (in_train, &log.held_out) {
+            note_held_out(&values[held_out.clone()], moments, &mut far_out);
+        }
+        let value_profile = moments.map(|moments| ValueProfile {
+            min: moments.min,
+            max: moments.max,
+            mean: moments.mean,
+            std: moments.std(),
+            constant: moments.min == moments.max,
+            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+            smallest_change: movement.smallest_change,
+            unchanged: movement.unchanged,
+            distinct: movement.distinct,
         });
         let has_words = !channel.not_numbers.words.is_empty();
         let bounds = fit(&values[train], in_train, has_words, self.preprocess);
@@ -284,11 +289,53 @@ impl Scan<'_> {
             missing_fraction,
             non_finite: channel.not_numbers.non_finite,
             words: frequent_words(&channel.not_numbers),
+            far_out,
             imputed,
             unfilled,
             ..profile
         };
         (profile, bounds.ok())
+    }
+}
+
+impl Scan<'_> {
+    /// Find the spikes of a channel, and do with them what the study says.
+    fn treat_spikes(&self, values: &mut [f64], smallest_change: Option<f64>) -> FarOut {
+        let mut found = FarOut::default();
+        let fences = Fences::of(&values[self.log.train.clone()], smallest_change);
+        let Some(fences) = fences else { return found };
+        found.fences = Some(fences);
+        fences.spikes(values, self.stretches, |row| {
+            found.spikes += 1;
+            if found.examples.len() < EXAMPLES {
+                found.examples.push((self.log.rows.timestamps[row], values[row]));
+            }
+        });
+        if found.spikes > 0 {
+            fences.treat(values, self.stretches, self.preprocess.outliers);
+        }
+        found
+    }
+}
+
+/// Count what lies further from the training range than it is wide.
+fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
+    let width = train.max - train.min;
+    if width <= 0.0 {
+        return;
+    }
+    for &value in values {
+        let beyond = if value < train.min {
+            (value - train.min) / width
+        } else {
+            ((value - train.max) / width).max(0.0)
+        };
+        if beyond.abs() > 1.0 {
+            found.held_out += 1;
+            if beyond.abs() > found.furthest.abs() {
+                found.furthest = beyond;
+            }
+        }
     }
 }
 

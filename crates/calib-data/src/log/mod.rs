@@ -45,6 +45,8 @@ pub(crate) struct Log {
     recorded: Option<Rows>,
     grid: Option<Grid>,
     contradictions: Contradictions,
+    /// Whether times are UTC rather than what some clock showed.
+    pub(crate) utc: bool,
     /// Samples that their quality made missing.
     pub(crate) bad_quality: u64,
     pub(crate) channels: Vec<Channel>,
@@ -88,7 +90,8 @@ pub(crate) struct Channel {
 impl Log {
     pub(crate) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Self, DataError> {
         data.check()?;
-        open::open(data, monitor)?.into_log(data)
+        let (opened, utc) = open::open(data, monitor)?;
+        opened.into_log(utc, data)
     }
 
     /// What happens to contradictions.

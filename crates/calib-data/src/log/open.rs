@@ -21,7 +21,11 @@ use super::{
     split::{self, Split},
     times,
 };
-use crate::{DataConfig, DataError, Shape, text::Notation, time::format_time};
+use crate::{
+    DataConfig, DataError, Shape,
+    text::Notation,
+    time::{Stamp, format_time},
+};
 
 /// What the files hold, before rows and ranges are known.
 pub(super) enum Opened {
@@ -30,8 +34,8 @@ pub(super) enum Opened {
     Samples(Shape, Vec<FileSummary>, Sink),
 }
 
-/// Find, open and recognise the files of a log.
-pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Opened, DataError> {
+/// Find, open and recognise the files of a log; and whether its times are UTC.
+pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, bool), DataError> {
     let sources = source::find_files(data)?;
     monitor.begin("reading timestamps", sources.len() as u64);
     let mut heads = Vec::with_capacity(sources.len());
@@ -64,7 +68,8 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Opened, D
         Recognised::Annotated => Vec::new(),
         _ => notations(&heads, &times, data)?,
     };
-    match recognised {
+    let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations)?;
+    let opened = match recognised {
         Recognised::Wide => tables(heads, times, notations, data, monitor),
         Recognised::Samples(shape, roles) => {
             refuse_several_plants(&sources)?;
@@ -77,7 +82,28 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Opened, D
             let files = heads.iter().map(|head| summary(head, 0)).collect();
             Ok(Opened::Samples(Shape::Long, files, sink))
         }
+    };
+    Ok((opened?, utc))
+}
+
+/// Whether the files say which instants their times are, by an offset, a zone, or as numbers since 1970.
+fn is_utc(heads: &[Head], times: &[usize], notations: &[Notation]) -> Result<bool, DataError> {
+    let mut all = true;
+    for (position, (head, &time)) in heads.iter().zip(times).enumerate() {
+        all &= match head {
+            Head::Annotated(..) => true,
+            Head::Parquet(file) => {
+                let field = &file.fields[time];
+                field.kind == FieldKind::Number || field.type_name.starts_with("datetime in")
+            }
+            Head::Text(_) => {
+                let sample = head.sample(time)?;
+                let stamp = sample.first().and_then(|text| notations[position].read(text));
+                matches!(stamp, Some(Stamp::Instant(_)))
+            }
+        };
     }
+    Ok(all)
 }
 
 fn tables(
@@ -174,12 +200,12 @@ struct Planned {
 }
 
 impl Opened {
-    pub(super) fn into_log(self, data: &DataConfig) -> Result<Log, DataError> {
+    pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
         let planned = match self {
             Self::Tables(files, times, instants) => plan_tables(files, &times, instants, data)?,
             Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
         };
-        planned.into_log(data)
+        Ok(Log { utc, ..planned.into_log(data)? })
     }
 }
 
@@ -291,6 +317,7 @@ impl Planned {
             rows,
             recorded,
             grid,
+            utc: false,
             bad_quality,
             channels,
             period,

