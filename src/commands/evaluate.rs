@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::{
     artefact::{self, MANIFEST, TOOL},
     load_study,
-    model_files::ModelManifest,
+    model_files::{self, ModelManifest},
     report, rollout,
     sweep::{SweepManifest, unit_store},
 };
@@ -91,8 +91,15 @@ pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
         format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
     })?;
     let sensors = study.sweep.sensors.iter();
+    let profile = model_files::read_profile(&paths.model())?;
+    let doubts = profile.value_doubts();
     let verdicts = sensors
-        .map(|sensor| Ok(verdict_of(sensor, study.part(), (&study, &manifest, &results))?))
+        .map(|sensor| {
+            let mut verdict = verdict_of(sensor, study.part(), (&study, &manifest, &results))?;
+            let of_it = doubts.iter().filter(|(name, _)| name == sensor);
+            verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            Ok(verdict)
+        })
         .collect::<anyhow::Result<Vec<_>>>()?;
     let advice =
         verdicts.iter().map(|verdict| report::advice(verdict, &manifest, &study)).collect();

@@ -119,7 +119,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
-    profile.value_doubts().iter().for_each(|doubt| printer.warn(doubt));
+    profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }
@@ -142,6 +142,9 @@ fn show_gaps(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     });
     printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
 }
+
+/// Warnings of values that are shown; the notes below the channels have all.
+const DOUBTS: usize = 8;
 
 /// Gaps that are shown.
 const GAPS: usize = 5;

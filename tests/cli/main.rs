@@ -7,6 +7,7 @@ mod comparisons;
 mod deployments;
 mod dtw;
 mod errors;
+mod formats;
 mod harness;
 mod interruption;
 mod models;

@@ -166,7 +166,7 @@ pub struct ChannelProfile {
 /// Values of a channel that lie far from all others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FarOut {
-    /// Spikes of both ranges: single samples beyond the fences, and values that are no measurement.
+    /// Spikes of both ranges: single samples beyond the fences.
     pub spikes: u64,
     /// The first few, with their times.
     pub examples: Vec<(Timestamp, f64)>,
@@ -274,29 +274,29 @@ impl Profile {
         doubts
     }
 
-    /// What in the values of the kept channels spoils a model or a verdict, in sentences; empty for a good log.
-    pub fn value_doubts(&self) -> Vec<String> {
-        let example = |of: &FarOut| {
-            let (time, value) = of.examples.first()?;
-            Some(format!(" (such as {value} at {})", crate::format_time(*time)))
-        };
+    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good
+    /// log.
+    pub fn value_doubts(&self) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
         for channel in self.kept().filter(|channel| !channel.far_out.is_none()) {
             let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
-            let name = &channel.name;
+            let name = channel.name.as_str();
             if spikes > 0 {
-                let example = example(&channel.far_out).unwrap_or_default();
-                doubts.push(format!(
+                let example = channel.far_out.examples.first();
+                let example = example.map_or_else(String::new, |(time, value)| {
+                    format!(" (such as {value} at {})", crate::format_time(*time))
+                });
+                doubts.push((name, format!(
                     "{name} has {spikes} spikes{example}: preprocess.outliers says what becomes of them"
-                ));
+                )));
             }
             if held_out > 0 {
-                doubts.push(format!(
-                    "{name} has {held_out} held-out values far outside of its training range, up to {:.0} of its widths {}: \
-                     no model of the training range knows them, and errors there say little",
+                let side = if furthest < 0.0 { "below" } else { "above" };
+                doubts.push((name, format!(
+                    "{name} has {held_out} held-out values far outside of its training range, up to {:.0} of its widths {side} it: \
+                     no model of the training range knows them",
                     furthest.abs(),
-                    if furthest < 0.0 { "below" } else { "above" },
-                ));
+                )));
             }
         }
         doubts
