@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
+use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Quickstart(QuickstartArgs),
     /// Write Parquet logs of a simulated membrane-filtration pilot plant
     Simulate(SimulateArgs),
+    /// Look at a log, and write a study of it with a reason for every value
+    Init(InitArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
     /// Write logs of any form (CSV, long tables, a file a tag) once as one wide Parquet file
@@ -81,6 +84,40 @@ pub(crate) enum Command {
         /// The directory to write to
         directory: PathBuf,
     },
+}
+
+/// Whom the result is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// Lines and tables
+    ForPeople,
+    /// JSON
+    ForMachines,
+}
+
+impl Command {
+    /// Whom the result is for.
+    pub(crate) fn answer(&self) -> Answer {
+        let json = match self {
+            Self::Run(args)
+            | Self::Rollout(args)
+            | Self::Pretrain(args)
+            | Self::Sweep(args)
+            | Self::Evaluate(args) => args.json,
+            Self::Represent(args) => args.study.json,
+            Self::BuildModel(args) => args.study.json,
+            Self::Quickstart(args) => args.json,
+            Self::Simulate(args) => args.json,
+            Self::Init(args) => args.json,
+            Self::Inspect(args) => args.json,
+            Self::Import(args) => args.json,
+            Self::Check(args) => args.json,
+            Self::Validity(args) => args.json,
+            Self::Dtw(args) => args.json,
+            Self::Completions { .. } | Self::Man { .. } => false,
+        };
+        if json { Answer::ForMachines } else { Answer::ForPeople }
+    }
 }
 
 /// What `check` takes.
@@ -128,9 +165,16 @@ pub(crate) struct StudyArgs {
 }
 
 impl StudyArgs {
-    /// Whether both choose the same model and deployment, if any.
-    pub(crate) fn is_same_part(&self, other: &Self) -> bool {
-        self.model == other.model && self.deployment == other.deployment
+    /// The study, read and resolved; the command looks at the file never again.
+    ///
+    /// # Errors
+    /// As [`Job::resolve`].
+    pub(crate) fn job(self) -> Result<Job, StudyError> {
+        let Self { study, set, profile, model, deployment, output, force, dry_run, json: _ } = self;
+        let existing = if force { Existing::Redo } else { Existing::Keep };
+        let writes = if dry_run { Writes::Nothing } else { Writes::Missing };
+        let policy = Policy { existing, writes };
+        Job::resolve(Request { study, set, profile, model, deployment, output, policy })
     }
 }
 
@@ -189,6 +233,13 @@ pub(crate) struct RepresentArgs {
 pub(crate) struct BuildModelArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
+    #[command(flatten)]
+    pub(crate) options: BuildOptions,
+}
+
+/// How a model is built; its tables are the same.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct BuildOptions {
     /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
@@ -206,13 +257,6 @@ pub(crate) struct BuildModelArgs {
     pub(crate) spill: Spill,
 }
 
-impl BuildModelArgs {
-    /// What is typed with nothing but `--verify`.
-    pub(crate) fn new(study: StudyArgs, verify: usize) -> Self {
-        Self { study, verify, index: None, memory: None, spill: Spill::Auto, device: None }
-    }
-}
-
 /// Search structures, as in `model.index`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Index {
@@ -228,9 +272,10 @@ pub(crate) enum Index {
 }
 
 /// Where large arrays are while a model is built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Spill {
     /// In files only if they do not fit in memory
+    #[default]
     Auto,
     /// Always in memory
     Never,
@@ -351,6 +396,48 @@ pub(crate) struct InspectArgs {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct InitArgs {
+    /// The log: a file (Parquet, CSV), folder or glob
+    pub(crate) logs: PathBuf,
+    /// The study file to write
+    #[arg(default_value = "study.toml")]
+    pub(crate) study: PathBuf,
+    /// How long `calib run` on the study may take on this machine, such as 90s, 10m or 2h
+    #[arg(long, value_name = "TIME", default_value = "10m", value_parser = seconds)]
+    pub(crate) within: f64,
+    /// A sensor to predict; may be given several times (default: three that move and are unlike each other)
+    #[arg(long = "sensor", value_name = "NAME")]
+    pub(crate) sensors: Vec<String>,
+    /// How far ahead to predict, such as 100s or 10m (default: by the autocorrelation of the sensors)
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub(crate) horizon: Option<f64>,
+    /// Set a key of [data], such as `data.time_zone=Europe/Paris`; it holds for the study too; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the study file if it is there
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was chosen as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`; without a unit, seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected a time such as 90s, 10m or 2h, got '{text}'");
+    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
+    let number: f64 = text[..text.len() - unit.len()].trim().parse().map_err(|_| expected())?;
+    let factor = match unit {
+        "" | "s" | "sec" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3_600.0,
+        "d" => 86_400.0,
+        _ => return Err(expected()),
+    };
+    if number > 0.0 { Ok(number * factor) } else { Err(expected()) }
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
     /// The logs: a file, folder or glob
     pub(crate) logs: PathBuf,
@@ -362,6 +449,9 @@ pub(crate) struct ImportArgs {
     /// Replace the file if it is there
     #[arg(long)]
     pub(crate) force: bool,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// The step patterns of the paper's Table 1.
@@ -396,4 +486,18 @@ pub(crate) struct DtwArgs {
     /// Print the distances as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_of_time_are_read_as_people_write_them() {
+        let read = ["90", "90s", "10m", "1.5 h", "2d"].map(|text| seconds(text).expect("a time"));
+        assert_eq!(read, [90.0, 90.0, 600.0, 5_400.0, 172_800.0]);
+        for bad in ["", "soon", "-3m", "0", "10 apples", "."] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
+    }
 }

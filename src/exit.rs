@@ -4,6 +4,7 @@ use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
 use calib_represent::RepresentError;
 use calib_rollout::RolloutError;
+use calib_study::{Place, StudyError};
 use calib_sweep::SweepError;
 
 use crate::output::Printer;
@@ -35,7 +36,8 @@ pub(crate) fn report(error: &anyhow::Error, printer: &Printer) -> ExitStatus {
         printer.error(&Interrupted.to_string());
         return ExitStatus::Interrupted;
     }
-    printer.error(&message(error));
+    let place = error.chain().find_map(|cause| cause.downcast_ref::<StudyError>()?.place());
+    printer.error_in(&message(error), &place.map(Place::excerpt).unwrap_or_default());
     ExitStatus::BadInput
 }
 

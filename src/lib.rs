@@ -9,9 +9,11 @@ mod cli;
 mod clock;
 mod commands;
 mod exit;
+mod faults;
 mod memory;
 mod output;
-mod study;
+#[cfg(unix)]
+mod signals;
 
 use std::{
     borrow::Cow,
@@ -25,7 +27,6 @@ use clap::Parser as _;
 
 pub use cli::Cli;
 pub use exit::ExitStatus;
-pub use study::{Study, StudyPaths};
 
 /// Run the command line `args` and return the status to exit with.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -43,7 +44,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let printer = output::Printer::new(&cli.global);
-    let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| commands::run(cli, &printer)));
+    #[cfg(unix)]
+    signals::tell_of_lost_pages();
+    let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
+        faults::arm()?;
+        commands::run(cli, &printer)
+    }));
     let status = match outcome {
         Ok(Ok(status)) => status,
         Ok(Err(error)) => exit::report(&error, &printer),

@@ -6,7 +6,14 @@ use std::{
     str::FromStr,
 };
 
+use calib_files::ScratchPlace;
+
 use crate::output::{bytes, count};
+
+/// Where text files are kept, column by column, while they are read: the system's folder for temporary files.
+pub(crate) fn working_files() -> ScratchPlace {
+    ScratchPlace::Disk(std::env::temp_dir())
+}
 
 /// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +65,18 @@ fn of_limits(limits: &str, status: &str) -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(limit.saturating_sub(kib * 1024))
+}
+
+/// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
+pub(crate) fn require(needed: u64, what: &str, remedy: &str) -> anyhow::Result<()> {
+    match available() {
+        Some(available) if needed > available => anyhow::bail!(
+            "{what} may take {} of memory and {} are available; {remedy}",
+            bytes(needed),
+            bytes(available)
+        ),
+        _ => Ok(()),
+    }
 }
 
 /// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.

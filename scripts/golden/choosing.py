@@ -1,7 +1,7 @@
-"""Reference values for crates/calib-stats/tests/choosing.rs, from NumPy: choices by log errors, regret over windows, and both
-under resampling of members, windows and runs. The draws are in the file, in the order in which they are asked for.
+"""Reference values for crates/calib-stats/tests/choosing.rs, from NumPy and SciPy: choices by log errors, also under resampling of
+members and runs, and regrets over windows with their intervals. The draws are in the file, in the order in which they are asked for.
 
-    python3 -m pip install numpy==2.4.6
+    python3 -m pip install numpy==2.4.6 scipy
     python3 scripts/golden/choosing.py > crates/calib-stats/tests/choosing.json
 """
 
@@ -9,6 +9,7 @@ import json
 import sys
 
 import numpy as np
+from scipy import stats
 
 MEMBERS, WINDOWS, RUNS, CANDIDATES, RESAMPLES = 4, 3, 3, 5, 200
 rng = np.random.default_rng(20261)
@@ -46,10 +47,19 @@ def around_default(streams, default, streams_per_independent):
     return chosen, advantages
 
 
+def over_windows(logs):
+    """Mean and t-interval of logarithms over windows; no interval where one is infinite."""
+    mean = logs.mean()
+    if np.isinf(logs).any():
+        return mean, None
+    half = stats.t.ppf(0.975, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs))
+    return mean, [mean - half, mean + half]
+
+
 def regret(windows, choice):
     """windows: mean errors, `[window][candidate]`."""
-    quotients = windows[:, choice] / windows.min(axis=1)
-    return np.exp(np.log(quotients).mean()) - 1
+    mean, interval = over_windows(np.log(windows[:, choice] / windows.min(axis=1)))
+    return np.expm1(mean), interval and plain(np.expm1(np.maximum(interval, 0)))
 
 
 def drawn(units, draws):
@@ -75,14 +85,12 @@ for default in range(CANDIDATES - 1):
             {"default": default, "streams_per_independent": streams_per_independent, "chosen": choice, "advantages": advantages}
         )
 
-draws, fixed, of_rule, counts = [], [], [], np.zeros(CANDIDATES, int)
+draws, counts = [], np.zeros(CANDIDATES, int)
 for _ in range(RESAMPLES):
-    # Members first, then windows.
-    own, others = drawn(members, draws), drawn(windows, draws)
-    choice = int(mean_logs(own.reshape(-1, CANDIDATES)).argmin())
-    counts[choice] += 1
-    fixed.append(regret(others.mean(axis=1), 2))
-    of_rule.append(regret(others.mean(axis=1), choice))
+    counts[int(mean_logs(drawn(members, draws).reshape(-1, CANDIDATES)).argmin())] += 1
+means = windows.mean(axis=1)
+regrets = [regret(means, choice) for choice in range(CANDIDATES)]
+mean, interval = over_windows(np.log(means[:, 2] / means[:, 0]))
 
 json.dump(
     {
@@ -90,12 +98,12 @@ json.dump(
         "windows": plain(windows),
         "mean_logs": plain(mean_logs(streams)),
         "chosen": chosen,
-        "regrets": plain([regret(windows.mean(axis=1), choice) for choice in range(CANDIDATES)]),
+        "regrets": plain([value for value, _ in regrets]),
+        "intervals": [interval for _, interval in regrets],
+        "quotient": plain(np.exp([mean, *interval])),
         "defaults": defaults,
         "resamples": RESAMPLES,
         "draws": draws,
-        "regret_of_2": plain(np.quantile(fixed, [0.025, 0.975])),
-        "regret_of_rule": plain(np.quantile(of_rule, [0.025, 0.975])),
         "counts": counts.tolist(),
     },
     fp=sys.stdout,

@@ -6,8 +6,8 @@ Written from docs/metrics.md alone, not from calib's code:
 
 - a linear TD(0) agent without replay on a noisy wave in two pieces, and its errors over the parts of the run;
 - a race over runs of members and windows of the log: which values are left after each round;
-- runs over members, windows of the log and held-out windows: choices of all rules, regrets, floors, shares of choices and intervals
-  of the hierarchical bootstrap, from many more resamples than calib draws.
+- runs over members, windows of the log and held-out windows: choices of all rules, regrets with intervals over windows, what others
+  choose, and shares of choices under the hierarchical bootstrap, from many more resamples than calib draws.
 """
 
 import json
@@ -15,6 +15,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
 from sequential import boundaries
 
@@ -81,7 +82,7 @@ def choose(rule, members, log, default):
         return lexicographic(mean_rank, mean_error)
     if rule == "mean_error":
         return lexicographic(mean_error, mean_rank)
-    streams = [run for runs in members for run in runs]
+    streams = [] if rule == "log_replay" else [run for runs in members for run in runs]
     if rule != "mean_log_error":
         streams += list(log)
     logs = np.log(np.array(streams))
@@ -110,21 +111,20 @@ def verdict():
     for _ in range(4):
         own = np.exp(0.2 * rng.standard_normal(values))
         windows.append([(draw(0.05) * own).round(4) for _ in range(2)])
-    rules = ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled", "one_standard_error"]
+    rules = ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled", "log_replay", "one_standard_error"]
     chosen = {rule: choose(rule, members, log, default) for rule in rules}
     loss = losses(windows)
     regrets = np.expm1(loss.mean(0))
     others = [loss[v, int(np.argmin(loss[w]))] for w in range(4) for v in range(4) if v != w]
     choice = chosen["worst_rank"]
-    drawn_regret, drawn_quotient, counts = [], [], np.zeros(values)
+    counts = np.zeros(values)
     for _ in range(RESAMPLES):
-        pick = rng.integers(0, 4, 4)
-        of = losses([[windows[w][r] for r in rng.integers(0, 2, 2)] for w in pick]).mean(0)
-        drawn_regret.append(math.expm1(of[choice]))
-        drawn_quotient.append(math.exp(of[choice] - of[default]))
         own = [[members[m][r] for r in rng.integers(0, 3, 3)] for m in rng.integers(0, 4, 4)]
         counts[choose("worst_rank", own, [log[i] for i in rng.integers(0, 5, 5)], default)] += 1
-    interval = lambda drawn: np.quantile(drawn, [0.025, 0.975]).tolist()
+
+    def interval(of_windows):
+        return np.array(stats.t.interval(0.95, len(of_windows) - 1, of_windows.mean(), stats.sem(of_windows)))
+
     return {
         "default": default,
         "members": [[run.tolist() for run in runs] for runs in members],
@@ -137,9 +137,9 @@ def verdict():
         "random": float(regrets.mean()),
         "log_replay": int(np.argmin(np.mean(log, axis=0))),
         "latest_window": int(np.argmin(log[0])),
-        "regret_interval": interval(drawn_regret),
+        "regret_interval": np.expm1(interval(loss[:, choice]).clip(min=0)).tolist(),
         "against_default": float(np.exp((loss[:, choice] - loss[:, default]).mean())),
-        "against_default_interval": interval(drawn_quotient),
+        "against_default_interval": np.exp(interval(loss[:, choice] - loss[:, default])).tolist(),
         "shares": (counts / RESAMPLES).tolist(),
     }
 

@@ -32,15 +32,16 @@ SENSORS, UNITS, BATCH, GAMMA, STEPS = 142, 256, 256, 0.9, 20_000
 RATES = [1e-6 * 10 ** (0.5 * index) for index in range(9)]
 SIZES = {"mlp": [SENSORS, UNITS, UNITS, 1], "linear": [SENSORS, 1]}
 PEERS = {
-    "mlp": ["torch eager", "torch fused", "torch compiled", "torch stacked"],
+    "mlp": ["torch eager", "torch fused", "torch compiled", "torch stacked", "torch bf16"],
     "linear": ["torch eager", "torch fused", "torch stacked", "numpy", "numpy stacked"],
 }
 
 
-def torch_networks(sizes, fused, compiled):
+def torch_networks(sizes, fused, compiled, rounded):
     """A function of (step, batch of steps): one update of each agent."""
     import torch
 
+    precision = lambda: torch.autocast("cpu", torch.bfloat16, enabled=rounded)
     torch.manual_seed(1)
     states = torch.rand(STEPS + 1, SENSORS)
     agents = []
@@ -50,9 +51,13 @@ def torch_networks(sizes, fused, compiled):
         agents.append((network, torch.optim.Adam(network.parameters(), lr=rate, fused=fused)))
 
     def loss_of(network, now, after):
-        with torch.no_grad():
-            goal = after[:, 0] + GAMMA * network(after)[:, 0]
-        return (0.5 * (goal - network(now)[:, 0]) ** 2).mean()
+        # One context each: weights that were rounded without gradients would be used again.
+        with torch.no_grad(), precision():
+            ahead = network(after)
+        with precision():
+            values = network(now)
+        goal = after[:, 0] + GAMMA * ahead[:, 0]
+        return (0.5 * (goal - values[:, 0]) ** 2).mean()
 
     if compiled:
         loss_of = torch.compile(loss_of)
@@ -61,7 +66,7 @@ def torch_networks(sizes, fused, compiled):
         batch = torch.from_numpy(batch)
         present, now, after = states[step], states[batch], states[batch + 1]
         for network, adam in agents:
-            with torch.no_grad():
+            with torch.no_grad(), precision():
                 network(present)
             loss = loss_of(network, now, after)
             adam.zero_grad(set_to_none=True)
@@ -152,17 +157,20 @@ def worker(kind, peer, updates):
     elif peer == "torch stacked":
         update = torch_stacked(SIZES[kind])
     else:
-        update = torch_networks(SIZES[kind], peer != "torch eager", peer == "torch compiled")
+        update = torch_networks(SIZES[kind], peer in ("torch fused", "torch compiled"), peer == "torch compiled", peer == "torch bf16")
     rng = np.random.default_rng(2)
     for step in range(10):
         update(step, rng.integers(0, STEPS, BATCH))
     print("ready", flush=True)
     sys.stdin.readline()
-    clock = time.perf_counter()
+    wall, processor = time.perf_counter(), time.process_time()
     for step in range(updates):
         update(step, rng.integers(0, max(step, BATCH), BATCH))
-    rate = len(RATES) * updates / (time.perf_counter() - clock)
-    print(json.dumps({"updates_per_second": rate, "peak_kib": common.peak_kib()}), flush=True)
+    rates = {
+        "updates_per_second": len(RATES) * updates / (time.perf_counter() - wall),
+        "updates_per_processor_second": len(RATES) * updates / (time.process_time() - processor),
+    }
+    print(json.dumps({**rates, "peak_kib": common.peak_kib()}), flush=True)
 
 
 def main():
@@ -186,6 +194,8 @@ def main():
         updates = options.updates * (1 if kind == "mlp" else 20)
         ours = updates * (4 if kind == "mlp" else 20)
         commands = {"calib": [program, kind, len(RATES), ours]}
+        if kind == "mlp":
+            commands["calib bf16"] = [program, "mlp-bf16", len(RATES), ours]
         for peer in PEERS[kind]:
             if peer.split()[0] in installed:
                 commands[peer] = [python, __file__, "--worker", kind, peer, updates]
@@ -205,17 +215,18 @@ def table(kind, commands, count, rounds):
                 del results[contender]
     sizes = "-".join(map(str, SIZES[kind]))
     print(f"\n{kind} {sizes}, batch {BATCH}, {count} process{'es' if count > 1 else ''}")
-    print(f"  {'':16}{'updates/s':>12}{'calib is':>12}")
-    rate = lambda result: sum(part["updates_per_second"] for part in result)
+    print(f"  {'':16}{'updates/s':>12}{'/processor s':>14}{'calib is':>12}")
+    wall = lambda result: sum(part["updates_per_second"] for part in result)
+    rate = lambda result: statistics.mean(part["updates_per_processor_second"] for part in result)
     for contender, runs in results.items():
         ratio = statistics.median(rate(mine) / rate(other) for mine, other in zip(results["calib"], runs))
-        print(f"  {contender:16}{statistics.median(map(rate, runs)):12.0f}{ratio:10.2f} x")
+        print(f"  {contender:16}{statistics.median(map(wall, runs)):12.0f}{statistics.median(map(rate, runs)):14.0f}{ratio:10.2f} x")
     if kind == "mlp":
         ours = results["calib"]
-        bare = lambda result: sum(part["gemm_updates_per_second"] for part in result)
+        bare = lambda result: statistics.mean(part["gemm_updates_per_second"] for part in result)
         ratio = statistics.median(rate(mine) / bare(mine) for mine in ours)
         gflops = statistics.median(part["gemm_gflops"] for mine in ours for part in mine)
-        print(f"  {'products':16}{statistics.median(map(bare, ours)):12.0f}{ratio:10.2f} x   {gflops:.0f} GFLOP/s a process")
+        print(f"  {'products':16}{'':12}{statistics.median(map(bare, ours)):14.0f}{ratio:10.2f} x   {gflops:.0f} GFLOP/s a process")
     sys.stdout.flush()
 
 

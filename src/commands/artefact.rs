@@ -10,8 +10,8 @@ use std::{
 use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 use calib_files::{
-    Fingerprint, Fingerprinter, fingerprint_file, open_lock, read_sealed_json, write_atomically,
-    write_sealed_json,
+    Fingerprint, Fingerprinter, fingerprint_file, open_lock, read_sealed_json, remove_file,
+    write_atomically, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -120,12 +120,8 @@ impl Claim {
 
     /// From here until [`complete`](Self::complete) the directory does not count as a result.
     pub(super) fn begin(&self) -> anyhow::Result<()> {
-        match fs::remove_file(self.directory.join(MANIFEST)) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(error).with_context(|| format!("cannot write to {}", self.directory.display()))
-            }
-            _ => Ok(()),
-        }
+        remove_file(&self.directory.join(MANIFEST))
+            .with_context(|| format!("cannot write to {}", self.directory.display()))
     }
 
     /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
@@ -184,7 +180,7 @@ pub(super) enum Below {
 }
 
 /// Remove what a killed process left half-written in `directory`, and in those below if they are ours.
-pub(super) fn remove_temporaries(directory: &Path, below: Below) -> io::Result<()> {
+pub(super) fn remove_temporaries(directory: &Path, below: Below) -> anyhow::Result<()> {
     for entry in fs::read_dir(directory)? {
         let entry = entry?;
         let path = entry.path();
@@ -193,7 +189,7 @@ pub(super) fn remove_temporaries(directory: &Path, below: Below) -> io::Result<(
                 remove_temporaries(&path, below)?;
             }
         } else if calib_files::is_temporary(&path) {
-            fs::remove_file(&path)?;
+            remove_file(&path)?;
         }
     }
     Ok(())

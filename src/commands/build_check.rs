@@ -4,12 +4,12 @@ use anyhow::bail;
 use calib_core::{Monitor, Seed};
 use calib_files::fingerprint_file;
 use calib_knn::{KnnError, KnnModel, Recall, faults, recall, verify};
+use calib_study::{Job, Study};
 
 use super::{model::Model, model_files};
 use crate::{
     exit::ExitStatus,
     output::{Printer, count},
-    study::{Study, StudyPaths},
 };
 
 /// Rows of each member by which the recall of approximate tables is judged.
@@ -47,12 +47,12 @@ pub(super) fn recall_line(recall: &Recall, k: usize) -> String {
 
 /// Search some rows of each member again, and say whether the tables have what is found.
 pub(super) fn check_against_brute_force(
-    paths: &StudyPaths,
-    study: &Study,
+    job: &Job,
     sample: usize,
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
-    let model = model_files::open(paths, study)?;
+    let (study, paths) = (job.study(), job.layout());
+    let model = model_files::open(job)?;
     let Model::Knn(knn) = &model.model else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");
     for (name, written) in &model.manifest.files {
@@ -61,7 +61,7 @@ pub(super) fn check_against_brute_force(
             bail!(
                 "{} is not what was written; run `{} --force`",
                 path.display(),
-                paths.command("build-model")
+                job.command("build-model")
             );
         }
     }

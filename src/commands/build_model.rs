@@ -6,6 +6,7 @@ use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+use calib_study::{Job, Layout, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -14,7 +15,7 @@ use super::{
     build_check::{check_against_brute_force, recall_line, recall_of},
     build_network,
     build_plan::{BuildPlan, Spilled},
-    jumps, load_study,
+    jumps,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     partition::{self, span},
     plant_of_study,
@@ -22,11 +23,10 @@ use super::{
     represent::{self, Representation},
 };
 use crate::{
-    cli::BuildModelArgs,
+    cli::BuildOptions,
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, count, duration},
-    study::{Study, StudyPaths},
 };
 
 /// Where a build keeps what it has found until the tables are written, below the model's directory.
@@ -35,34 +35,38 @@ const PARTIAL: &str = "partial";
 const PROBE_STEPS: usize = 10_000;
 
 /// Build the model of a study.
-pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(
+    job: &Job,
+    options: &BuildOptions,
+    printer: &Printer,
+) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let (study, paths) = load_study(&args.study)?;
+    let (study, paths) = (job.study(), job.layout());
     if study.is_parametric() {
-        return build_network::run(args, &study, &paths, printer);
+        return build_network::run(job, options, printer);
     }
-    if args.device.is_some() {
+    if options.device.is_some() {
         bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
     }
     let directory = paths.model();
-    let data = plant_of_study::data(&study, &paths)?;
+    let data = plant_of_study::data(job)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
     let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
     let config =
-        ModelConfig { index: args.index.map_or(study.model.index, Into::into), ..*study.model };
-    let model_rows = partition::model_rows(&study, &surveyed.timestamps())?;
-    let width = represent::width(&study, &paths, surveyed.columns());
-    let plan = BuildPlan::new(&surveyed, model_rows, &config, width, args)?;
+        ModelConfig { index: options.index.map_or(study.model.index, Into::into), ..*study.model };
+    let model_rows = partition::model_rows(study, &surveyed.timestamps())?;
+    let width = represent::width(study, paths, surveyed.columns());
+    let plan = BuildPlan::new(&surveyed, model_rows, &config, width, options)?;
     printer.say(&plan.sentence());
-    if args.study.dry_run {
-        if args.study.json {
+    if job.policy().is_dry() {
+        if printer.is_for_machines() {
             printer.json(&plan)?;
         }
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
     let partition::Parts { dataset, pretrain } =
-        partition::parts(&study, surveyed.load(&printer.progress())?)?;
+        partition::parts(study, surveyed.load(&printer.progress())?)?;
     if study.model.period.is_some() && pretrain.is_none() {
         printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
     }
@@ -74,30 +78,30 @@ pub(super) fn run(args: &BuildModelArgs, printer: &Printer) -> anyhow::Result<Ex
             span(&part.frames)?
         ));
     }
-    model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
-    let representation = represent::open(&study, &paths, &dataset)?;
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let representation = represent::open(job, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = if args.study.force { None } else { find(&paths, &key, printer)? };
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
     let (manifest, built) = if let Some(manifest) = existing
         && is_still_there(&directory, &key)?
     {
-        (refresh(manifest, &study, &dataset, representation.as_ref(), &directory)?, false)
+        (refresh(manifest, study, &dataset, representation.as_ref(), &directory)?, false)
     } else {
         let representation = representation.as_ref();
-        let how = How { key, config, plan, force: args.study.force };
-        (build(&study, dataset, representation, &how, &directory, clock, printer)?, true)
+        let how = How { key, config, plan, force: job.policy().redoes() };
+        (build(study, dataset, representation, &how, &directory, clock, printer)?, true)
     };
-    let status = if args.verify > 0 {
-        check_against_brute_force(&paths, &study, args.verify, printer)?
+    let status = if options.verify > 0 {
+        check_against_brute_force(job, options.verify, printer)?
     } else {
         ExitStatus::Done
     };
-    if args.study.json {
+    if printer.is_for_machines() {
         printer.json(&manifest)?;
     } else {
         summarise(&manifest, &directory, built, clock, printer)?;
     }
-    printer.next(&format!("{} or {}", paths.command("rollout"), paths.command("sweep")));
+    printer.next(&[job.command("rollout"), job.command("sweep")]);
     Ok(status)
 }
 
@@ -110,7 +114,7 @@ pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
 
 /// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
 pub(super) fn find(
-    paths: &StudyPaths,
+    paths: &Layout,
     key: &str,
     printer: &Printer,
 ) -> anyhow::Result<Option<ModelManifest>> {
@@ -347,12 +351,16 @@ fn summarise(
             printer.result(&format!("    {line}"))?;
         }
     }
-    recurrence::warn(&manifest.members, manifest.study.model.recurrent, printer);
-    let members = manifest.members.iter();
-    jumps::warn(
-        members.map(|member| (member.jumps.as_ref(), member.transitions)),
-        &manifest.study.model,
-        printer,
-    );
+    for warning in warnings(manifest) {
+        printer.warn(&warning);
+    }
     Ok(())
+}
+
+/// What the reader of anything that follows from a model should know: how far walks of its members get.
+pub(super) fn warnings(manifest: &ModelManifest) -> Vec<String> {
+    let ModelManifest { members, study, .. } = manifest;
+    let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
+    let walks = recurrence::warnings(members, study.model.recurrent);
+    [walks, jumps::warnings(jumps, &study.model)].concat()
 }

@@ -7,6 +7,7 @@ use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
 use calib_knn::ModelKind;
+use calib_study::{Job, Study};
 use serde::Serialize;
 
 use super::{
@@ -16,56 +17,52 @@ use super::{
     partition, plant_of_study, train_model,
 };
 use crate::{
-    cli::BuildModelArgs,
+    cli::BuildOptions,
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, count, duration},
-    study::{Study, StudyPaths},
 };
 
 /// Train the network of a study.
 pub(super) fn run(
-    args: &BuildModelArgs,
-    study: &Study,
-    paths: &StudyPaths,
+    job: &Job,
+    options: &BuildOptions,
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
     let directory = paths.model();
     // What another calib has trained can be used by one that cannot train it.
-    let may_be_there = args.device.is_none()
-        && !args.study.force
+    let may_be_there = options.device.is_none()
+        && !job.policy().redoes()
         && artefact::read::<ModelManifest>(&directory)
             .is_some_and(|there| there.study.model.kind == study.model.kind);
-    let mut cannot_train = train_model::check_available(study, args.device).err();
+    let mut cannot_train = train_model::check_available(study, options.device).err();
     if let Some(reason) = cannot_train.take_if(|_| !may_be_there) {
         return Err(reason);
     }
-    if args.verify > 0 {
+    if options.verify > 0 {
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
-    printer.say(&format!(
-        "build-model: reading {}",
-        plant_of_study::data(study, paths)?.path.0.join(", ")
-    ));
-    let dataset = partition::load(study, paths, printer)?.dataset;
+    printer.say(&format!("build-model: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
+    let dataset = partition::load(job, printer)?.dataset;
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-    let key = train_model::key(&dataset.fingerprint, study, paths)?;
+    let key = train_model::key(&dataset.fingerprint, job)?;
     train_model::announce(study, &dataset, printer);
-    if args.study.dry_run {
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let existing = if args.study.force { None } else { find(paths, &key, printer)? };
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
     let verb = if existing.is_some() { "up to date:" } else { "wrote" };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
     } else if let Some(reason) = cannot_train {
         return Err(reason);
     } else {
-        build(args, (study, paths), &dataset, key, &directory, (clock, printer))?
+        build(job, options, &dataset, key, (clock, printer))?
     };
-    if args.study.json {
+    if printer.is_for_machines() {
         printer.json(&manifest)?;
     } else {
         let elapsed = duration(clock.elapsed());
@@ -75,29 +72,29 @@ pub(super) fn run(
         let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
         printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
     }
-    printer.next(&format!("{} or {}", paths.command("rollout"), paths.command("sweep")));
+    printer.next(&[job.command("rollout"), job.command("sweep")]);
     Ok(ExitStatus::Done)
 }
 
 fn build(
-    args: &BuildModelArgs,
-    (study, paths): (&Study, &StudyPaths),
+    job: &Job,
+    options: &BuildOptions,
     dataset: &Dataset,
     key: String,
-    directory: &Path,
     (clock, printer): (Stopwatch, &Printer),
 ) -> anyhow::Result<ModelManifest> {
+    let (study, directory) = (job.study(), &job.layout().model());
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
-    if args.study.force {
+    if job.policy().redoes() {
         train_model::remove_checkpoint(directory)?;
     }
     let read = clock.elapsed();
     let training = if study.model.kind == ModelKind::Torchscript {
-        train_model::import(study, paths, dataset, directory)?;
+        train_model::import(job, dataset, directory)?;
         None
     } else {
-        Some(train_model::train(study, dataset, &key, directory, args.device, printer)?)
+        Some(train_model::train(study, dataset, &key, directory, options.device, printer)?)
     };
     let trained = clock.elapsed();
     model_files::write_states(directory, &dataset.train)?;

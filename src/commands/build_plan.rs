@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use super::represent::Width;
 use crate::{
-    cli::{BuildModelArgs, Index, Spill},
+    cli::{BuildOptions, Index, Spill},
     memory,
-    output::{bytes, count},
+    output::{bytes, count, counted},
 };
 
 /// What reading a log takes beside the states: a batch of channels, and for each row of the log its time and flags.
@@ -73,7 +73,7 @@ impl BuildPlan {
         part: Range<usize>,
         model: &ModelConfig,
         width: Width,
-        args: &BuildModelArgs,
+        options: &BuildOptions,
     ) -> anyhow::Result<Self> {
         let (rows, columns) = (part.len(), data.columns());
         // Before any state is read, and anything of an older model given up.
@@ -103,9 +103,9 @@ impl BuildPlan {
                 Spilled::Everything => need.least,
             })
         };
-        let available = args.memory.map(|size| size.0).or_else(memory::available);
+        let available = options.memory.map(|size| size.0).or_else(memory::available);
         let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
-        let spill = Spilled::chosen(args.spill, |spilled| fits(taken(spilled)));
+        let spill = Spilled::chosen(options.spill, |spilled| fits(taken(spilled)));
         let memory_bytes = taken(spill);
         if let (false, Some(available)) = (fits(memory_bytes), available) {
             // Tables have as many numbers a row as there are neighbours in all members.
@@ -120,7 +120,7 @@ impl BuildPlan {
                 columns,
                 bytes(available),
                 if tables { "lower `model.neighbors` or `model.members`, " } else { "" },
-                if args.spill == Spill::Never {
+                if options.spill == Spill::Never {
                     ", let it work on disk with --spill auto"
                 } else {
                     ""
@@ -155,11 +155,11 @@ impl BuildPlan {
             Spilled::Everything => ", with states, images and tables mapped from files",
         };
         format!(
-            "{} rows x {} columns in {} segments; {} members, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
+            "{} rows x {} columns in {}; {}, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
             count(self.rows),
             self.columns,
-            count(self.segments),
-            self.members,
+            counted(self.segments, "segment"),
+            counted(self.members, "member"),
             self.neighbors,
             bytes(self.memory_bytes),
             bytes(self.disk_bytes),

@@ -3,22 +3,22 @@
 use anyhow::{Context as _, ensure};
 use calib_core::Seed;
 use calib_plant::Plant;
+use calib_study::{Each, Job, Study};
 
 use super::{
-    Of, build_model, compare, each_part, evaluate, load_study, parts,
+    build_model, compare, each_part, evaluate,
     plant_of_study::PlantOfStudy,
     pretrain, report, represent, rollout,
     simulate::{Found, sentence},
-    sweep,
+    streams, sweep,
     sweep_plan::Counted,
     torch::NoLibtorch,
 };
 use crate::{
-    cli::{BuildModelArgs, StudyArgs},
+    cli::BuildOptions,
     clock::Stopwatch,
     exit::{ExitStatus, was_interrupted},
     output::{Printer, duration},
-    study::Study,
 };
 
 /// How far a study is taken.
@@ -61,66 +61,54 @@ impl Step {
         }
     }
 
-    fn run(
-        self,
-        args: &StudyArgs,
-        counted: &Counted,
-        printer: &Printer,
-    ) -> anyhow::Result<ExitStatus> {
+    fn run(self, job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<ExitStatus> {
         match self {
-            Self::Represent => represent::run(&before(args), None, printer),
-            Self::BuildModel => build_model::run(&BuildModelArgs::new(before(args), 0), printer),
+            // What is made before rollouts is the same for all deployments.
+            Self::Represent => represent::run(&job.before_deployment()?, None, printer),
+            Self::BuildModel => {
+                build_model::run(&job.before_deployment()?, &BuildOptions::default(), printer)
+            }
             Self::Rollout => {
-                each_part(Of::Rollouts, args, printer, |args| rollout::run(args, printer))
+                each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
             }
             Self::Sweep => {
-                each_part(Of::Deployment, args, printer, |args| sweep::run(args, counted, printer))
+                each_part(Each::Deployment, job, printer, |job| sweep::run(job, counted, printer))
             }
         }
     }
-}
-
-/// What is made before rollouts is the same for all deployments.
-fn before(args: &StudyArgs) -> StudyArgs {
-    StudyArgs { deployment: None, ..args.clone() }
 }
 
 /// One of the models that a study compares, or its only one.
 struct Model {
     /// None for the only one.
     name: Option<String>,
-    args: StudyArgs,
-    study: Study,
+    job: Job,
     /// Why it is not gone on with, if it is not.
     left_out: Option<String>,
 }
 
 /// Run every step that a study needs, as far as it is not done.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    run_to(Extent::Report, args, printer)
+pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    run_to(Extent::Report, job, printer)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
-pub(super) fn run_to(
-    extent: Extent,
-    args: &StudyArgs,
-    printer: &Printer,
-) -> anyhow::Result<ExitStatus> {
+pub(super) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let mut models = models(args)?;
+    let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
     let talk = &printer.talking();
     let mut ended = Ended(ExitStatus::Done);
-    let (study, paths) = load_study(args)?;
-    if let Some(plant) = PlantOfStudy::of(&study, &paths)?
-        && !simulate(plant, args, talk)?
+    if let Some(plant) = PlantOfStudy::of(job)?
+        && !simulate(plant, job, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         return Ok(ExitStatus::Done);
     }
-    if report::commands(&[&models[0].study]).contains(&"pretrain") {
+    streams::check(&models[0].job.before_deployment()?, talk)?;
+    if report::commands(&[models[0].job.study()]).contains(&"pretrain") {
         talk.heading("pretrain");
-        ended.and(pretrain::run(&StudyArgs { json: false, ..before(args) }, talk)?);
+        ended.and(pretrain::run(&job.before_deployment()?, talk)?);
     }
     let counted = Counted::default();
     for step in STEPS {
@@ -133,7 +121,7 @@ pub(super) fn run_to(
         ended.and(ExitStatus::Negative);
     }
     if extent == Extent::Report {
-        ended.and(judge(args, &models, &left_out, printer)?);
+        ended.and(judge(job, &models, &left_out, printer)?);
         for reason in &left_out {
             printer.error(reason);
         }
@@ -144,23 +132,22 @@ pub(super) fn run_to(
 
 /// Evaluate the models that are not left out.
 fn judge(
-    args: &StudyArgs,
+    job: &Job,
     models: &[Model],
     left_out: &[String],
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     printer.heading("evaluate");
     let remaining = models.iter().filter(|model| model.left_out.is_none());
-    let all = remaining.map(|model| parts(Of::Deployment, &model.args));
-    let all: Vec<StudyArgs> =
-        all.collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect();
+    let all = remaining.map(|model| model.job.parts(Each::Deployment));
+    let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     let judged = match all.as_slice() {
-        [only] if only.is_same_part(args) => evaluate::run(args, printer),
-        all => compare::run(args, all, left_out, printer),
+        [only] if only.is_same_part(job) => evaluate::run(job, printer),
+        all => compare::run(job, all, left_out, printer),
     };
     match judged {
-        Err(reason) if args.dry_run => {
+        Err(reason) if job.policy().is_dry() => {
             not_yet("evaluate", &reason, printer);
             Ok(ExitStatus::Done)
         }
@@ -169,26 +156,24 @@ fn judge(
 }
 
 /// The models of a study, all of them checked before the first step begins.
-fn models(args: &StudyArgs) -> anyhow::Result<Vec<Model>> {
-    let several = args.model.is_none();
-    let model = |part: StudyArgs| {
-        let name = part.model.clone().filter(|_| several);
-        let args = StudyArgs { json: false, deployment: args.deployment.clone(), ..part };
-        let (study, _) = load_study(&args)?;
+fn models(job: &Job) -> anyhow::Result<Vec<Model>> {
+    let several = job.model().is_none();
+    let model = |job: Job| {
+        let name = job.model().filter(|_| several).map(str::to_owned);
+        let study = job.study();
         ensure!(
             !study.sweep.sensors.is_empty(),
             "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
         );
         let seed = Seed::new(study.seed).child("sweep");
         calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
-        Ok(Model { name, args, study, left_out: None })
+        Ok(Model { name, job, left_out: None })
     };
-    let models = parts(Of::Model, &StudyArgs { deployment: None, ..args.clone() })?;
-    models.into_iter().map(model).collect()
+    job.models()?.into_iter().map(model).collect()
 }
 
 /// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.
-fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Result<bool> {
+fn simulate(plant: PlantOfStudy, job: &Job, talk: &Printer) -> anyhow::Result<bool> {
     let shown = plant.directory.display().to_string();
     match plant.found {
         Found::NotSimulated => {
@@ -196,15 +181,15 @@ fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Re
                 "{shown} holds logs that calib did not simulate: [simulate] is not used"
             ));
         }
-        Found::Whole if !args.force => {}
+        Found::Whole if !job.policy().redoes() => {}
         Found::Whole | Found::Unfinished | Found::Another => {
             talk.heading("simulate");
-            if args.dry_run {
+            if job.policy().is_dry() {
                 let takes = sentence(&Plant::new(plant.options.clone())?);
                 talk.say(&format!("dry run: would write {takes}, to {shown}"));
                 return Ok(plant.found == Found::Whole);
             }
-            let simulated = plant.make(args.force, talk).context("[simulate]")?;
+            let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
             talk.result(&simulated.line())?;
             simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
         }
@@ -214,7 +199,7 @@ fn simulate(plant: PlantOfStudy, args: &StudyArgs, talk: &Printer) -> anyhow::Re
 
 /// The commands that a dry run without a log cannot look into.
 fn remaining(models: &[Model]) -> Vec<&'static str> {
-    report::commands(&models.iter().map(|model| &model.study).collect::<Vec<_>>())
+    report::commands(&models.iter().map(|model| model.job.study()).collect::<Vec<_>>())
 }
 
 impl Model {
@@ -226,14 +211,14 @@ impl Model {
         counted: &Counted,
         talk: &Printer,
     ) -> anyhow::Result<ExitStatus> {
-        if self.left_out.is_some() || !step.is_wanted(&self.study, extent) {
+        if self.left_out.is_some() || !step.is_wanted(self.job.study(), extent) {
             return Ok(ExitStatus::Done);
         }
         let command = step.command();
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         talk.heading(&format!("{command}{of_model}"));
-        match step.run(&self.args, counted, talk) {
+        match step.run(&self.job, counted, talk) {
             Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
                 let name = self.name.as_deref().unwrap_or_default();
                 let told = format!("model {name} is left out: {reason}");
@@ -243,7 +228,7 @@ impl Model {
             }
             // In a dry run, steps lack what those before them did not write.
             Err(reason)
-                if self.args.dry_run
+                if self.job.policy().is_dry()
                     && matches!(step, Step::Rollout | Step::Sweep)
                     && !was_interrupted(&reason) =>
             {

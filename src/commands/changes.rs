@@ -1,10 +1,9 @@
 //! What changed in a simulated plant, and when: told, and left beside its log.
 
-use std::{io::ErrorKind, path::Path};
+use std::path::Path;
 
-use anyhow::Context as _;
 use calib_data::format_time;
-use calib_files::write_json;
+use calib_files::{remove_file, write_json};
 use calib_plant::{Change, ChangeKind, Plant};
 use serde::Serialize;
 
@@ -48,12 +47,8 @@ impl DatedChange {
 pub(super) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<DatedChange>> {
     let path = directory.join(CHANGES);
     if plant.options().change.strength == 0.0 {
-        return match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(error).with_context(|| format!("cannot remove {}", path.display()))
-            }
-            _ => Ok(Vec::new()),
-        };
+        remove_file(&path)?;
+        return Ok(Vec::new());
     }
     let changes: Vec<DatedChange> = plant.changes().into_iter().map(DatedChange::of).collect();
     write_json(&path, &ChangesFile { format: 1, changes: &changes })?;

@@ -16,8 +16,8 @@ use super::artefact::{Files, MANIFEST};
 use crate::{
     cli::CheckArgs,
     exit::{ExitStatus, Interrupted},
+    memory::working_files,
     output::{Printer, count},
-    study::working_files,
 };
 
 /// What was found, for `--json`.
@@ -56,7 +56,7 @@ pub(super) fn run(args: &CheckArgs, printer: &Printer) -> anyhow::Result<ExitSta
         check.logs(root);
     }
     let checked = check.checked;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&checked)?;
     } else {
         show(&checked, root, printer)?;

@@ -4,29 +4,25 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use anyhow::ensure;
 use calib_files::write_json;
-use calib_report::{Report, RolloutGrid, Sensitivity, Verdict};
+use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
+use calib_study::{Job, Layout, Study};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, TOOL},
+    compare_choices::choices,
     compare_pairs::{self, Comparisons},
     compare_tables,
     comparison::{self, Comparison, Pair},
     deployed::{self, Deployed},
-    evaluate::{self, Judged, Summary, judge, print, told},
+    evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
     figures::{self, Starts},
-    learning, load_study, name,
+    learning,
     one_step::Predicting,
     recorded, report, report_data,
     rollout::{self, RolloutManifest},
-    starts::follow_from_deployment,
 };
-use crate::{
-    cli::StudyArgs,
-    exit::ExitStatus,
-    output::{Printer, percent, significant, table},
-    study::{Study, StudyPaths},
-};
+use crate::{exit::ExitStatus, output::Printer};
 
 /// `summary.json` of several models and deployments.
 #[derive(Serialize)]
@@ -71,11 +67,11 @@ pub(super) struct Part {
 }
 
 impl Part {
-    fn new(args: &StudyArgs) -> anyhow::Result<Self> {
-        let judged = judge(args)?;
-        let Judged { study, paths, manifest, .. } = &judged;
+    fn new(job: &Job) -> anyhow::Result<Self> {
+        let judged = judge(job)?;
+        let (study, paths, manifest) = (job.study(), job.layout(), &judged.manifest);
         let mut report = report::assemble(&judged)?;
-        if let Some(name) = &args.model {
+        if let Some(name) = job.model() {
             // In one report with others a model is called what the study calls it.
             let renamed = |text: &mut String| *text = text.replace(study.model_name(), name);
             report.verdicts.iter_mut().for_each(|verdict| renamed(&mut verdict.model));
@@ -86,20 +82,25 @@ impl Part {
                 curves.environment = format!("{} of {name}", curves.environment);
             }
         }
-        let rollouts = rollout::finished(study, paths, &manifest.model)?;
-        let (model, deployment) = (args.model.clone(), args.deployment.clone());
-        let starts = match &rollouts {
+        let rollouts = rollout::finished(job, &manifest.model)?;
+        let owned = |name: Option<&str>| name.map(str::to_owned);
+        let (model, deployment) = (owned(job.model()), owned(job.deployment()));
+        let mut starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
+        for of in &mut starts {
+            let known = report.recorded.iter().find(|figure| figure.sensor == of.sensor);
+            of.unit = known.and_then(|figure| figure.unit.clone());
+        }
         let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
         let pairs = match compared {
-            Some(_) => comparison::read(&paths.rollout())?,
+            Some(_) => comparison::read(job)?,
             None => Vec::new(),
         };
         let model_name = model.as_deref().unwrap_or(study.model_name());
         let one_step = match &rollouts {
-            Some(_) => Predicting::read(model_name, study, paths, &manifest.model)?,
+            Some(_) => Predicting::read(model_name, job, &manifest.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
@@ -111,7 +112,7 @@ impl Part {
 
     /// What its model is called.
     pub(super) fn model_name(&self) -> &str {
-        self.model.as_deref().unwrap_or(self.judged.study.model_name())
+        self.model.as_deref().unwrap_or(self.judged.study().model_name())
     }
 
     /// What its deployment is called; nothing where there is only one.
@@ -131,14 +132,14 @@ impl Part {
 /// Judge the finished sweeps of `parts`, each by itself and all in one report, which warns of models that were
 /// `left_out`.
 pub(super) fn run(
-    args: &StudyArgs,
-    parts: &[StudyArgs],
+    job: &Job,
+    parts: &[Job],
     left_out: &[String],
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     // The study without any model says where the common results lie.
-    let (study, paths) = load_study(args)?;
-    if args.dry_run {
+    let paths = job.layout();
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
@@ -151,44 +152,45 @@ pub(super) fn run(
             None => judged.push(part.clone()),
         }
     }
+    let mut ended = if left_out.is_empty() { ExitStatus::Done } else { ExitStatus::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
-    let names: Vec<String> = parts.iter().map(name).collect();
+    let names: Vec<String> = parts.iter().map(Job::name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
-    let mut ended = ExitStatus::Done;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
-        let written = report::write(&judged.paths, report, &judged.summary);
-        artefact::or_read_only(written, &judged.paths.report(), printer)?;
-        if !args.json {
+        let written = report::write(judged.paths(), report, &judged.summary);
+        artefact::or_read_only(written, &judged.paths().report(), printer)?;
+        if !printer.is_for_machines() {
             printer.heading(name);
-            print(&judged.summary, &judged.paths, printer)?;
+            print_advice(&judged.summary, printer)?;
         }
         match told(&judged.summary) {
             ExitStatus::Done => {}
             other => ended = other,
         }
     }
-    let what_to_deploy = deployed::all(&parts);
-    let mut whole = whole(&study, &paths, args, &parts, &what_to_deploy)?;
+    let what_to_deploy = deployed::all(&parts)?;
+    let mut whole = whole(job, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
-    let table = show(&parts);
+    let table = choices(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
-    artefact::or_read_only(write(&paths, &whole, &summaries), &paths.report(), printer)?;
-    if args.json {
+    artefact::or_read_only(write(paths, &whole, &summaries), &paths.report(), printer)?;
+    if printer.is_for_machines() {
         printer.json(&summaries)?;
     } else {
         printer.lines(&table)?;
         comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
         deployed::show(&summaries.what_to_deploy, printer)?;
+        print_notes(&[caveats(&whole.verdicts), whole.warnings].concat(), printer)?;
         printer.result(&format!("report: {}", paths.report().display()))?;
     }
     Ok(ended)
 }
 
 /// Write the figures, the page and the summary.
-fn write(paths: &StudyPaths, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
+fn write(paths: &Layout, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_figures(paths, whole)?;
     report::write_page(paths, whole)?;
@@ -196,7 +198,7 @@ fn write(paths: &StudyPaths, whole: &Report, summaries: &Summaries) -> anyhow::R
 }
 
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
-fn write_figures(paths: &StudyPaths, whole: &Report) -> anyhow::Result<()> {
+fn write_figures(paths: &Layout, whole: &Report) -> anyhow::Result<()> {
     let directory = paths.evaluate().join("figures");
     let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
@@ -219,7 +221,7 @@ fn summaries(
             models.insert(name, part.judged.summary);
             continue;
         };
-        let window = part.judged.study.data.held_out.as_ref().map(ToString::to_string);
+        let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
         let place = deployments.iter().position(|of| of.deployment == deployment);
         let place = place.unwrap_or_else(|| {
             let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
@@ -244,13 +246,8 @@ pub(super) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
 }
 
 /// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
-fn whole(
-    study: &Study,
-    paths: &StudyPaths,
-    args: &StudyArgs,
-    parts: &[Part],
-    what_to_deploy: &[Deployed],
-) -> anyhow::Result<Report> {
+fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> anyhow::Result<Report> {
+    let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
     let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
@@ -272,7 +269,7 @@ fn whole(
         .iter()
         .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
     let mut whole = Report {
-        title: evaluate::title(study, args),
+        title: job.title(),
         verdicts,
         sensitivities: sensitivities.collect(),
         learning: learning::of_several(study, parts, &deployments),
@@ -286,12 +283,12 @@ fn whole(
     };
     let mut seen: Vec<PathBuf> = Vec::new();
     for part in parts {
-        let directory = part.judged.paths.rollout();
+        let directory = part.judged.paths().rollout();
         if !seen.contains(&directory) {
             seen.push(directory);
             whole.rollouts.extend(part.report.rollouts.iter().map(|figure| {
                 let mut figure = figure.clone();
-                if follow_from_deployment(&part.judged.study) {
+                if part.judged.study().starts_follow_from_deployment() {
                     figure.sensor = part.in_deployment(&figure.sensor);
                 }
                 if let Some(name) = &part.model {
@@ -321,8 +318,8 @@ fn whole(
                 .extend(windows.into_iter().map(|fact| if plain { fact } else { told(fact) }));
         }
     }
-    let studies: Vec<&Study> = parts.iter().map(|part| &part.judged.study).collect();
-    whole.reproduction.command = report::command_lines(paths, &report::commands(&studies));
+    let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
+    whole.reproduction.command = report::command_lines(job, &report::commands(&studies));
     Ok(whole)
 }
 
@@ -334,7 +331,7 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
             // Rollouts that deployments share stand in the first one's place only, without its name.
             for follows in [true, false] {
                 let own = group.iter().filter(|part| {
-                    follow_from_deployment(&part.judged.study) == follows
+                    part.judged.study().starts_follow_from_deployment() == follows
                         && (follows || number == 0)
                 });
                 let own = own.filter_map(|part| {
@@ -362,53 +359,11 @@ fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
     whole.worst_ranks = all.iter().flat_map(|of| of.worst_ranks.clone()).collect();
+    // Online and the log are the same for all; what models chose by is not.
+    let is_evidence = |of: &&ErrorCurve| of.source == ErrorSource::Evidence;
+    whole.errors.retain(|of| !is_evidence(&of));
+    whole.errors.extend(all.iter().flat_map(|of| &of.errors).filter(is_evidence).cloned());
     // No model's choice is marked before others'.
     whole.chosen = whole.chosen.filter(|_| all.iter().all(|of| of.chosen == whole.chosen));
     Some(whole)
-}
-
-/// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
-fn show(parts: &[Part]) -> String {
-    let deployments = by_deployment(parts);
-    let named = parts.iter().any(|part| part.deployment.is_some());
-    let mut rows = Vec::new();
-    for first in &parts[0].report.verdicts {
-        for part in deployments.iter().flatten() {
-            let own = part.report.verdicts.iter().find(|of| of.sensor == first.sensor);
-            let Some(verdict) = own else { continue };
-            let online = verdict.online.as_ref();
-            let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-            let distances = part.comparison().map_or(&[][..], |of| &of.sensors);
-            let own = distances.iter().find(|of| of.sensor == first.sensor);
-            let warping = own.and_then(|of| {
-                let pattern = of.dtw.first()?;
-                Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
-            });
-            let deployment = named.then(|| part.deployment_name().to_owned());
-            let row = [part.model_name().to_owned(), verdict.chosen.to_string()];
-            let numbers = [
-                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
-                or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
-                or_none(warping.map(significant)),
-                or_none(collapse(part, &first.sensor)),
-            ];
-            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(row);
-            rows.push(row.chain(numbers).collect());
-        }
-    }
-    let deployment = named.then_some("deployment");
-    let header: Vec<&str> = ["sensor"]
-        .into_iter()
-        .chain(deployment)
-        .chain(["model", "choice", "regret", "Spearman", "DTW", "collapse"])
-        .collect();
-    table(&header, &rows)
-}
-
-/// How many rollouts stop moving, and half of them by which step.
-fn collapse(part: &Part, sensor: &str) -> Option<String> {
-    let collapse = &part.rollouts.as_ref()?.collapse;
-    let own = collapse.sensors.iter().find(|of| of.sensor == sensor)?;
-    let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
-    Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
 }

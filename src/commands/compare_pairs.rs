@@ -50,7 +50,7 @@ pub(super) fn groups<'a>(deployments: &'a [Vec<&'a Part>]) -> Vec<Group<'a>> {
     let mut groups: Vec<(Vec<PathBuf>, Group<'a>)> = Vec::new();
     for parts in deployments {
         let directories: Vec<PathBuf> =
-            parts.iter().map(|part| part.judged.paths.rollout()).collect();
+            parts.iter().map(|part| part.judged.paths().rollout()).collect();
         let name = parts[0].deployment.clone();
         if let Some((_, group)) = groups.iter_mut().find(|(of, _)| *of == directories) {
             group.deployments.extend(name);
@@ -98,7 +98,7 @@ pub(super) fn pooled(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Pooled>> 
     let mut models: Vec<Vec<&Part>> = Vec::new();
     let compared = |part: &&&Part| part.comparison().is_some();
     for part in deployments.iter().flatten().filter(compared) {
-        let directory = |of: &Part| of.judged.paths.rollout();
+        let directory = |of: &Part| of.judged.paths().rollout();
         match models.iter_mut().find(|parts| parts[0].model_name() == part.model_name()) {
             Some(parts) if parts.iter().any(|of| directory(of) == directory(part)) => {}
             Some(parts) => parts.push(part),

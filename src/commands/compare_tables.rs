@@ -10,7 +10,6 @@ use super::{
     compare_pairs::{Pooled, groups, pooled},
     comparison::{self, ComparedModel},
     one_step, report,
-    starts::follow_from_deployment,
 };
 
 /// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
@@ -39,12 +38,12 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Table>> {
     for group in &groups {
         for part in group.parts {
             let Some(rollouts) = &part.rollouts else { continue };
-            let directory = part.judged.paths.rollout();
+            let directory = part.judged.paths().rollout();
             if shown.contains(&directory) {
                 continue;
             }
             shown.push(directory);
-            let name = if several && follow_from_deployment(&part.judged.study) {
+            let name = if several && part.judged.study().starts_follow_from_deployment() {
                 part.in_deployment(part.model_name())
             } else {
                 part.model_name().to_owned()
@@ -54,7 +53,7 @@ pub(super) fn tables(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Table>> {
         }
     }
     for part in &deployments[0] {
-        let own = report::representation_table(&part.judged.study, &part.judged.paths);
+        let own = report::representation_table(part.judged.study(), part.judged.paths());
         tables.extend(own.into_iter().map(|mut table| {
             if let Some(name) = &part.model {
                 table.title = format!("{} of {name}", table.title);

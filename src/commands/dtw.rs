@@ -61,7 +61,7 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<ExitStatu
         Some(path) => vec![aligned(args, settings, query, reference, path, printer)?],
         None => compared(args, settings, query, reference)?,
     };
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&Results { results })?;
     } else {
         show(&results, printer)?;

@@ -4,6 +4,7 @@ use calib_core::Seed;
 use calib_data::Dataset;
 use calib_files::Fingerprint;
 use calib_rollout::Wanted;
+use calib_study::Job;
 use calib_sweep::{
     Environment, MemberEnvironment, PredictedEnvironment, ReplayEnvironment, RolloutOptions,
 };
@@ -14,10 +15,7 @@ use super::{
     starts::{StartSummary, Starts, summaries},
     streams::Streams,
 };
-use crate::{
-    output::Printer,
-    study::{Study, StudyPaths},
-};
+use crate::output::Printer;
 
 /// Everything that agents are trained in.
 pub(super) struct Environments<'a> {
@@ -29,12 +27,13 @@ pub(super) struct Environments<'a> {
 impl<'a> Environments<'a> {
     /// As long as `streams` says.
     pub(super) fn new(
-        study: &'a Study,
+        job: &'a Job,
         model: &'a OpenModel,
         dataset: &'a Dataset,
         streams: &Streams,
-        (paths, printer): (&StudyPaths, &Printer),
+        printer: &Printer,
     ) -> anyhow::Result<Self> {
+        let (study, paths) = (job.study(), job.layout());
         let seed = Seed::new(study.seed);
         let (sweep, span) = (&study.sweep, streams.demand.span);
         let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();

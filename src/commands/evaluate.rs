@@ -1,23 +1,21 @@
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
-use calib_core::Seed;
+use calib_core::{Seed, Silent};
+use calib_report::caveats;
 use calib_rollout::StartKind;
+use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
 use serde::Serialize;
 
 use super::{
     artefact::{self, MANIFEST, TOOL},
-    load_study,
     model_files::{self, ModelManifest},
-    report, rollout,
+    partition, report, rollout,
+    stale::Kept,
     sweep::{SweepManifest, unit_store},
+    verdict_rows::{self, verdict_row},
 };
-use crate::{
-    cli::StudyArgs,
-    exit::ExitStatus,
-    output::Printer,
-    study::{Study, StudyPaths},
-};
+use crate::{exit::ExitStatus, output::Printer};
 
 /// `summary.json`: the verdict for machines.
 #[derive(Debug, Serialize)]
@@ -30,32 +28,44 @@ pub(super) struct Summary {
     /// Labels of the candidates that the verdicts count.
     pub(super) candidates: Vec<String>,
     pub(super) verdicts: Vec<SensorVerdict>,
+    /// What the reader must know before relying on the verdicts.
+    pub(super) caveats: Vec<String>,
+    /// What else is worth knowing of the sweep.
     pub(super) notes: Vec<String>,
 }
 
 /// A finished sweep, and what follows from it.
 pub(super) struct Judged {
-    pub(super) study: Study,
-    /// The study as it was written: with all its models, where `study` is that of one.
-    pub(super) written: Study,
-    pub(super) paths: StudyPaths,
+    pub(super) job: Job,
     pub(super) manifest: SweepManifest,
     pub(super) results: Vec<UnitResult>,
     pub(super) summary: Summary,
 }
 
+impl Judged {
+    /// The study of the model and deployment that are judged.
+    pub(super) fn study(&self) -> &Study {
+        self.job.study()
+    }
+
+    /// Where its results lie.
+    pub(super) fn paths(&self) -> &Layout {
+        self.job.layout()
+    }
+}
+
 /// Judge a finished sweep and write the report.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    let judged = judge(args)?;
-    let Judged { paths, summary, .. } = &judged;
-    if args.dry_run {
+pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    let judged = judge(job)?;
+    let (paths, summary) = (judged.paths(), &judged.summary);
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
     let report = report::assemble(&judged)?;
     let written = report::write(paths, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(summary)?;
     } else {
         print(summary, paths, printer)?;
@@ -73,48 +83,46 @@ pub(super) fn told(summary: &Summary) -> ExitStatus {
 }
 
 /// Why a deployment is not judged, if it is not.
-pub(super) fn left_out(args: &StudyArgs) -> anyhow::Result<Option<String>> {
-    let (study, paths) = load_study(args)?;
-    let name = paths.deployment().unwrap_or_default();
-    let reason = finished_sweep(&study, &paths)?.left_out;
+pub(super) fn left_out(job: &Job) -> anyhow::Result<Option<String>> {
+    let name = job.deployment().unwrap_or_default();
+    let reason = finished_sweep(job)?.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
 /// Judge a finished sweep; nothing is written.
-pub(super) fn judge(args: &StudyArgs) -> anyhow::Result<Judged> {
-    let (study, paths) = load_study(args)?;
-    let manifest = finished_sweep(&study, &paths)?;
+pub(super) fn judge(job: &Job) -> anyhow::Result<Judged> {
+    let (study, paths) = (job.study(), job.layout());
+    let manifest = finished_sweep(job)?;
     if let Some(reason) = &manifest.left_out {
         bail!("there is nothing to judge: {reason}");
     }
     let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
-        format!("the sweep is not complete; run `{}` again", paths.command("sweep"))
+        format!("the sweep is not complete; run `{}` again", job.command("sweep"))
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
-            let mut verdict = verdict_of(sensor, study.part(), (&study, &manifest, &results))?;
+            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
             Ok(verdict)
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let advice =
-        verdicts.iter().map(|verdict| report::advice(verdict, &manifest, &study)).collect();
+    let rows: Vec<calib_report::Verdict> =
+        verdicts.iter().map(|verdict| verdict_row(verdict, &manifest, study)).collect();
     let summary = Summary {
         format: 2,
         tool: TOOL,
-        title: title(&study, args),
-        advice,
+        title: job.title(),
+        advice: rows.iter().map(verdict_rows::advice).collect(),
+        caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
         verdicts,
-        notes: [manifest.notes.clone(), stale_rollouts(&study, &paths, &manifest.model)?].concat(),
+        notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
     };
-    let whole = StudyArgs { model: None, deployment: None, ..args.clone() };
-    let (written, _) = load_study(&whole)?;
-    Ok(Judged { study, written, paths, manifest, results, summary })
+    Ok(Judged { job: job.clone(), manifest, results, summary })
 }
 
 /// What a finished sweep says about a sensor by the errors over `part` of each run.
@@ -144,19 +152,19 @@ const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states th
      known beforehand";
 
 /// Whether a sweep was finished with the study as it is now.
-pub(super) fn is_swept(args: &StudyArgs) -> anyhow::Result<bool> {
-    let (study, paths) = load_study(args)?;
-    Ok(finished_sweep(&study, &paths).is_ok())
+pub(super) fn is_swept(job: &Job) -> bool {
+    finished_sweep(job).is_ok()
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
-fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> anyhow::Result<Vec<String>> {
+fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
+    let paths = job.layout();
     let there = paths.rollout().join(MANIFEST).exists();
-    if there && rollout::finished(study, paths, model)?.is_none() {
+    if there && rollout::finished(job, model)?.is_none() {
         Ok(vec![format!(
             "the rollouts in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
             paths.rollout().display(),
-            paths.command("rollout")
+            job.command("rollout")
         )])
     } else {
         Ok(Vec::new())
@@ -164,53 +172,55 @@ fn stale_rollouts(study: &Study, paths: &StudyPaths, model: &str) -> anyhow::Res
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
-fn finished_sweep(study: &Study, paths: &StudyPaths) -> anyhow::Result<SweepManifest> {
-    let manifest: SweepManifest = artefact::require(&paths.sweep(), &paths.command("sweep"))?;
-    let made = &manifest.study;
-    let changed = [
-        ("[sweep]", made.sweep == study.sweep),
-        ("[agent]", made.agent == study.agent),
-        ("[pretrain]", made.pretrain == study.pretrain),
-        ("[rollout]", made.sweep_starts() == study.sweep_starts()),
-        ("[representation]", study.is_parametric() || made.representation == study.representation),
-        ("[model]", made.model == study.model),
-        ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
-        ("[data]", made.data == study.data),
-        ("[preprocess]", made.preprocess == study.preprocess),
-        ("seed", made.seed == study.seed),
-    ];
-    if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
-        bail!(
-            "the sweep in {} was made with another {section}; run `{}` again",
-            paths.sweep().display(),
-            paths.command("sweep")
-        );
-    }
+fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
+    let (paths, again) = (job.layout(), job.command("sweep"));
+    let manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
+    let directory = &paths.sweep();
+    Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
+    check_log(job, &manifest)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
     if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
-        bail!("the model was built again after the sweep; run `{}` again", paths.command("sweep"));
+        bail!("the model was built again after the sweep; run `{again}` again");
     }
-    artefact::check_files(&paths.sweep(), &manifest.files, &paths.command("sweep"))?;
+    artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
     Ok(manifest)
 }
 
-pub(super) fn title(study: &Study, args: &StudyArgs) -> String {
-    let stem = args.study.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-    study.evaluate.title.clone().or(stem).unwrap_or_default()
+/// Whether a log in another folder than the one that was swept holds the same states.
+fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
+    if job.study().data.path == swept.study.data.path {
+        return Ok(());
+    }
+    let dataset = partition::read(job, &Silent)?.dataset;
+    let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
+    ensure!(
+        dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
+        "the sweep in {} is of other data than those in {}; run `{}` again",
+        job.layout().sweep().display(),
+        job.study().data.path.0.join(", "),
+        job.command("sweep")
+    );
+    Ok(())
 }
 
-pub(super) fn print(
-    summary: &Summary,
-    paths: &StudyPaths,
-    printer: &Printer,
-) -> anyhow::Result<()> {
+/// The verdicts, what stands in their way, and where the report is.
+fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {
+    print_advice(summary, printer)?;
+    print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
+    printer.result(&format!("report: {}", paths.report().display()))
+}
+
+/// The verdict on each sensor.
+pub(super) fn print_advice(summary: &Summary, printer: &Printer) -> anyhow::Result<()> {
     for lines in &summary.advice {
         for (position, line) in lines.iter().enumerate() {
             printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
         }
     }
-    for note in &summary.notes {
-        printer.result(&format!("note: {note}"))?;
-    }
-    printer.result(&format!("report: {}", paths.report().display()))
+    Ok(())
+}
+
+/// What the reader must know before relying on verdicts.
+pub(super) fn print_notes(notes: &[String], printer: &Printer) -> anyhow::Result<()> {
+    notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
 }

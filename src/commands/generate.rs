@@ -1,8 +1,11 @@
 use std::path::Path;
 
+use calib_files::write_atomically;
 use clap::CommandFactory as _;
 use clap_complete::Shell;
+use clap_mangen::Man;
 
+use super::artefact::{Below, remove_temporaries};
 use crate::{cli::Cli, exit::ExitStatus, output::Printer};
 
 /// Print a completion script.
@@ -16,7 +19,19 @@ pub(super) fn completions(shell: Shell, printer: &Printer) -> anyhow::Result<Exi
 /// Write one man page a command.
 pub(super) fn man(directory: &Path, printer: &Printer) -> anyhow::Result<ExitStatus> {
     calib_files::create_directory(directory)?;
-    clap_mangen::generate_to(Cli::command(), directory)?;
+    remove_temporaries(directory, Below::Unknown)?;
+    let mut calib = Cli::command().disable_help_subcommand(true);
+    calib.build();
+    pages(&calib, directory)?;
     printer.result(&format!("wrote man pages to {}", directory.display()))?;
     Ok(ExitStatus::Done)
+}
+
+/// The page of a command, and those of its commands.
+fn pages(command: &clap::Command, directory: &Path) -> anyhow::Result<()> {
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
+        pages(below, directory)?;
+    }
+    let page = Man::new(command.clone());
+    Ok(write_atomically(&directory.join(page.get_filename()), |file| page.render(file))?)
 }

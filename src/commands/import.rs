@@ -4,8 +4,8 @@ use calib_data::{DataConfig, Imported, Shape};
 use crate::{
     cli::ImportArgs,
     exit::ExitStatus,
+    memory::working_files,
     output::{Printer, count},
-    study::Study,
 };
 
 /// Write a log of any form as one wide Parquet file.
@@ -16,10 +16,15 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<ExitSt
         "{out}: expected the name of a file that ends in .parquet"
     );
     ensure!(args.force || !args.out.exists(), "{out} is there already; --force replaces it");
-    let data: DataConfig = Study::of_data(&args.logs, &args.set)?.data;
+    let study = calib_study::of_data(&args.logs, &args.set)?;
+    let data = DataConfig { scratch: working_files(), ..study.data };
     printer.say(&format!("import: reading {}", data.path.0.join(", ")));
-    let Imported { shape, rows, channels, words } =
-        calib_data::import(&data, &args.out, &printer.progress())?;
+    let imported = calib_data::import(&data, &args.out, &printer.progress())?;
+    if printer.is_for_machines() {
+        printer.json(&imported)?;
+        return Ok(ExitStatus::Done);
+    }
+    let Imported { shape, rows, channels, words } = imported;
     printer.result(&format!(
         "{out}: {} rows of {} channels, from {}",
         count(rows),

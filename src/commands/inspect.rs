@@ -1,31 +1,36 @@
 use anyhow::{Context as _, ensure};
 use calib_data::{
-    ChannelProfile, Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile,
-    format_time,
+    Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
 };
+use calib_study::{Job, Request};
 
-use super::{import::shape_name, plant_of_study};
+use super::{
+    described::{self, Descriptions},
+    import::shape_name,
+    inspect_channels::show_channels,
+    plant_of_study,
+};
 use crate::{
     cli::InspectArgs,
     exit::ExitStatus,
     memory,
-    output::{Printer, bytes, count, percent, significant, span, table},
-    study::{Chosen, Study},
+    output::{Printer, bytes, count, span, table},
 };
-
-/// Channels that are listed without `--all`.
-const LISTED: usize = 60;
 
 /// Show what is in a log, and what preprocessing would make of it.
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
-    let Settings { data, preprocess, deployments } = settings(args)?;
+    let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&profile)?;
     } else {
         show_log(&profile, printer)?;
-        show_channels(&profile, args, printer)?;
+        let descriptions = match &job {
+            Some(job) => Descriptions::of(job, &profile)?,
+            None => Descriptions::of_log(&profile),
+        };
+        show_channels(&profile, &descriptions, args, printer)?;
         let of = |(name, data): (String, DataConfig)| {
             let profile = calib_data::inspect(&data, &preprocess, &printer.progress())
                 .with_context(|| format!("[deployments.{name}]"))?;
@@ -34,6 +39,9 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
         let deployments: Vec<_> = deployments.into_iter().map(of).collect::<anyhow::Result<_>>()?;
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
+    }
+    for name in job.iter().flat_map(|job| described::unknown(&job.study().sensors, &profile)) {
+        printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
     }
     let refused = profile.contradictions.count > 0 && data.contradictions == Contradictions::Refuse;
     if refused {
@@ -55,25 +63,30 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
-        let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
-        let (study, paths) = Study::load(&args.data, &args.set, chosen)?;
-        let data = plant_of_study::data(&study, &paths)?;
+        let job = Job::resolve(Request {
+            set: args.set.clone(),
+            profile: args.profile.clone(),
+            ..Request::new(&args.data)
+        })?;
+        let (study, data) = (job.study(), plant_of_study::data(&job)?);
         let of = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
         };
         let deployments = study.deployment_names().into_iter().map(of).collect();
-        return Ok(Settings { data, preprocess: study.preprocess, deployments });
+        let preprocess = study.preprocess.clone();
+        return Ok(Settings { data, preprocess, deployments, job: Some(job) });
     } else {
         ensure!(
             args.profile.is_none(),
             "--profile is of a study, and {} is none; leave it out",
             args.data.display()
         );
-        Study::of_data(&args.data, &args.set)?
+        calib_study::of_data(&args.data, &args.set)?
     };
     memory::check_log(&study.data)?;
-    Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
+    let data = DataConfig { scratch: memory::working_files(), ..study.data };
+    Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }
 
 /// What to look at.
@@ -82,6 +95,8 @@ struct Settings {
     preprocess: PreprocessConfig,
     /// The deployments of a study, each as what is held out.
     deployments: Vec<(String, DataConfig)>,
+    /// The study, if there is one.
+    job: Option<Job>,
 }
 
 fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
@@ -148,76 +163,6 @@ const DOUBTS: usize = 8;
 
 /// Gaps that are shown.
 const GAPS: usize = 5;
-
-fn show_channels(profile: &Profile, args: &InspectArgs, printer: &Printer) -> anyhow::Result<()> {
-    let limit = if args.all { profile.channels.len() } else { LISTED };
-    let dropped: Vec<&ChannelProfile> =
-        profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();
-    let more = |shown: usize, of: usize| match of.saturating_sub(shown) {
-        0 => Ok(()),
-        left => printer.result(&format!("… and {} more; --all shows them", count(left))),
-    };
-    if !dropped.is_empty() {
-        printer.result("")?;
-        printer.result(&format!("{} channels are dropped:", count(dropped.len())))?;
-        for channel in dropped.iter().take(limit) {
-            let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
-            printer.result(&format!("    {}: {why}{}", channel.name, notes(channel)))?;
-        }
-        more(limit, dropped.len())?;
-    }
-    let kept: Vec<&ChannelProfile> = profile.kept().collect();
-    if !kept.is_empty() {
-        let header = ["kept", "min", "max", "mean", "missing", "stuck", "step", "distinct"];
-        let rows: Vec<Vec<String>> =
-            kept.iter().take(limit).map(|channel| channel_row(channel)).collect();
-        printer.result("")?;
-        printer.lines(&table(&header, &rows))?;
-        more(limit, kept.len())?;
-        for channel in kept.iter().take(limit) {
-            let notes = notes(channel);
-            if let Some(notes) = notes.strip_prefix("; ") {
-                printer.result(&format!("{}: {notes}", channel.name))?;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// What in a channel was no number.
-fn notes(channel: &ChannelProfile) -> String {
-    let mut notes = Vec::new();
-    if !channel.words.is_empty() {
-        let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
-        notes.push(words.collect::<Vec<_>>().join(", "));
-    }
-    if channel.non_finite > 0 {
-        notes.push(format!("{} not finite", count(channel.non_finite as usize)));
-    }
-    if channel.far_out.spikes > 0 {
-        notes.push(format!("{} spikes", count(channel.far_out.spikes as usize)));
-    }
-    if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
-}
-
-fn channel_row(channel: &ChannelProfile) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
-    let values = channel.values.as_ref();
-    let distinct = values.map_or_else(
-        || "0".to_owned(),
-        |of| of.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
-    );
-    vec![
-        channel.name.clone(),
-        number(values.map(|of| of.min)),
-        number(values.map(|of| of.max)),
-        number(values.map(|of| of.mean)),
-        percent(channel.missing_fraction),
-        values.map_or_else(|| "–".to_owned(), |of| span(of.longest_stuck_secs)),
-        number(values.and_then(|of| of.smallest_change)),
-        distinct,
-    ]
-}
 
 fn show_parts(
     profile: &Profile,

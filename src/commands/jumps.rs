@@ -3,7 +3,8 @@
 use calib_knn::ModelConfig;
 use calib_rollout::JumpStatistics;
 
-use crate::output::{Printer, count, percent};
+use super::recurrence::named;
+use crate::output::{count, percent};
 
 /// How a member's rollouts move through the log.
 pub(super) fn line(jumps: &JumpStatistics) -> String {
@@ -28,36 +29,34 @@ pub(super) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'stati
     }
 }
 
-/// Warn of members whose rollouts are no good, with what to try.
-pub(super) fn warn<'a>(
+/// What to know of members whose rollouts are no good, with what to try.
+pub(super) fn warnings<'a>(
     members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
     model: &ModelConfig,
-    printer: &Printer,
-) {
+) -> Vec<String> {
     let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
     for (member, (jumps, transitions)) in members.enumerate() {
         let Some(jumps) = jumps else { continue };
         match note(jumps, transitions) {
-            Some(_) if jumps.circling(transitions) => circling.push(member.to_string()),
-            Some(_) => verbatim.push(member.to_string()),
+            Some(_) if jumps.circling(transitions) => circling.push(member),
+            Some(_) => verbatim.push(member),
             None => {}
         }
     }
-    if !circling.is_empty() {
-        let advice = if model.exclude_self || model.theiler > 0 {
-            "try model.exclude_self = false and model.theiler = 0"
-        } else {
-            "try a larger preprocess.subsample, and look for stuck sensors with `calib inspect`"
-        };
-        printer.warn(&format!(
-            "rollouts of members {} circle within few rows, which is no model of the plant; {advice}",
-            circling.join(", ")
-        ));
-    }
-    if !verbatim.is_empty() {
-        printer.warn(&format!(
-            "rollouts of members {} replay the log nearly verbatim; consider a larger preprocess.subsample, or more neighbors",
-            verbatim.join(", ")
-        ));
-    }
+    let advice = if model.exclude_self || model.theiler > 0 {
+        "try model.exclude_self = false and model.theiler = 0"
+    } else {
+        "try a larger preprocess.subsample, and look for stuck sensors with `calib inspect`"
+    };
+    let circling = named(circling.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} circle within few rows, which is no model of the plant; {advice}"
+        )
+    });
+    let verbatim = named(verbatim.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} replay the log nearly verbatim; consider a larger preprocess.subsample, or more neighbors"
+        )
+    });
+    circling.into_iter().chain(verbatim).collect()
 }

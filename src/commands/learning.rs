@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use calib_report::{LearningCurve, LearningCurves};
 use calib_stats::{Summary, summarise};
+use calib_study::Study;
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use super::{
     compare::Part,
-    report::{field, setting},
+    verdict_rows::{field, setting},
 };
-use crate::study::Study;
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.
 pub(super) fn curves(

@@ -7,9 +7,11 @@ use calib_dynamics::{Dynamics, predict};
 use calib_files::ScratchPlace;
 use calib_knn::KnnModel;
 use calib_rollout::{StartState, rollouts};
+use calib_study::Study;
 
 use super::{model_files::OpenModel, starts::Starts, trajectory::Trajectory};
-use crate::{memory, study::Study};
+
+use crate::memory;
 
 /// A model that can be rolled out.
 pub(super) enum Model {

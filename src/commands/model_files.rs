@@ -7,7 +7,7 @@ use calib_core::{
     Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions,
 };
 use calib_data::{
-    DataConfig, Dataset, Profile, format_time,
+    Dataset, Profile, format_time,
     table::{Table, read_parquet_columns},
 };
 use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
@@ -15,6 +15,7 @@ use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortc
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_rollout::JumpStatistics;
+use calib_study::{Job, Made, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -22,9 +23,9 @@ use super::{
     model::Model,
     recurrence::MemberRecurrence,
     represent::{self, Representation},
+    stale::Kept,
     train_model::{self, TrainingSummary},
 };
-use crate::study::{Study, StudyPaths};
 
 /// The states of a model, in its directory.
 const STATES: &str = "states.npy";
@@ -239,42 +240,12 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     table.with_optional("block", (0..frames.rows()).map(block).collect())
 }
 
-/// Whether a model's files follow from the seed: weights do, of the model or of ψ; tables over the states do not.
-fn follows_from_seed(study: &Study) -> bool {
-    match study.model.kind {
-        ModelKind::Knn => study.representation.kind != RepresentationKind::None,
-        ModelKind::Nn | ModelKind::Gru => true,
-        ModelKind::Torchscript => false,
-    }
-}
-
-/// Whether a model that was built with `made` is that of `data`. One that was built without a deployment serves for all.
-fn same_training(made: &DataConfig, data: &DataConfig) -> bool {
-    let without = || DataConfig { held_out: None, ..data.clone() };
-    made == data || (made.held_out.is_none() && *made == without())
-}
-
-/// Open the model of `study`; tables and states are mapped, and checked.
-pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenModel> {
-    let directory = &paths.model();
-    let build = paths.command("build-model");
+/// Open the model of a job; tables and states are mapped, and checked.
+pub(super) fn open(job: &Job) -> anyhow::Result<OpenModel> {
+    let directory = &job.layout().model();
+    let build = job.command("build-model");
     let manifest: ModelManifest = artefact::require(directory, &build)?;
-    let made = &manifest.study;
-    let changed = [
-        ("[representation]", study.is_parametric() || made.representation == study.representation),
-        ("[model]", made.model.of_any_index() == study.model.of_any_index()),
-        ("[dynamics]", !study.is_parametric() || made.dynamics == study.dynamics),
-        ("[data]", same_training(&made.data, &study.data)),
-        ("[preprocess]", made.preprocess == study.preprocess),
-        ("[pretrain]", made.partition() == study.partition()),
-        ("seed", !follows_from_seed(study) || made.seed == study.seed),
-    ];
-    if let Some((section, _)) = changed.iter().find(|(_, same)| !same) {
-        bail!(
-            "the model in {} was built with another {section}; run `{build}` again",
-            directory.display()
-        );
-    }
+    Kept { result: Made::Model, study: &manifest.study, directory }.check(job)?;
     artefact::check_files(directory, &manifest.files, &build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
@@ -308,17 +279,17 @@ pub(super) fn open(paths: &StudyPaths, study: &Study) -> anyhow::Result<OpenMode
 
 /// Check that the model was built from `dataset`.
 pub(super) fn check_data(
-    paths: &StudyPaths,
+    job: &Job,
     manifest: &ModelManifest,
     dataset: &Dataset,
 ) -> anyhow::Result<()> {
     if dataset.fingerprint != manifest.data {
         bail!(
             "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
-            paths.model().display(),
+            job.layout().model().display(),
             manifest.data.short(),
             dataset.fingerprint.short(),
-            paths.command("build-model"),
+            job.command("build-model"),
         );
     }
     Ok(())

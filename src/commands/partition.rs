@@ -3,15 +3,13 @@
 use std::{fmt, ops::Range};
 
 use anyhow::{Context as _, ensure};
-use calib_core::{Frames, Timestamp};
-use calib_data::{Dataset, TimeRange, format_time};
+use calib_core::{Frames, Monitor, Timestamp};
+use calib_data::{DataConfig, DataError, Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
+use calib_study::{Job, Partition, Study};
 
 use super::plant_of_study;
-use crate::{
-    output::Printer,
-    study::{Partition, Study, StudyPaths},
-};
+use crate::output::Printer;
 
 /// A log, with the part of its training range that is for pre-training apart.
 ///
@@ -29,15 +27,39 @@ pub(super) struct PretrainPart {
 }
 
 /// Read the log of a study and divide its training range.
-pub(super) fn load(study: &Study, paths: &StudyPaths, printer: &Printer) -> anyhow::Result<Parts> {
-    let data = plant_of_study::data(study, paths)?;
-    let dataset = calib_data::load(&data, &study.preprocess, &printer.progress());
+pub(super) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
+    read(job, &printer.progress())
+}
+
+/// As [`load`], with nothing held out: of a deployment that the log does not have.
+pub(super) fn load_training(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
+    let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
+    let study = job.study();
+    parts(study, calib_data::load(&data, &study.preprocess, &printer.progress())?)
+}
+
+/// As [`load`], with progress told to a monitor.
+pub(super) fn read(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Parts> {
+    let (study, data) = (job.study(), plant_of_study::data(job)?);
+    let dataset = calib_data::load(&data, &study.preprocess, monitor);
     // What is held out is the deployment, where the study has several.
-    let dataset = match paths.deployment() {
+    let dataset = match job.deployment() {
         Some(name) => dataset.with_context(|| format!("[deployments.{name}]"))?,
         None => dataset?,
     };
     parts(study, dataset)
+}
+
+/// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
+pub(super) fn is_outside(reason: &anyhow::Error) -> bool {
+    let held_out = |error: &DataError| {
+        matches!(
+            error,
+            DataError::OutsideData { key: "held_out", .. }
+                | DataError::NoTransitions { key: "held_out", .. }
+        )
+    };
+    reason.chain().filter_map(|cause| cause.downcast_ref()).any(held_out)
 }
 
 /// Divide the training range of a log that was read.

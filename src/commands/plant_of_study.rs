@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail, ensure};
 use calib_data::DataConfig;
 use calib_plant::PlantOptions;
+use calib_study::{Job, Request, StudyError};
 
 use super::simulate::{self, Found, Simulated};
 use crate::{
     cli::{PlantArgs, SimulateArgs},
     memory,
     output::Printer,
-    study::{Chosen, Study, StudyPaths},
 };
 
 /// The plant of a study, where its log goes, and what there is of it.
@@ -23,10 +23,10 @@ pub(super) struct PlantOfStudy {
 
 impl PlantOfStudy {
     /// What `[simulate]` describes; nothing if the study has no such section.
-    pub(super) fn of(study: &Study, paths: &StudyPaths) -> anyhow::Result<Option<Self>> {
-        let Some(config) = &study.simulate else { return Ok(None) };
+    pub(super) fn of(job: &Job) -> anyhow::Result<Option<Self>> {
+        let Some(config) = &job.study().simulate else { return Ok(None) };
         let options = config.plant().context("[simulate]")?;
-        let folder = study.data_to_read(paths)?.path.0.into_iter().next();
+        let folder = data_to_read(job)?.path.0.into_iter().next();
         let directory = PathBuf::from(folder.context("data.path is empty")?);
         let found = simulate::find(&directory, &options)?;
         Ok(Some(Self { directory, options, found }))
@@ -39,9 +39,9 @@ impl PlantOfStudy {
 }
 
 /// The `[data]` section to read with, once the log is there.
-pub(super) fn data(study: &Study, paths: &StudyPaths) -> anyhow::Result<DataConfig> {
-    if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(study, paths)? {
-        let (directory, command) = (directory.display(), paths.command("simulate"));
+pub(super) fn data(job: &Job) -> anyhow::Result<DataConfig> {
+    if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
+        let (directory, command) = (directory.display(), job.command("simulate"));
         match found {
             // Somebody's own logs are read as they are.
             Found::Whole | Found::NotSimulated => {}
@@ -55,9 +55,15 @@ pub(super) fn data(study: &Study, paths: &StudyPaths) -> anyhow::Result<DataConf
             ),
         }
     }
-    let data = study.data_to_read(paths)?;
+    let data = data_to_read(job)?;
     memory::check_log(&data)?;
     Ok(data)
+}
+
+/// The `[data]` section with the variables of the environment.
+pub(super) fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
+    let data = job.data_to_read(|name| std::env::var(name).ok())?;
+    Ok(DataConfig { scratch: memory::working_files(), ..data })
 }
 
 /// What `calib simulate STUDY` is to write, and where; and what to do next.
@@ -67,12 +73,15 @@ pub(super) fn described(args: &SimulateArgs) -> anyhow::Result<(PathBuf, PlantOp
         args.plant == PlantArgs::default(),
         "{shown} describes its plant in [simulate]: change it there, or for once with --set, such as --set simulate.days=2"
     );
-    let chosen = Chosen { profile: args.profile.as_deref(), ..Chosen::default() };
-    let (study, paths) = Study::load(&args.target, &args.set, chosen)?;
-    let Some(PlantOfStudy { directory, options, .. }) = PlantOfStudy::of(&study, &paths)? else {
+    let job = Job::resolve(Request {
+        set: args.set.clone(),
+        profile: args.profile.clone(),
+        ..Request::new(&args.target)
+    })?;
+    let Some(PlantOfStudy { directory, options, .. }) = PlantOfStudy::of(&job)? else {
         let unused =
             if args.set.is_empty() { "" } else { " (one is not used where --set names the data)" };
         bail!("{shown} has no [simulate] section{unused}; add one, or simulate into a folder")
     };
-    Ok((directory, options, paths.command("run")))
+    Ok((directory, options, job.command("run")))
 }

@@ -7,22 +7,20 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
+use calib_study::{Job, Study};
 use serde::Serialize;
 
 use super::{
     artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
-    load_study,
     model_files::sensor_columns,
     partition::{self, Parts, span},
     pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
 };
 use crate::{
-    cli::StudyArgs,
     clock::Stopwatch,
     exit::ExitStatus,
     memory,
     output::{Printer, bytes, count, duration, significant, table},
-    study::{Study, StudyPaths},
 };
 
 /// A sensor to pre-train for, and the key of its agent.
@@ -33,38 +31,39 @@ struct Wanted {
 }
 
 /// Pre-train one agent a sensor.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let (study, paths) = load_study(args)?;
-    check(&study)?;
+    let (study, paths) = (job.study(), job.layout());
+    check(study)?;
     printer.say(&format!("pretrain: reading {}", study.data.path.0.join(", ")));
-    let parts = partition::load(&study, &paths, printer)?;
-    let wanted = wanted(&study, &parts)?;
+    let parts = partition::load(job, printer)?;
+    let wanted = wanted(study, &parts)?;
     let directory = paths.pretrain();
-    let mut done = if args.force { BTreeMap::new() } else { finished(&directory, &wanted) };
+    let mut done =
+        if job.policy().redoes() { BTreeMap::new() } else { finished(&directory, &wanted) };
     let missing: Vec<&Wanted> =
         wanted.iter().filter(|wanted| !done.contains_key(&wanted.sensor)).collect();
-    announce(&study, &parts, &wanted, missing.len(), printer)?;
-    if args.dry_run {
+    announce(study, &parts, &wanted, missing.len(), printer)?;
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
     if missing.is_empty()
-        && let Some(kept) = up_to_date(&directory, &study, &parts)
+        && let Some(kept) = up_to_date(&directory, study, &parts)
     {
-        finish(args, &paths, &kept, 0, clock, printer)?;
+        finish(job, &kept, 0, clock, printer)?;
         return Ok(ExitStatus::Done);
     }
     let claim = Claim::new(&directory, Below::Ours)?;
     let width = parts.dataset.train.states().columns();
     let file = state_file(&directory, &missing)?;
-    if args.force {
+    if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         claim.begin()?;
         file.remove();
     }
     let trained = missing.len();
-    let pretrained = train(&study, &parts, &missing, &file, printer)?;
+    let pretrained = train(study, &parts, &missing, &file, printer)?;
     claim.begin()?;
     let mut diverged = BTreeMap::new();
     for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
@@ -103,7 +102,7 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
     }
     claim.complete(&manifest)?;
     file.remove();
-    finish(args, &paths, &manifest, trained, clock, printer)?;
+    finish(job, &manifest, trained, clock, printer)?;
     for (sensor, epoch) in &manifest.diverged {
         printer.error(&format!(
             "pre-training for {sensor} diverged in epoch {epoch}, and there is no agent for it; \
@@ -254,15 +253,14 @@ fn train(
 }
 
 fn finish(
-    args: &StudyArgs,
-    paths: &StudyPaths,
+    job: &Job,
     manifest: &PretrainManifest,
     trained: usize,
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<()> {
-    let directory = paths.pretrain();
-    if args.json {
+    let directory = job.layout().pretrain();
+    if printer.is_for_machines() {
         printer.json(manifest)?;
     } else {
         let verb = if trained == 0 { "up to date:" } else { "wrote" };
@@ -279,7 +277,7 @@ fn finish(
         let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
         printer.lines(&table(&header, &rows))?;
     }
-    printer.next(&format!("{} or {}", paths.command("build-model"), paths.command("sweep")));
+    printer.next(&[job.command("build-model"), job.command("sweep")]);
     Ok(())
 }
 

@@ -11,14 +11,15 @@ use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
 use calib_nn::{Mlp, Moments, Naming};
+use calib_study::{Job, Made, MomentsRule, Study};
 use calib_sweep::{Candidate, Start};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Files, Manifest},
     partition::{PretrainPart, span},
+    stale::Kept,
 };
-use crate::study::{MomentsRule, Study, StudyPaths};
 
 /// `manifest.json` of a directory of pre-trained agents.
 #[derive(Debug, Serialize, Deserialize)]
@@ -137,8 +138,9 @@ fn read_agent(
     directory: &Path,
     agent: &PretrainedAgent,
     rule: MomentsRule,
+    command: &str,
 ) -> anyhow::Result<Checkpoint> {
-    artefact::check_files(directory, &agent.files, "calib pretrain")?;
+    artefact::check_files(directory, &agent.files, command)?;
     let [weights, moments] = names(&agent.sensor);
     let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
         let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
@@ -195,27 +197,27 @@ pub(super) fn curves(agents: &[PretrainedAgent]) -> Table {
 }
 
 /// Where the agents of a study come from, if they are pre-trained.
-pub(super) fn directory(study: &Study, paths: &StudyPaths) -> Option<PathBuf> {
-    let below = |given: &PathBuf| paths.study().parent().unwrap_or(Path::new("")).join(given);
-    match &study.pretrain.checkpoint {
-        Some(given) => Some(below(given)),
-        None => study.pretrain.is_on().then(|| paths.pretrain()),
+pub(super) fn directory(job: &Job) -> Option<PathBuf> {
+    let pretrain = &job.study().pretrain;
+    match &pretrain.checkpoint {
+        Some(given) => Some(job.beside(given)),
+        None => pretrain.is_on().then(|| job.layout().pretrain()),
     }
 }
 
 /// What the agents of each sensor start from, checked against the study, and what to tell of it.
 pub(super) fn starts(
-    study: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     dataset: &Dataset,
     part: Option<&PretrainPart>,
     sensors: &[(String, usize)],
     candidates: &[Candidate],
 ) -> anyhow::Result<(BTreeMap<String, Start>, Vec<String>)> {
-    let (Some(directory), Some(part)) = (directory(study, paths), part) else {
+    let study = job.study();
+    let (Some(directory), Some(part)) = (directory(job), part) else {
         return Ok((BTreeMap::new(), vec![]));
     };
-    let command = paths.command("pretrain");
+    let command = job.command("pretrain");
     let manifest: PretrainManifest = artefact::require(&directory, &command)?;
     check_columns(&directory, &manifest, dataset)?;
     if manifest.data != part.fingerprint {
@@ -244,9 +246,12 @@ pub(super) fn starts(
             })?;
         if study.pretrain.checkpoint.is_none() {
             let key = agent_key(study, &part.fingerprint, sensor, *column)?;
+            let kept =
+                Kept { result: Made::Pretrained, study: &manifest.study, directory: &directory };
+            kept.check(job)?;
             ensure!(
                 agent.key == key,
-                "the agents in {} were pre-trained with another [pretrain], [agent] or seed; run `{command}` again",
+                "the agent for {sensor} in {} was pre-trained otherwise; run `{command}` again",
                 directory.display()
             );
         }
@@ -260,7 +265,7 @@ pub(super) fn starts(
                 candidate.label()
             );
         }
-        let checkpoint = read_agent(&directory, agent, study.pretrain.moments)
+        let checkpoint = read_agent(&directory, agent, study.pretrain.moments, &command)
             .with_context(|| format!("the agent for {sensor} in {}", directory.display()))?;
         let inputs = serde_json::to_vec(&(&agent.files, study.pretrain.moments))?;
         let start = Start { checkpoint, fingerprint: Fingerprint::of(&inputs) };

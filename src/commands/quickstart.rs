@@ -1,13 +1,11 @@
 use std::path::Path;
 
+use anyhow::Context as _;
 use calib_files::write_atomically;
+use calib_study::{Job, Request};
 
 use super::chain;
-use crate::{
-    cli::{QuickstartArgs, StudyArgs},
-    exit::ExitStatus,
-    output::Printer,
-};
+use crate::{cli::QuickstartArgs, exit::ExitStatus, output::Printer};
 
 /// The study that quickstart runs; `configs/quickstart.toml` in the repository.
 const STUDY: &str = include_str!("../../configs/quickstart.toml");
@@ -19,18 +17,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
         "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
     );
     let study = write_study(directory, args.seed)?;
-    let args = StudyArgs {
-        study: study.clone(),
-        set: Vec::new(),
-        profile: None,
-        model: None,
-        deployment: None,
-        output: None,
-        force: false,
-        dry_run: false,
-        json: args.json,
-    };
-    let status = chain::run(&args, printer)?;
+    let status = chain::run(&Job::resolve(Request::new(&study))?, printer)?;
     printer.say(&format!(
         "Open the report in a browser; then copy {}, point its data.path at your own logs, and remove [simulate].",
         study.display(),
@@ -41,7 +28,9 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ex
 /// Leave the study file beside the data, as a start for the user's own.
 fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf> {
     let path = directory.join("study.toml");
-    let text = STUDY.replace("seed = 0", &format!("seed = {seed}"));
+    // The schema lies beside the original only.
+    let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
+    let text = text.replace("seed = 0", &format!("seed = {seed}"));
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => return Ok(path),
         Ok(_) => anyhow::bail!(

@@ -10,7 +10,7 @@ use calib_rollout::WalkStatistics;
 use serde::{Deserialize, Serialize};
 
 use super::model_files::{MemberSummary, ModelManifest};
-use crate::output::{Printer, count, percent, significant};
+use crate::output::{count, percent, significant};
 
 /// Stretches of time that are told.
 const TOLD: usize = 10;
@@ -172,20 +172,20 @@ fn done(of: &MemberRecurrence) -> String {
 /// Whether a warning concerns a member, of so many transitions.
 type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
 
-/// Warn of members that walks cannot get far in.
-pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer) {
+/// What to know of members that walks cannot get far in.
+pub(super) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String> {
     let those = |which: &Concerns| {
         let all = members.iter().enumerate();
         let which = all.filter(|(_, member)| {
             member.recurrence.as_ref().is_some_and(|of| which(of, member.transitions))
         });
-        which.map(|(number, _)| number.to_string()).collect::<Vec<_>>().join(", ")
+        named(which.map(|(number, _)| number))
     };
     let warnings: [(&Concerns, String); 7] = [
         (
             &|of, _| of.classes.after.traps > 0,
             format!(
-                "walks of members MEMBERS end in traps of few rows{}",
+                "walks of MEMBERS end in traps of few rows{}",
                 if recurrent {
                     ", whatever is left out: the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and \
                      leave totals and counters out with data.exclude"
@@ -196,27 +196,27 @@ pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer
         ),
         (
             &|of, all| of.classes.after.traps == 0 && of.walks.trapped > 0 && all >= MANY,
-            "some walks of members MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them, as where a dead end draws \
+            "some walks of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them, as where a dead end draws \
              them back; see `trapped` in the manifest; try a larger preprocess.subsample"
                 .to_owned(),
         ),
         (
             &|of, _| of.classes.lost as f64 > MUCH * of.classes.candidates as f64,
             format!(
-                "members MEMBERS leave out more than {} of their candidates, so that no walk is trapped among them: the log does not \
+                "more than {} of the candidates of MEMBERS are left out, so that no walk is trapped among them: the log does not \
                  return to where it was there; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
                 percent(MUCH)
             ),
         ),
         (
             &|of, _| of.classes.exits > 0,
-            "walks of members MEMBERS are led out of dead ends by jumps to states that are not near: too much of the log never \
+            "walks of MEMBERS are led out of dead ends by jumps to states that are not near: too much of the log never \
              returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
                 .to_owned(),
         ),
         (
             &|of, _| of.classes.after.count > 1 && of.classes.after.traps == 0,
-            "walks of members MEMBERS stay in one of several parts of the log that do not meet, each a tenth of it or more; random \
+            "walks of MEMBERS stay in one of several parts of the log that do not meet, each a tenth of it or more; random \
              start states reach all of them"
                 .to_owned(),
         ),
@@ -226,7 +226,7 @@ pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer
                     && (of.classes.after.transitions as f64) < MOST * all as f64
             },
             format!(
-                "walks of members MEMBERS end in less than {} of the rows, and do not return to the others",
+                "walks of MEMBERS end in less than {} of the rows, and do not return to the others",
                 percent(MOST)
             ),
         ),
@@ -234,15 +234,18 @@ pub(super) fn warn(members: &[MemberSummary], recurrent: bool, printer: &Printer
             &|of, all| {
                 of.classes.after.traps == 0 && of.covered(all).is_some_and(|share| share < LITTLE)
             },
-            format!("walks of members MEMBERS are spread over less than {} of the rows", percent(LITTLE)),
+            format!("walks of MEMBERS are spread over less than {} of the rows", percent(LITTLE)),
         ),
     ];
-    for (which, text) in warnings {
-        let members = those(which);
-        if !members.is_empty() {
-            printer.warn(&text.replace("MEMBERS", &members));
-        }
-    }
+    let told = |(which, text): (&Concerns, String)| Some(text.replace("MEMBERS", &those(which)?));
+    warnings.into_iter().filter_map(told).collect()
+}
+
+/// "member 2", "members 0, 3"; none of none.
+pub(super) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
+    let numbers: Vec<String> = members.map(|number| number.to_string()).collect();
+    let noun = if numbers.len() == 1 { "member" } else { "members" };
+    (!numbers.is_empty()).then(|| format!("{noun} {}", numbers.join(", ")))
 }
 
 /// What the report says of the walks of a model; nothing of networks.
@@ -252,9 +255,10 @@ pub(super) fn report_table(model: &ModelManifest) -> Option<Table> {
         let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
         let Recurrence { candidates, before, after, left_out, exits, .. } = &of.classes;
         let text = |classes: &ClosedClasses| {
-            let sizes: Vec<String> = classes.largest.iter().take(5).map(usize::to_string).collect();
+            let size = |&size: &usize| count(size);
+            let sizes: Vec<String> = classes.largest.iter().take(5).map(size).collect();
             let more = if classes.count > 5 { ", …" } else { "" };
-            Cell::Text(format!("{}: {}{more}", classes.count, sizes.join(", ")))
+            Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
         };
         Some(vec![
             Cell::Text(format!("member {number}")),
@@ -274,8 +278,8 @@ pub(super) fn report_table(model: &ModelManifest) -> Option<Table> {
     }
     let columns = [
         "member",
-        "closed classes as found",
-        "closed classes",
+        "closed classes as found (transitions in each)",
+        "closed classes (transitions in each)",
         "left out (%)",
         "exits",
         "rows that walks are spread over (%)",
@@ -286,7 +290,8 @@ pub(super) fn report_table(model: &ModelManifest) -> Option<Table> {
     Some(Table {
         title: "Where walks end".to_owned(),
         caption: format!(
-            "{}: a closed class is a set of transitions that a walk never leaves; one of less than a tenth of the candidates is a trap, \
+            "{}: a closed class is a set of transitions that a walk never leaves: how many there are and, in brackets, how large the \
+             largest five are. One of less than a tenth of the candidates is a trap, \
              and is left out, or given an exit. The rest is judged by 32 walks of 30,000 steps from random states.",
             model.study.model_name()
         ),
@@ -299,6 +304,13 @@ pub(super) fn report_table(model: &ModelManifest) -> Option<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_member_is_no_plural() {
+        assert_eq!(named([2].into_iter()).as_deref(), Some("member 2"));
+        assert_eq!(named([0, 3].into_iter()).as_deref(), Some("members 0, 3"));
+        assert_eq!(named([].into_iter()), None);
+    }
 
     #[test]
     fn near_stretches_are_one_and_the_longest_are_told() {

@@ -6,18 +6,16 @@ use anyhow::ensure;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
-    Agreement, Alternative, Cell, ErrorCurve, ErrorSource, Grade, JumpStatistics, RankCurve,
-    Reason, Report, Reproduction, RolloutFigure, Score, Sensitivity, Setting, Table, TopK, Verdict,
-    Way,
+    Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
 };
 use calib_represent::RepresentationKind;
-use calib_stats::Summary as ScoreSummary;
-use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, SensorVerdict, Truth};
+use calib_study::{Job, Layout, Study};
 
 use super::{
     artefact::{self, Below, Claim},
-    collapse,
+    build_model, collapse,
     comparison::{self, ComparedModel},
+    described::Descriptions,
     evaluate::{Judged, Summary},
     figures::{self, Starts},
     jumps as jump_text, learning,
@@ -27,14 +25,13 @@ use super::{
     report_data::{data_profile, subtitle},
     represent::{self, RepresentationManifest},
     rollout::{self, RolloutManifest},
-    streams::part_name,
     sweep::SweepManifest,
     trajectory_columns::Columns,
+    verdict_rows::{self, verdict_row},
 };
-use crate::study::{Study, StudyPaths};
 
 /// Write the summary, the figures and `report.html`.
-pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+pub(super) fn write(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
     let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
     write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
@@ -55,7 +52,7 @@ pub(super) fn write(paths: &StudyPaths, report: &Report, summary: &Summary) -> a
 }
 
 /// Write `report.html`.
-pub(super) fn write_page(paths: &StudyPaths, report: &Report) -> anyhow::Result<()> {
+pub(super) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> {
     let html = report.html()?;
     if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
         artefact::remove_temporaries(directory, Below::Unknown)?;
@@ -93,24 +90,27 @@ pub(super) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 
 /// Everything that is known of a finished sweep and its model.
 pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
-    let Judged { study, written, paths, manifest: sweep, summary, results } = judged;
-    let candidates = &sweep.candidates;
-    let model: ModelManifest = artefact::require(&paths.model(), &paths.command("build-model"))?;
+    let Judged { job, manifest: sweep, summary, results } = judged;
+    let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
         model.has_profile(&paths.model()),
-        "profile.json of the model in {} is not what was written; run `{}` to make it again",
-        paths.model().display(),
-        paths.command("build-model")
+        "profile.json of the model in {} is not what was written; run `{build}` to make it again",
+        paths.model().display()
     );
     let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = rollout::finished(study, paths, &model.content()?)?;
-    let (shown, starts) = match &rollouts {
+    let rollouts = rollout::finished(job, &model.content()?)?;
+    let descriptions = Descriptions::of(job, &profile)?;
+    let (shown, mut starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
-    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, paths.deployment())?;
+    for of in &mut starts {
+        of.unit = descriptions.words(&of.sensor);
+    }
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
-    Ok(Report {
+    let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
         score: Score::nrmse(),
@@ -120,35 +120,39 @@ pub(super) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
             .iter()
             .map(|verdict| verdict_row(verdict, sweep, study))
             .collect(),
-        warnings: summary.notes.clone(),
+        warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
         sensitivities: summary
             .verdicts
             .iter()
-            .map(|verdict| sensitivity(verdict, candidates, study.model_name()))
+            .map(|verdict| {
+                verdict_rows::sensitivity(verdict, &sweep.candidates, study.model_name())
+            })
             .collect(),
-        learning: learning::curves(&study.sweep.sensors, candidates, results)?,
+        learning: learning::curves(&study.sweep.sensors, &sweep.candidates, results)?,
         recorded: kept,
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(&model),
-        tables: tables(study, paths, &model, rollouts.as_ref())?,
+        tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
-        reproduction: reproduction(written, paths, &commands(&[study]), sweep)?,
-    })
+        reproduction: reproduction(job, &commands(&[study]), sweep)?,
+    };
+    descriptions.put_into(&mut report);
+    Ok(report)
 }
 
 /// What the rollouts were like, and the representations that could be used.
 fn tables(
-    study: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
+    let (study, paths) = (job.study(), job.layout());
     let name = study.model_name();
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
-        let one_step = Predicting::read(name, study, paths, &rollouts.model)?;
+        let one_step = Predicting::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
@@ -193,168 +197,16 @@ pub(super) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
 }
 
 /// The representations that could be used, if the study has any.
-pub(super) fn representation_table(study: &Study, paths: &StudyPaths) -> Option<Table> {
+pub(super) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
     (study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
         .flatten()
         .map(|manifest| represent::report_table(&manifest))
 }
 
-/// The swept field, or all of them where there are several.
-pub(super) fn field(candidates: &[Candidate]) -> String {
-    let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
-    fields.collect::<Vec<_>>().join(", ")
-}
-
-/// The value of a candidate: a number where one numeric field is swept, else its label.
-pub(super) fn setting(candidate: &Candidate) -> Setting {
-    match candidate.values.as_slice() {
-        [(_, value)] => value
-            .as_f64()
-            .map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number),
-        _ => Setting::Name(candidate.label()),
-    }
-}
-
-/// The values of the grid along an axis. A step size of 0, the agent as it was pre-trained, has no place on a
-/// logarithmic axis: values beside it are evenly spaced names.
-fn axis(grid: &[&Candidate]) -> Vec<Setting> {
-    let values: Vec<Setting> = grid.iter().map(|candidate| setting(candidate)).collect();
-    let zero = values.iter().any(|value| value.as_number() == Some(0.0));
-    let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
-    values.into_iter().map(named).collect()
-}
-
-/// The verdict on one sensor in words: what to deploy, then the reasons.
-pub(super) fn advice(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Vec<String> {
-    let row = verdict_row(verdict, sweep, study);
-    [row.headline()].into_iter().chain(row.reasons(&Score::nrmse())).collect()
-}
-
-fn verdict_row(verdict: &SensorVerdict, sweep: &SweepManifest, study: &Study) -> Verdict {
-    let candidates = &sweep.candidates;
-    let of = |index: usize| setting(&candidates[index]);
-    let selection = &verdict.selection;
-    let streams = |of: &EnvironmentScores| of.streams;
-    let of_members: usize = verdict.members.iter().map(streams).sum();
-    let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
-    Verdict {
-        sensor: verdict.sensor.clone(),
-        field: field(candidates),
-        model: study.model_name().to_owned(),
-        chosen: of(verdict.chosen),
-        grade: match verdict.grade {
-            calib_sweep::Grade::Good => Grade::Good,
-            calib_sweep::Grade::Fair => Grade::Fair,
-            calib_sweep::Grade::Poor => Grade::Poor,
-            calib_sweep::Grade::NotLearnt => Grade::NotLearnt,
-            calib_sweep::Grade::Unchecked => Grade::Unchecked,
-        },
-        reason: match verdict.rule {
-            Rule::WorstRank => Reason::WorstRank,
-            Rule::MeanRank => Reason::MeanRank,
-            Rule::MeanError => Reason::MeanError,
-            Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
-            Rule::Pooled => Reason::Pooled { streams: of_all },
-            Rule::OneStandardError => Reason::OneStandardError { streams: of_all },
-        },
-        tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
-        worst_rank: selection.worst_ranks[verdict.chosen],
-        values: selection.worst_ranks.len(),
-        members: verdict.members.len(),
-        stability: verdict
-            .stability
-            .iter()
-            .map(|of| (setting(&candidates[of.candidate]), of.share))
-            .collect(),
-        online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, candidates, study)),
-        alternatives: verdict
-            .truth
-            .iter()
-            .flat_map(|truth| &truth.baselines)
-            .map(|other| Alternative {
-                way: way(other.baseline),
-                value: other.chosen.map(of),
-                regret: other.regret,
-            })
-            .collect(),
-        notes: verdict.warnings.clone(),
-    }
-}
-
-fn agreement(
-    verdict: &SensorVerdict,
-    truth: &Truth,
-    candidates: &[Candidate],
-    study: &Study,
-) -> Agreement {
-    let best = truth.best.unwrap_or(verdict.chosen);
-    let choice = &truth.choice;
-    Agreement {
-        part: part_name(verdict.part).to_owned(),
-        windows: truth.windows.len(),
-        runs: truth.scores.runs,
-        chosen_error: choice.online_error,
-        chosen_skill: truth.scores.skill[verdict.chosen],
-        best: setting(&candidates[best]),
-        best_error: truth.scores.candidates[best].mean,
-        best_skill: truth.scores.skill[best],
-        regret: choice.regret,
-        against_default: choice.against_default,
-        spearman: choice.spearman,
-        kendall: choice.kendall,
-        top_k: Some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
-    }
-}
-
-const fn way(baseline: Baseline) -> Way {
-    match baseline {
-        Baseline::Default => Way::Default,
-        Baseline::LogReplay => Way::LogReplay,
-        Baseline::LatestWindow => Way::LatestWindow,
-        Baseline::Random => Way::Random,
-        Baseline::Hindsight => Way::Hindsight,
-        Baseline::AnotherWindow => Way::AnotherWindow,
-    }
-}
-
-fn sensitivity(verdict: &SensorVerdict, candidates: &[Candidate], model: &str) -> Sensitivity {
-    let grid: Vec<&Candidate> = candidates.iter().collect();
-    let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
-        label: label.to_owned(),
-        source,
-        summaries: scores
-            .candidates
-            .iter()
-            .copied()
-            .map(Some)
-            .collect::<Vec<Option<ScoreSummary>>>(),
-    };
-    let mut errors = Vec::new();
-    if let Some(truth) = &verdict.truth {
-        errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
-    }
-    if let Some(replay) = &verdict.log_replay {
-        errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
-    }
-    Sensitivity {
-        sensor: verdict.sensor.clone(),
-        field: field(candidates),
-        score: Score::nrmse(),
-        values: axis(&grid),
-        errors,
-        worst_ranks: vec![RankCurve {
-            label: format!("{model}, worst rank"),
-            worst_ranks: verdict.selection.worst_ranks.clone(),
-        }],
-        chosen: Some(verdict.chosen),
-        default: grid.iter().position(|candidate| candidate.is_default),
-    }
-}
-
 /// The rollouts over what was recorded, and all starts that they were made from.
 pub(super) fn rollout_figures(
-    paths: &StudyPaths,
+    paths: &Layout,
     manifest: &RolloutManifest,
 ) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
     let mut columns =
@@ -379,6 +231,7 @@ fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
                 member,
                 steps: jumps.steps as u64,
                 jump_rate: jumps.jump_rate,
+                departure_rate: jumps.departure_rate,
                 mean_run_length: jumps.mean_run_length,
                 note: jump_text::note(jumps, summary.transitions).map(str::to_owned),
             })
@@ -402,17 +255,17 @@ pub(super) fn commands(models: &[&Study]) -> Vec<&'static str> {
 }
 
 fn reproduction(
-    written: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     commands: &[&str],
     sweep: &SweepManifest,
 ) -> anyhow::Result<Reproduction> {
-    let laid_over = paths.profile().map_or_else(String::new, |name| {
+    let written = job.whole()?;
+    let laid_over = job.profile().map_or_else(String::new, |name| {
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
     });
     Ok(Reproduction {
-        command: command_lines(paths, commands),
-        study_toml: laid_over + &toml::to_string(written)?,
+        command: command_lines(job, commands),
+        study_toml: laid_over + &toml::to_string(&written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
         fingerprint: sweep.data.to_string(),
@@ -420,8 +273,8 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(super) fn command_lines(paths: &StudyPaths, commands: &[&str]) -> String {
-    commands.iter().map(|command| paths.command(command)).collect::<Vec<_>>().join("\n")
+pub(super) fn command_lines(job: &Job, commands: &[&str]) -> String {
+    commands.iter().map(|command| job.reproduction(command)).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]

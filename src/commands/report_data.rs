@@ -12,7 +12,7 @@ pub(super) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
     match &judged.manifest.held_out {
         Some(held_out) => {
             let [start, end] = &held_out.times;
-            let name = judged.paths.deployment();
+            let name = judged.job.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
             let windows = windows(&judged.manifest, held_out.rows);
             format!(
@@ -29,7 +29,7 @@ fn windows(manifest: &SweepManifest, held_out_rows: u64) -> String {
     let share = (count * steps) as f64 / held_out_rows as f64;
     let of = if count == 1 { "window" } else { "windows" };
     format!(
-        "{count} {of} of {} steps ({})",
+        "{count} {of} of {} steps ({} of the states)",
         calib_report::count(steps as u64),
         calib_report::percent(share)
     )

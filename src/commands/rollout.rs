@@ -4,27 +4,27 @@ use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_rollout::{JumpStatistics, RolloutConfig};
+use calib_study::{Job, Made, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Files, Manifest, TOOL},
     collapse::{self, Collapse},
     comparison::{self, Comparison},
-    figures, jumps, load_study,
+    figures, jumps,
     model::{self, Model, search_place},
     model_files::{self, OpenModel},
     one_step, partition,
-    starts::{StartSummary, Starts, follow_from_deployment, summaries},
+    starts::{StartSummary, Starts, summaries},
     trajectory::Trajectory,
     trajectory_columns::Columns,
     truth::{self, Record},
 };
 use crate::{
-    cli::StudyArgs,
     clock::Stopwatch,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, duration},
-    study::{Study, StudyPaths},
 };
 
 /// `manifest.json` of a rollout directory.
@@ -71,38 +71,36 @@ impl Manifest for RolloutManifest {
 ///
 /// # Errors
 /// If a table is not what was written.
-pub(super) fn finished(
-    study: &Study,
-    paths: &StudyPaths,
-    model: &str,
-) -> anyhow::Result<Option<RolloutManifest>> {
-    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(
-        |RolloutManifest { model: of, study: made, .. }| {
-            *of == *model
-                && made.rollout == study.rollout
-                && made.model == study.model
-                && made.seed == study.seed
-                && (!follow_from_deployment(study) || made.data.held_out == study.data.held_out)
-        },
-    );
+pub(super) fn finished(job: &Job, model: &str) -> anyhow::Result<Option<RolloutManifest>> {
+    let paths = job.layout();
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
+        found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
+    });
     if let Some(found) = &found {
-        artefact::check_files(&paths.rollout(), &found.files, &paths.command("rollout"))?;
+        artefact::check_files(&paths.rollout(), &found.files, &job.command("rollout"))?;
     }
     Ok(found)
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.
-pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let (study, paths) = load_study(args)?;
-    let model = model_files::open(&paths, &study)?;
-    let sensors = sensors(&study, &model, &paths.model())?;
+    let (study, paths) = (job.study(), job.layout());
+    let model = model_files::open(job)?;
+    let sensors = sensors(study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = held_out(&study, &paths, &model, printer)?;
+    let deployment = match held_out(job, &model, printer) {
+        Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
+            let name = job.deployment().unwrap_or_default();
+            printer.error(&format!("deployment {name} is left out: {reason:#}"));
+            return Ok(ExitStatus::Negative);
+        }
+        deployment => deployment?,
+    };
     let seed = Seed::new(study.seed).child("rollout");
     let (held_out, fingerprint) = deployment
         .as_ref()
-        .filter(|_| follow_from_deployment(&study))
+        .filter(|_| study.starts_follow_from_deployment())
         .map(|(frames, fingerprint)| (frames, fingerprint))
         .unzip();
     let starts = Starts::new(&study.rollout, &model, held_out, seed)?;
@@ -110,37 +108,37 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
         model.manifest.content()?,
-        *study.model,
+        study.model.of_any_index().config,
         &study.rollout,
         study.seed,
         &sensors,
         comparison::settings(),
     ))?;
-    announce(&study, &model, sensors.len(), printer);
-    if args.dry_run {
+    let needed = announce(study, &model, sensors.len(), printer);
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
     let existing = artefact::read::<RolloutManifest>(&directory)
-        .filter(|found| found.key == key && !args.force)
+        .filter(|found| found.key == key && !job.policy().redoes())
         .filter(|found| artefact::are_whole(&directory, &found.files));
     let (manifest, verb) = if let Some(manifest) = existing {
         (manifest, "up to date:")
     } else {
+        let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
+        memory::require(needed, "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
-        (roll_out(&study, &model, from, &sensors, key, &directory, printer)?, "wrote")
+        (roll_out(study, &model, from, &sensors, key, &directory, printer)?, "wrote")
     };
     let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
-        Some(held_out) => {
-            one_step::ensure((&study, &paths), &model, held_out, &sensors, args.force, printer)?
-        }
+        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, printer)?,
         None => None,
     };
     if one_step.is_none() {
-        one_step::remove(&paths)?;
+        one_step::remove(paths)?;
     }
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&manifest)?;
     } else {
         printer.result(&format!(
@@ -148,12 +146,12 @@ pub(super) fn run(args: &StudyArgs, printer: &Printer) -> anyhow::Result<ExitSta
             directory.display(),
             duration(clock.elapsed())
         ))?;
-        summarise(&manifest, &study, printer)?;
+        summarise(&manifest, study, printer)?;
         if let Some(one_step) = &one_step {
             one_step::show(one_step, printer)?;
         }
     }
-    printer.next(&paths.command("sweep"));
+    printer.next(&[job.command("sweep")]);
     Ok(ExitStatus::Done)
 }
 
@@ -171,7 +169,13 @@ fn sensors(
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
 
-fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) {
+/// Bytes that a row of the trajectories takes beside its state, and for each sensor: the table, its copy that is written,
+/// and its figure. As measured, rounded up.
+const ROW_BYTES: u64 = 88;
+const SENSOR_BYTES: u64 = 56;
+
+/// Say what is going to be rolled out; bytes that it takes.
+fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
     let members = model.model.members();
     let rows = (members * rollouts * (steps + 1)) as u64;
@@ -180,11 +184,13 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
         Model::Knn(_) => 8,
         Model::Parametric(_) => 4 * model.frames.states().columns() as u64,
     };
+    let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
         "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
         count(steps),
-        bytes(rows * (per_state + 32 * sensors as u64)),
+        bytes(needed),
     ));
+    needed
 }
 
 fn roll_out(
@@ -273,19 +279,21 @@ fn compare(
 /// The held-out range, where start states follow from it or one-step errors are wanted. What is recorded before it is
 /// read, and let go.
 fn held_out(
-    study: &Study,
-    paths: &StudyPaths,
+    job: &Job,
     model: &OpenModel,
     printer: &Printer,
 ) -> anyhow::Result<Option<(Frames, Fingerprint)>> {
+    let (study, paths) = (job.study(), job.layout());
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
-    if !follow_from_deployment(study) && (study.rollout.dtw_steps == 0 || !is_held_out) {
+    let is_in_place = model.manifest.study.data.path == study.data.path;
+    let is_used = is_held_out && study.rollout.dtw_steps > 0;
+    if !study.starts_follow_from_deployment() && !is_used && is_in_place {
         return Ok(None);
     }
-    let dataset = partition::load(study, paths, printer)?.dataset;
-    model_files::check_data(paths, &model.manifest, &dataset)?;
+    let dataset = partition::load(job, printer)?.dataset;
+    model_files::check_data(job, &model.manifest, &dataset)?;
     Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
 }
 
@@ -357,7 +365,9 @@ fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> an
     }
     let members = manifest.members.iter();
     let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    jumps::warn(members, &study.model, printer);
+    for warning in jumps::warnings(members, &study.model) {
+        printer.warn(&warning);
+    }
     collapse::show(&manifest.collapse, printer)?;
     match &manifest.comparison {
         Some(of) => comparison::show(of, printer),

@@ -1,10 +1,11 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::{Moment, table::write_log};
-use calib_files::{read_json, write_json};
+use calib_files::{read_json, remove_file, write_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
+use calib_study::{SimulateConfig, shell_words};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -17,7 +18,6 @@ use crate::{
     clock::Stopwatch,
     exit::{ExitStatus, Interrupted},
     output::{Printer, bytes, count, duration},
-    study::SimulateConfig,
 };
 
 /// The file that says what the day files beside it were made from.
@@ -82,11 +82,11 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Exit
             "--set and --profile change a study, and {} is a folder; give the options of the plant, such as --days",
             args.target.display()
         );
-        let next = format!("calib inspect {}", args.target.display());
+        let next = shell_words(["calib", "inspect", &args.target.display().to_string()]);
         (args.target.clone(), config(&args.plant)?.plant()?, next)
     };
     let simulated = simulate(&directory, options, args.force, printer)?;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&simulated)?;
     } else {
         printer.result(&format!("{} in {}", simulated.line(), duration(clock.elapsed())))?;
@@ -95,7 +95,7 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Exit
             simulated.changes.iter().try_for_each(|told| printer.result(&told.line()))?;
         }
     }
-    printer.next(&next);
+    printer.next(&[next]);
     Ok(ExitStatus::Done)
 }
 
@@ -179,13 +179,18 @@ pub(super) fn sentence(plant: &Plant) -> String {
     let channels = plant.schema().len();
     let per_day = plant.instants() * (4 * channels as u64 + 8) / u64::from(plant.days()).max(1);
     format!(
-        "{} days x {} channels, {} rows; about {} of memory, at most {} on disk",
-        plant.days(),
+        "{} x {} channels, {} rows; about {} of memory, at most {} on disk",
+        days(plant.options().days),
         count(channels),
         count(plant.instants() as usize),
         bytes(3 * per_day),
         bytes(per_day * u64::from(plant.days())),
     )
+}
+
+/// "4.5 days".
+fn days(days: f64) -> String {
+    format!("{days} day{}", if days == 1.0 { "" } else { "s" })
 }
 
 /// What lies where the log of a plant should be.
@@ -270,10 +275,7 @@ fn remove_days(directory: &Path) -> anyhow::Result<()> {
     };
     for day in 0..previous.options.days.ceil() as u32 {
         let path = directory.join(file_name(previous.options.start, day));
-        if path.exists() {
-            std::fs::remove_file(&path)
-                .with_context(|| format!("cannot remove {}", path.display()))?;
-        }
+        remove_file(&path)?;
     }
     Ok(())
 }

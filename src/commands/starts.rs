@@ -12,15 +12,7 @@ use calib_rollout::{
 use serde::{Deserialize, Serialize};
 
 use super::model_files::OpenModel;
-use crate::{output::significant, study::Study};
-
-/// Whether start states follow from the deployment.
-pub(super) fn follow_from_deployment(study: &Study) -> bool {
-    match study.rollout.start {
-        StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => true,
-        StartKind::Random | StartKind::Rows => false,
-    }
-}
+use crate::output::significant;
 
 /// What start states follow from, beside the model and `[rollout]`. Streams are shared by deployments in which it is
 /// the same.

@@ -2,15 +2,17 @@
 
 use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
-use calib_core::{Frames, RowStream};
+use calib_core::{Frames, RowStream, Seed};
 use calib_data::{Dataset, format_time};
-use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows};
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    output::{Printer, count},
-    study::Study,
+use super::{
+    artefact::MANIFEST,
+    partition::{self, Parts},
 };
+use crate::output::{Printer, count};
 
 /// What streams a sweep has, and why they are not what the study says.
 pub(super) struct Streams {
@@ -62,7 +64,7 @@ impl Streams {
         let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
         if log.left_out > 0 {
             notes.push(format!(
-                "{} of {} windows of the log are not replayed: gaps leave no step to score in them",
+                "{} of {} windows of the log are not replayed: gaps leave hardly a step to score in them",
                 log.left_out, sweep.log_replay_runs
             ));
         }
@@ -71,6 +73,22 @@ impl Streams {
         }
         Ok(Self { demand, online, log, notes })
     }
+}
+
+/// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.
+///
+/// # Errors
+/// [`Unscorable`], or a log that cannot be read.
+pub(super) fn check(job: &Job, printer: &Printer) -> anyhow::Result<()> {
+    let study = job.study();
+    if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
+        return Ok(());
+    }
+    // The steps that follow say again what there is to say.
+    let silent = &printer.silent();
+    let Parts { dataset, .. } = partition::load(job, silent)?;
+    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    Streams::of(study, &dataset, &candidates, silent).map(|_| ())
 }
 
 fn held_out_windows(
@@ -84,10 +102,14 @@ fn held_out_windows(
     if windows.starts.is_empty() {
         let longest = held_out.segments().iter().map(calib_core::Segment::len).max().unwrap_or(0);
         let range = study.data.held_out.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+        let other = match demand.part {
+            Part::WholeRun => "or a smaller gamma",
+            _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
+        };
         bail!(Unscorable(format!(
             "no step of the held-out range{range} can be scored: with gamma = {} the last {} steps of each unbroken piece have \
-             truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, a \
-             smaller gamma, or sweep.scored = \"whole_run\"",
+             truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, \
+             {other}",
             demand.gamma,
             demand.span.tail,
             count(longest),
@@ -97,7 +119,7 @@ fn held_out_windows(
     }
     if windows.left_out > 0 {
         notes.push(format!(
-            "{} windows of the held-out range are left out: gaps leave no step to score in them",
+            "{} windows of the held-out range are left out: gaps leave hardly a step to score in them",
             windows.left_out
         ));
     }

@@ -2,31 +2,32 @@ use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
 use calib_agent::AgentConfig;
-use calib_core::{Frames, Normaliser, Period, Seed};
+use calib_core::{Period, Seed};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
+use calib_study::{Job, Layout, Study};
 use calib_sweep::{
-    Candidate, Completed, EnvironmentId, ErrorScale, NotFinite, Plan, PlanOptions, PlannedUnit,
-    Span, SweepError, Unit, UnitResult, UnitStore, candidates,
+    Candidate, Completed, ErrorScale, Plan, PlanOptions, PlannedUnit, Span, SweepError, Unit,
+    UnitResult, UnitStore, candidates,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Files, Manifest, TOOL},
     environments::Environments,
-    load_study, model_files,
+    model_files,
     partition::{self, Parts},
     plant_of_study, pretrain_files, recorded,
+    standing_still::Still,
     streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
+    sweep_notes::{failed_rollouts, saved, standing_still},
     sweep_plan::{Counted, Memory, Sizes, SweepPlan},
     sweep_tables,
 };
 use crate::{
-    cli::StudyArgs,
     clock::Stopwatch,
     exit::ExitStatus,
     output::{Printer, count, duration},
-    study::{Study, StudyPaths},
 };
 
 /// `manifest.json` of a sweep directory.
@@ -50,6 +51,9 @@ pub(super) struct SweepManifest {
     pub(super) windows: Vec<OnlineWindow>,
     /// What errors are divided by.
     pub(super) scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) standing_still: Vec<String>,
     /// Why nothing was trained, if nothing was: the deployment cannot be scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) left_out: Option<String>,
@@ -67,12 +71,17 @@ pub(super) struct HeldOut {
     pub(super) rows: u64,
     /// Times of the first and the last.
     pub(super) times: [String; 2],
+    /// Their fingerprint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) data: Option<Fingerprint>,
 }
 
 impl HeldOut {
-    fn of(frames: &Frames) -> Option<Self> {
+    fn of(dataset: &Dataset) -> Option<Self> {
+        let frames = dataset.held_out.as_ref()?;
         let times = model_files::first_and_last(frames)?;
-        Some(Self { rows: frames.rows() as u64, times })
+        let data = dataset.held_out_fingerprint.clone();
+        Some(Self { rows: frames.rows() as u64, times, data })
     }
 }
 
@@ -90,74 +99,67 @@ pub(super) fn unit_store(directory: &Path) -> UnitStore {
 }
 
 /// Train every candidate in every environment. A dry run says what was `counted` before.
-pub(super) fn run(
-    args: &StudyArgs,
-    counted: &Counted,
-    printer: &Printer,
-) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let (study, paths) = load_study(args)?;
+    let (study, paths) = (job.study(), job.layout());
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    let model = model_files::open(&paths, &study)?;
-    printer.say(&format!(
-        "sweep: reading {}",
-        plant_of_study::data(&study, &paths)?.path.0.join(", ")
-    ));
-    let Parts { dataset, pretrain } = partition::load(&study, &paths, printer)?;
-    model_files::check_data(&paths, &model.manifest, &dataset)?;
+    let model = model_files::open(job)?;
+    printer.say(&format!("sweep: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
+    let (Parts { dataset, pretrain }, streams) = scorable(job, &candidates, printer)?;
+    model_files::check_data(job, &model.manifest, &dataset)?;
     let content = model.manifest.content()?;
-    let streams = match Streams::of(&study, &dataset, &candidates, printer) {
-        Err(reason) if reason.is::<Unscorable>() && paths.deployment().is_some() => {
-            let reason = reason.to_string();
-            let made = LeftOut { study, dataset: &dataset, model: &content, candidates };
-            return made.leave_out(reason, args, &paths, printer);
+    let streams = match streams {
+        Ok(streams) => streams,
+        Err(reason) => {
+            let made = LeftOut { job, dataset: &dataset, model: &content, candidates };
+            return made.leave_out(reason, printer);
         }
-        streams => streams?,
     };
     let span = streams.demand.span;
     let Environments { environments, starts: told_starts } =
-        Environments::new(&study, &model, &dataset, &streams, (&paths, printer))?;
-    let sensors = model_files::sensor_columns(&study, &dataset.normaliser, &dataset.profile)?;
+        Environments::new(job, &model, &dataset, &streams, printer)?;
+    let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let scales = error_scales(&dataset, &sensors, &candidates);
+    let still = standing_still(&dataset, &streams, &sensors, printer);
     let (starts, notes) =
-        pretrain_files::starts(&study, &paths, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
+        pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
     printer.say_all(&notes);
     let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let options = options(&study, &streams);
+    let options = options(study, &streams);
     let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options).starting_from(starts);
-    let plan = raced(plan, &study)?;
+    let plan = raced(plan, study)?;
     let directory = paths.sweep();
     let store = unit_store(&directory);
     let Found { own, stored } =
-        if args.force { Found::default() } else { Found::of(&plan, &store, &paths)? };
+        if job.policy().redoes() { Found::default() } else { Found::of(&plan, &store, paths)? };
     let missing = plan.left(&stored)?;
-    let sizes = Sizes::of(&study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
-    let shared = if args.dry_run { shared_units(&plan, &stored, counted) } else { 0 };
+    let sizes = Sizes::of(study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
+    let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
     let preview = preview(&candidates, &sizes, [plan.count(), missing, shared], span);
-    preview.announce(&study, printer)?;
-    if args.dry_run {
-        preview.show(args.json, printer)?;
+    preview.announce(study, printer)?;
+    if job.policy().is_dry() {
+        preview.show(printer)?;
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
-    let kept = if is_done { finished(&directory, args) } else { None };
+    let kept = if is_done { finished(&directory, job) } else { None };
     let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
-    if args.force {
+    if job.policy().redoes() {
         store.clear()?;
     }
     let mut shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.try_for_each(|(_, result)| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
-    let failed = failed_rollouts(&results, &dataset.normaliser);
-    for note in &failed {
-        printer.warn(note);
+    if let Some(saved) = saved(&results, candidates.len()) {
+        printer.say(&saved);
     }
+    let failed = failed_rollouts(&results, &dataset.normaliser, printer);
     let mut manifest = SweepManifest {
         format: SweepManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -166,23 +168,22 @@ pub(super) fn run(
         data: dataset.fingerprint.clone(),
         model: content,
         period: dataset.period,
-        held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
+        held_out: HeldOut::of(&dataset),
         span,
-        windows: match (&streams.online, &dataset.held_out) {
-            (Some(windows), Some(held_out)) => online_windows(windows, held_out),
-            _ => Vec::new(),
-        },
+        windows: windows(&dataset, &streams),
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales,
         left_out: None,
         candidates,
         units,
-        notes: [notes, streams.notes, told_starts, failed].concat(),
+        notes: [notes, streams.notes, still.iter().map(Still::note).collect(), told_starts, failed]
+            .concat(),
         files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
     };
     if let Some(kept) = kept
         && serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?
     {
-        finish(args, &paths, &manifest, ran, clock, printer)?;
+        finish(job, &manifest, ran, clock, printer)?;
         return Ok(ExitStatus::Done);
     }
     let claim = claim.map_or_else(|| begin(&directory), Ok)?;
@@ -193,8 +194,29 @@ pub(super) fn run(
         write_timings(&directory, ran, &clock)?;
     }
     claim.complete(&manifest)?;
-    finish(args, &paths, &manifest, ran, clock, printer)?;
+    finish(job, &manifest, ran, clock, printer)?;
     Ok(ExitStatus::Done)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+fn scorable(
+    job: &Job,
+    candidates: &[Candidate],
+    printer: &Printer,
+) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+    let is_one_of_several = job.deployment().is_some();
+    let parts = match partition::load(job, printer) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load_training(job, printer)?;
+            return Ok((rest, Err(format!("{reason:#}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
+        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
@@ -216,9 +238,9 @@ fn tables() -> impl Iterator<Item = &'static str> {
 }
 
 /// The manifest of a sweep whose tables are what was written.
-fn finished(directory: &Path, args: &StudyArgs) -> Option<SweepManifest> {
+fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
     let kept = artefact::read::<SweepManifest>(directory)?;
-    (!args.force && artefact::are_whole(directory, &kept.files)).then_some(kept)
+    (!job.policy().redoes() && artefact::are_whole(directory, &kept.files)).then_some(kept)
 }
 
 /// Claim the directory of a sweep that has something to write.
@@ -246,9 +268,17 @@ fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
     if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
 }
 
+/// What Online replays.
+fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
+    match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+        _ => Vec::new(),
+    }
+}
+
 /// A deployment in which nothing can be scored.
 struct LeftOut<'a> {
-    study: Study,
+    job: &'a Job,
     dataset: &'a Dataset,
     model: &'a str,
     candidates: Vec<Candidate>,
@@ -256,31 +286,27 @@ struct LeftOut<'a> {
 
 impl LeftOut<'_> {
     /// Write down why, so that the other deployments are judged without it.
-    fn leave_out(
-        self,
-        reason: String,
-        args: &StudyArgs,
-        paths: &StudyPaths,
-        printer: &Printer,
-    ) -> anyhow::Result<ExitStatus> {
-        let name = paths.deployment().unwrap_or_default();
-        printer.warn(&format!("deployment {name} is left out: {reason}"));
-        if args.dry_run {
+    fn leave_out(self, reason: String, printer: &Printer) -> anyhow::Result<ExitStatus> {
+        let Self { job, dataset, model, candidates } = self;
+        let study = job.study();
+        let name = job.deployment().unwrap_or_default();
+        printer.error(&format!("deployment {name} is left out: {reason}"));
+        if job.policy().is_dry() {
             return Ok(ExitStatus::Negative);
         }
-        let Self { study, dataset, model, candidates } = self;
         let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
         let manifest = SweepManifest {
             format: SweepManifest::FORMAT,
             tool: TOOL.to_owned(),
             key: artefact::key(&reason)?,
-            study,
+            study: study.clone(),
             data: dataset.fingerprint.clone(),
             model: model.to_owned(),
             period: dataset.period,
-            held_out: dataset.held_out.as_ref().and_then(HeldOut::of),
+            held_out: HeldOut::of(dataset),
             span,
             windows: Vec::new(),
+            standing_still: Vec::new(),
             scales: Vec::new(),
             left_out: Some(reason),
             candidates,
@@ -288,7 +314,7 @@ impl LeftOut<'_> {
             notes: Vec::new(),
             files: Files::new(),
         };
-        let claim = begin(&paths.sweep())?;
+        let claim = begin(&job.layout().sweep())?;
         claim.complete(&manifest)?;
         Ok(ExitStatus::Negative)
     }
@@ -312,32 +338,11 @@ struct Found {
 }
 
 impl Found {
-    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &StudyPaths) -> anyhow::Result<Self> {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &Layout) -> anyhow::Result<Self> {
         let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
         let stored = plan.stored(&store.clone().beside(others))?;
         Ok(Self { own: plan.stored(store)?, stored })
     }
-}
-
-/// The runs of each environment whose rollout left the finite numbers, and where.
-fn failed_rollouts(results: &[UnitResult], normaliser: &Normaliser) -> Vec<String> {
-    let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
-    for result in results {
-        if let Some(not_finite) = result.not_finite {
-            let runs = environments.entry(result.unit.environment).or_default();
-            runs.insert(result.unit.run, not_finite);
-        }
-    }
-    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
-        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
-            format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
-        };
-        format!(
-            "the model's rollout left the finite numbers in {environment}: {}; every value has an infinite error there",
-            runs.iter().map(told).collect::<Vec<_>>().join(", ")
-        )
-    };
-    environments.into_iter().map(note).collect()
 }
 
 #[derive(Serialize, Deserialize)]
@@ -352,20 +357,19 @@ fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::R
 }
 
 /// How long the sweep took when it last ran anything.
-pub(super) fn wall_secs(paths: &StudyPaths) -> Option<f64> {
+pub(super) fn wall_secs(paths: &Layout) -> Option<f64> {
     let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
     Some(timings.wall_secs)
 }
 
 fn finish(
-    args: &StudyArgs,
-    paths: &StudyPaths,
+    job: &Job,
     manifest: &SweepManifest,
     ran: usize,
     clock: Stopwatch,
     printer: &Printer,
 ) -> anyhow::Result<()> {
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(manifest)?;
     } else {
         let did = if ran == 0 {
@@ -373,9 +377,9 @@ fn finish(
         } else {
             format!("{} units run in {}", count(ran), duration(clock.elapsed()))
         };
-        let runs = paths.sweep().join("runs.parquet");
+        let runs = job.layout().sweep().join("runs.parquet");
         printer.result(&format!("{did}; results in {}", runs.display()))?;
     }
-    printer.next(&paths.command("evaluate"));
+    printer.next(&[job.command("evaluate")]);
     Ok(())
 }

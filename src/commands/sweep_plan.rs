@@ -5,13 +5,13 @@ use std::{cell::RefCell, collections::BTreeSet};
 use anyhow::bail;
 use calib_agent::{AgentConfig, training_bytes};
 use calib_data::Dataset;
+use calib_study::Study;
 use calib_sweep::{Candidate, Span};
 use serde::Serialize;
 
 use crate::{
     memory,
     output::{Printer, bytes, count, table},
-    study::Study,
 };
 
 /// Units that a dry run of several models and deployments has counted: those that are the same are run once.
@@ -180,8 +180,8 @@ impl SweepPlan<'_> {
     }
 
     /// Every value, as a list or for machines.
-    pub(super) fn show(&self, json: bool, printer: &Printer) -> anyhow::Result<()> {
-        if json {
+    pub(super) fn show(&self, printer: &Printer) -> anyhow::Result<()> {
+        if printer.is_for_machines() {
             return printer.json(self);
         }
         let rows: Vec<Vec<String>> = self

@@ -19,11 +19,11 @@ pub(super) fn write(
 ) -> anyhow::Result<()> {
     let candidates = &sweep.candidates;
     let [runs, curves] = FILES.map(|name| directory.join(name));
-    write_table(runs_table(sweep, results)?, &runs)?;
+    write_table(runs_table(sweep, results), &runs)?;
     write_table(curves_table(candidates, results), &curves)
 }
 
-fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<Table> {
+fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
     let SweepManifest { candidates, study, .. } = sweep;
     let part = study.part();
     let rows: Vec<_> = results
@@ -35,7 +35,7 @@ fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<T
         .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())
         .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
         .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect());
-    table = with_agent_columns(table, candidates, &rows.iter().map(|(_, row)| row.candidate))?;
+    table = with_agent_columns(table, candidates, &rows.iter().map(|(_, row)| row.candidate));
     let table = table
         .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
         .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
@@ -69,7 +69,7 @@ fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> anyhow::Result<T
     for (name, part) in PARTS {
         table = table.with(name, rmse(part));
     }
-    Ok(table)
+    table
 }
 
 /// The error of each part of a run, whichever is scored.
@@ -84,11 +84,8 @@ fn with_agent_columns(
     mut table: Table,
     candidates: &[Candidate],
     rows: &(impl Iterator<Item = usize> + Clone),
-) -> anyhow::Result<Table> {
-    let agents: Vec<serde_json::Map<String, serde_json::Value>> = candidates
-        .iter()
-        .map(|candidate| Ok(serde_json::from_value(serde_json::to_value(&candidate.agent)?)?))
-        .collect::<anyhow::Result<_>>()?;
+) -> Table {
+    let agents: Vec<_> = candidates.iter().map(|candidate| candidate.agent.fields()).collect();
     let fields: Vec<String> =
         agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
     for field in fields {
@@ -101,7 +98,7 @@ fn with_agent_columns(
             table.with(&field, values.collect::<Vec<String>>())
         };
     }
-    Ok(table)
+    table
 }
 
 fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {

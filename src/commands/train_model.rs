@@ -2,7 +2,7 @@
 
 use std::{
     fmt, fs,
-    io::{self, Write as _},
+    io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -15,10 +15,11 @@ use calib_dynamics::{
     Transitioning,
 };
 use calib_files::{
-    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, write_atomically, write_json,
-    write_tensors,
+    Fingerprint, fingerprint_file, read_sealed_tensors, read_tensors, remove_file,
+    write_atomically, write_json, write_tensors,
 };
 use calib_knn::ModelKind;
+use calib_study::{Job, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -29,8 +30,8 @@ use super::{
 use crate::{
     cli::Device,
     clock::Stopwatch,
-    output::{Printer, bytes, count, significant},
-    study::{Study, StudyPaths},
+    memory,
+    output::{Printer, bytes, count, counted, significant},
 };
 
 /// The weights that are kept.
@@ -101,10 +102,11 @@ pub(super) fn check_available(study: &Study, device: Option<Device>) -> anyhow::
 }
 
 /// Fingerprint of what a network follows from: what its kind does not use is left out.
-pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyhow::Result<String> {
+pub(super) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
+    let study = job.study();
     let kind = study.model.kind;
     if kind == ModelKind::Torchscript {
-        let script = fingerprint_file(&script_path(study, paths)?)?;
+        let script = fingerprint_file(&script_path(job)?)?;
         return artefact::key(&(ModelManifest::FORMAT, data, kind, script));
     }
     let unused = DynamicsConfig::default();
@@ -117,19 +119,14 @@ pub(super) fn key(data: &Fingerprint, study: &Study, paths: &StudyPaths) -> anyh
 }
 
 /// Where the study's `TorchScript` file is; relative paths start from the study file.
-fn script_path(study: &Study, paths: &StudyPaths) -> anyhow::Result<PathBuf> {
-    let path = study.dynamics.path.as_ref().context("dynamics.path is not set")?;
-    Ok(paths.study().parent().unwrap_or(Path::new("")).join(path))
+fn script_path(job: &Job) -> anyhow::Result<PathBuf> {
+    let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
+    Ok(job.beside(path))
 }
 
 /// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
-pub(super) fn import(
-    study: &Study,
-    paths: &StudyPaths,
-    dataset: &Dataset,
-    directory: &Path,
-) -> anyhow::Result<()> {
-    let path = script_path(study, paths)?;
+pub(super) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::Result<()> {
+    let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
     let content = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)
@@ -140,17 +137,49 @@ pub(super) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     let config = &study.dynamics;
     let columns = dataset.train.states().columns();
     printer.say(&format!(
-        "{} rows x {columns} columns in {} segments; {} with {} x {} units, {} epochs of mini-batches of {}; \
+        "{} rows x {columns} columns in {}; {} with {} x {} units, {} epochs of mini-batches of {}; \
          expecting {} of memory",
         count(dataset.train.rows()),
-        count(dataset.train.segments().len()),
+        counted(dataset.train.segments().len(), "segment"),
         study.model_name(),
         config.hidden_layers,
         count(config.hidden_units),
         count(config.epochs),
         count(config.batch_size),
-        bytes(2 * (dataset.train.rows() * columns * 4) as u64),
+        bytes(training_bytes(study, dataset)),
     ));
+}
+
+/// What training takes, on the processor: the states twice, copies of the weights, and a mini-batch.
+fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
+    let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([columns]).collect();
+    let states = 8 * (dataset.train.rows() * columns) as u64;
+    let network = match study.model.kind {
+        ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
+        // Three gates, each with weights for the input and for the hidden state.
+        ModelKind::Gru => calib_nn::training_bytes(
+            &sizes,
+            config.batch_size.saturating_mul(config.sequence_length),
+        )
+        .saturating_mul(6),
+        ModelKind::Knn | ModelKind::Torchscript => 0,
+    };
+    states.saturating_add(network)
+}
+
+/// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
+fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> anyhow::Result<()> {
+    if study.model.kind != ModelKind::Nn || device.is_some() {
+        return Ok(());
+    }
+    memory::require(
+        training_bytes(study, dataset),
+        "training the network",
+        "lower dynamics.hidden_units, dynamics.hidden_layers or dynamics.batch_size",
+    )
 }
 
 /// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
@@ -162,6 +191,7 @@ pub(super) fn train(
     device: Option<Device>,
     printer: &Printer,
 ) -> anyhow::Result<TrainingSummary> {
+    check_memory(study, dataset, device)?;
     let transitions = Transitions::new(dataset.train.segments().clone());
     let config = &study.dynamics;
     let fraction = config.validation_fraction;
@@ -257,13 +287,7 @@ impl Checkpoint<'_> {
 
 /// Forget training that was put aside.
 pub(super) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
-    let path = directory.join(CHECKPOINT);
-    match fs::remove_file(&path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", path.display()))
-        }
-        _ => Ok(()),
-    }
+    Ok(remove_file(&directory.join(CHECKPOINT))?)
 }
 
 /// Open the network in a model directory, for states of `columns` values.

@@ -7,7 +7,7 @@ use super::{
     ProgressMonitor,
     harmless::{Lines, harmless, harmless_json},
 };
-use crate::cli::{ColorChoice, GlobalArgs};
+use crate::cli::{Answer, ColorChoice, GlobalArgs};
 
 /// Decides what goes where: results to stdout, talk, warnings and progress to stderr.
 #[derive(Debug)]
@@ -15,6 +15,7 @@ pub(crate) struct Printer {
     quiet: bool,
     color: bool,
     results: Results,
+    answer: Answer,
 }
 
 /// Where results go.
@@ -37,12 +38,27 @@ impl Printer {
                     && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
             }
         };
-        Self { quiet: global.quiet, color, results: Results::Stdout }
+        Self { quiet: global.quiet, color, results: Results::Stdout, answer: Answer::ForPeople }
     }
 
     /// The same printer for a step on the way: its results are talk.
     pub(crate) fn talking(&self) -> Self {
-        Self { results: Results::Talk, ..*self }
+        Self { results: Results::Talk, answer: Answer::ForPeople, ..*self }
+    }
+
+    /// The same printer for a result that is an `answer`.
+    pub(crate) fn answering(&self, answer: Answer) -> Self {
+        Self { answer, ..*self }
+    }
+
+    /// Whether the result is to be JSON.
+    pub(crate) fn is_for_machines(&self) -> bool {
+        self.answer == Answer::ForMachines
+    }
+
+    /// The same printer for what is done twice: it says nothing.
+    pub(crate) fn silent(&self) -> Self {
+        Self { quiet: true, ..self.talking() }
     }
 
     /// A line of the result.
@@ -85,10 +101,13 @@ impl Printer {
         }
     }
 
-    /// What to type next; a step on the way to another result is followed by the next step anyway.
-    pub(crate) fn next(&self, command: &str) {
+    /// What to type next, one of several on a line each; a step on the way to another result is followed by the next step anyway.
+    pub(crate) fn next(&self, commands: &[String]) {
         if self.results == Results::Stdout {
-            self.say(&format!("next: {command}"));
+            for (number, command) in commands.iter().enumerate() {
+                let word = if number == 0 { "next" } else { "  or" };
+                self.say(&format!("{word}: {command}"));
+            }
         }
     }
 
@@ -106,6 +125,14 @@ impl Printer {
     /// Why the command failed; never silent.
     pub(crate) fn error(&self, text: &str) {
         eprint_line(&format!("{} {}", self.paint("error:", "31"), harmless(text, Lines::One)));
+    }
+
+    /// As [`Printer::error`], with the lines of a file that it is about.
+    pub(crate) fn error_in(&self, text: &str, excerpt: &str) {
+        self.error(text);
+        for line in excerpt.lines() {
+            eprint_line(&harmless(line, Lines::One));
+        }
     }
 
     /// Emphasis for a heading on stderr.

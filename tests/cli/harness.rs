@@ -111,7 +111,13 @@ impl Place {
 
     /// Run `calib` with these arguments.
     pub(crate) fn calib(&self, args: &[&str]) -> Ran {
-        let output = self.command(args).output().expect("calib runs");
+        self.calib_with(args, &[])
+    }
+
+    /// As [`calib`](Self::calib), with something in the environment.
+    pub(crate) fn calib_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Ran {
+        let mut command = self.command(args);
+        let output = command.envs(environment.iter().copied()).output().expect("calib runs");
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 

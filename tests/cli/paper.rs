@@ -47,7 +47,7 @@ fn the_week_runs_to_one_report_on_its_models() {
     }
     let results = place.path().join("one-week-results/tiny");
     let report = fs::read_to_string(results.join("report.html")).expect("written");
-    assert!(report.contains("Four models of one week"), "the title");
+    assert!(report.contains("Three models of one week"), "the title");
     assert!(!verdict.contains("gru"), "the profile compares the others: {verdict}");
     // What is there can be looked at again, and a dry run looks into every step.
     let dry = place.calib(&[&tiny[..], &["--dry-run"]].concat());

@@ -56,8 +56,9 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     run(&["sweep"]);
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
     assert!(dry("pretrain.moments=keep").stderr().contains("all units are left"));
-    assert!(dry("pretrain.fraction=0.3").fails(2).contains("another [pretrain]"));
-    assert!(dry("pretrain.epochs=7").fails(2).contains("another [pretrain], [agent] or seed"));
+    let other = dry("pretrain.fraction=0.3").fails(2);
+    assert!(other.contains("pretrain.fraction = 0.4, now 0.3"), "{other}");
+    assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));
 }
 
 #[test]
@@ -109,7 +110,7 @@ fn what_does_not_fit_is_refused() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
     fs::write(&weights, b"damaged").expect("writable");
-    assert!(sweep(&[]).contains("run `calib pretrain` to make it again"));
+    assert!(sweep(&[]).contains("run `calib pretrain study.toml` to make it again"));
     let none = place.calib(&["pretrain", "study.toml", "--set", "pretrain.epochs=0"]).fails(2);
     assert!(none.contains("pretrain.epochs is 0"), "{none}");
     let diverged = ["pretrain", "study.toml", "--set", "pretrain.learning_rate=1e38"];

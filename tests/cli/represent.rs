@@ -96,7 +96,10 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     // Another representation is another model; a grid that grows keeps what is trained.
     place.edit_study("[1e-3, 3e-3]", "[1e-3, 3e-3, 1e-2]");
     let stale = place.calib(&["rollout", "study.toml"]).fails(2);
-    assert!(stale.contains("another [representation]"), "{stale}");
+    assert!(
+        stale.contains("representation.learning_rate = [0.001,0.003], now [0.001,0.003,0.01]"),
+        "{stale}"
+    );
     let before = place.content("study-results/representation/candidates");
     place.calib(&["represent", "study.toml"]).succeeds();
     let after = place.content("study-results/representation/candidates");
@@ -213,7 +216,10 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
     write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
     place.edit_study("psi.npy", "wide.npy");
     let stale = place.calib(&components("model.components=5")).fails(2);
-    assert!(stale.contains("run `calib represent study.toml` again"), "{stale}");
+    assert!(
+        stale.contains("run `calib represent study.toml --set 'model.components=5'` again"),
+        "{stale}"
+    );
 }
 
 #[test]

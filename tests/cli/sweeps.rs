@@ -29,6 +29,7 @@ fn every_field_of_the_agent_can_be_swept_and_has_an_effect() {
         ("value_function", "[\"mlp\", \"linear\"]"),
         ("hidden_layers", "[1, 2]"),
         ("hidden_units", "{ from = 4, to = 6, step = 2 }"),
+        ("precision", "[\"f32\", \"bf16\"]"),
         ("optimiser", "[\"adam\", \"sgd\"]"),
         ("learning_rate", "{ from = 1e-4, to = 1e-3, per_decade = 1 }"),
         ("beta1", "[0.5, 0.9]"),

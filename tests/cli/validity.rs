@@ -228,7 +228,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
     assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
     let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
-    assert_eq!(rules, 14, "six rules of two models, and what a race leaves");
+    assert_eq!(rules, 16, "seven rules of two models, and what a race leaves");
     assert!(json["scores"][0]["accuracy"][0]["correlation"].is_null(), "there are no rollouts");
 
     // Each drawn study is one like any other.
@@ -290,7 +290,10 @@ fn a_protocol_is_told_from_studies() {
     let run = place.calib(&["run", "protocol.toml"]).fails(2);
     assert!(run.contains("is a protocol of several studies; run it with `calib validity"), "{run}");
     let both = place.calib(&["validity", "protocol.toml", "plant.toml"]).fails(2);
-    assert!(both.contains("a protocol is judged by itself"), "{both}");
+    assert!(
+        both.contains("is a protocol, which draws its own studies: name nothing beside it"),
+        "{both}"
+    );
     // In a folder the protocol is what is meant, and the studies beside it are what it draws from.
     let folder = place.calib(&["validity", ".", "--dry-run"]).succeeds();
     assert!(folder.contains("plant-01"), "{folder}");

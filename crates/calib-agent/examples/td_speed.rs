@@ -2,7 +2,7 @@
 //! such an update; `scripts/peers/td0.py` compares them with other packages.
 //!
 //! ```text
-//! td_speed mlp|linear AGENTS UPDATES
+//! td_speed mlp|mlp-bf16|linear AGENTS UPDATES
 //! ```
 //!
 //! Shapes are those of the paper: 142 sensors, two hidden layers of 256 units, batches of 256. An update is one
@@ -11,9 +11,9 @@
 #![expect(clippy::print_stdout, reason = "a program prints")]
 #![expect(clippy::disallowed_methods, reason = "a program that measures reads the clock")]
 
-use std::{env, error::Error, hint::black_box, time::Instant};
+use std::{env, error::Error, fs, hint::black_box, time::Instant};
 
-use calib_agent::{AgentConfig, CurveRule, ValueFunction, train};
+use calib_agent::{AgentConfig, CurveRule, Precision, ValueFunction, train};
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_nn::{Matrix, multiply};
 
@@ -25,18 +25,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let [kind, agents, updates] = arguments.as_slice() else {
         // `cargo test` and `cargo bench` run examples without arguments.
-        println!("td_speed mlp|linear AGENTS UPDATES");
+        println!("td_speed mlp|mlp-bf16|linear AGENTS UPDATES");
         return Ok(());
     };
-    let value_function = match kind.as_str() {
-        "mlp" => ValueFunction::Mlp,
-        "linear" => ValueFunction::Linear,
-        other => return Err(format!("mlp or linear, got {other}").into()),
+    let (value_function, precision) = match kind.as_str() {
+        "mlp" => (ValueFunction::Mlp, Precision::F32),
+        "mlp-bf16" => (ValueFunction::Mlp, Precision::Bf16),
+        "linear" => (ValueFunction::Linear, Precision::F32),
+        other => return Err(format!("mlp, mlp-bf16 or linear, got {other}").into()),
     };
     let (agents, updates): (usize, usize) = (agents.parse()?, updates.parse()?);
     let population: Vec<AgentConfig> = (0..agents)
         .map(|index| AgentConfig {
             value_function,
+            precision,
             hidden_units: UNITS,
             learning_rate: 1e-6 * 10_f64.powf(0.5 * index as f64),
             gamma: 0.9,
@@ -47,20 +49,43 @@ fn main() -> Result<(), Box<dyn Error>> {
     let run = |updates: usize| {
         let stream = stream(BATCH + updates)?;
         let curve = CurveRule::default();
-        let clock = Instant::now();
+        let clock = Clock::start();
         let outcomes = train(&stream, 0, &population, curve, Seed::new(1), &Silent)?;
         black_box(outcomes);
-        Ok::<f64, Box<dyn Error>>(clock.elapsed().as_secs_f64())
+        Ok::<_, Box<dyn Error>>(clock.seconds())
     };
     run(updates.min(50))?;
-    let rate = (agents * updates) as f64 / run(updates)?;
+    let [wall, processor] = run(updates)?.map(|seconds| (agents * updates) as f64 / seconds);
     let (flops, seconds) = products((agents * updates).clamp(100, 1_000));
+    let gflops = flops / seconds / 1e9;
     println!(
-        "{{\"updates_per_second\": {rate}, \"gemm_gflops\": {}, \"gemm_updates_per_second\": {}}}",
-        flops / seconds / 1e9,
+        "{{\"updates_per_second\": {wall}, \"updates_per_processor_second\": {processor}, \
+         \"gemm_gflops\": {gflops}, \"gemm_updates_per_second\": {}}}",
         1.0 / seconds
     );
     Ok(())
+}
+
+/// The time of the wall and of the processor.
+struct Clock(Instant, Option<f64>);
+
+impl Clock {
+    fn start() -> Self {
+        Self(Instant::now(), processor_seconds())
+    }
+
+    /// The seconds of both since then; where the system does not tell those of the processor, the same twice.
+    fn seconds(&self) -> [f64; 2] {
+        let wall = self.0.elapsed().as_secs_f64();
+        let processor = self.1.zip(processor_seconds()).map(|(before, after)| after - before);
+        [wall, processor.unwrap_or(wall)]
+    }
+}
+
+/// What this thread has had of a processor so far, as Linux counts it.
+fn processor_seconds() -> Option<f64> {
+    let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split(' ').next()?.parse::<f64>().ok()? / 1e9)
 }
 
 /// Random states: what they are has no influence on the time.
@@ -71,7 +96,7 @@ fn stream(steps: usize) -> Result<RowStream, Box<dyn Error>> {
     Ok(RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect()))
 }
 
-/// Operations and seconds of the five large products of one update: both layers forward for s, s' and the present
+/// Operations and processor seconds of the five large products of one update: both layers forward for s, s' and the present
 /// state, both layers' weights, and the error of the first.
 fn products(repeats: usize) -> (f64, f64) {
     let rows = 2 * BATCH + 1;
@@ -100,9 +125,10 @@ fn products(repeats: usize) -> (f64, f64) {
         black_box(out[0]);
     };
     all();
-    let clock = Instant::now();
+    let clock = Clock::start();
     for _ in 0..repeats {
         all();
     }
-    (flops as f64, clock.elapsed().as_secs_f64() / repeats as f64)
+    let [_, processor] = clock.seconds();
+    (flops as f64, processor / repeats as f64)
 }

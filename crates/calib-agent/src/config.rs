@@ -1,9 +1,11 @@
 use std::fmt::Display;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// How the value of a state is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ValueFunction {
     /// Multilayer perceptron with `ReLU` between layers.
@@ -13,8 +15,26 @@ pub enum ValueFunction {
     Linear,
 }
 
+/// The numbers whose products an MLP consists of. Sums, and all that is kept of it, are in single precision either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Single precision.
+    #[default]
+    F32,
+    /// bfloat16: weights, states, activations and errors are rounded to eight significant bits before they are multiplied.
+    Bf16,
+}
+
+impl Precision {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_single(&self) -> bool {
+        *self == Self::F32
+    }
+}
+
 /// How parameters follow the semi-gradient.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OptimiserKind {
     /// Adam with bias correction.
@@ -25,7 +45,7 @@ pub enum OptimiserKind {
 }
 
 /// Which transitions an update learns from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReplayKind {
     /// A mini-batch drawn uniformly, with replacement, from the latest `replay_capacity` transitions.
@@ -36,7 +56,7 @@ pub enum ReplayKind {
 }
 
 /// Hyperparameters of a TD(0) agent. Every field has a default, and all but `traces` are scalars.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
     /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a
@@ -49,6 +69,10 @@ pub struct AgentConfig {
     pub hidden_layers: usize,
     /// Units of each hidden layer, 1 to 16384. Default 256.
     pub hidden_units: usize,
+    /// `"f32"` (default) or `"bf16"`, for MLPs only. Left out where it is the default, as it was before there was another one: what follows
+    /// from an agent is known by its fields.
+    #[serde(skip_serializing_if = "Precision::is_single")]
+    pub precision: Precision,
     /// `"adam"` (default) or `"sgd"`.
     pub optimiser: OptimiserKind,
     /// Step size, ≥ 0. Default 1e-3. What the paper sweeps. With 0 the agent predicts and does not learn.
@@ -83,6 +107,7 @@ impl Default for AgentConfig {
             value_function: ValueFunction::Mlp,
             hidden_layers: 2,
             hidden_units: 256,
+            precision: Precision::F32,
             optimiser: OptimiserKind::Adam,
             learning_rate: 1e-3,
             beta1: 0.9,
@@ -135,6 +160,12 @@ impl AgentConfig {
             "1 to 16384",
         )?;
         require(
+            mlp || self.precision == Precision::F32,
+            "precision",
+            &"bf16",
+            "f32 with value_function = \"linear\": its updates wait for memory, not for products",
+        )?;
+        require(
             self.learning_rate == 0.0 || single(self.learning_rate),
             "learning_rate",
             &self.learning_rate,
@@ -168,6 +199,17 @@ impl AgentConfig {
             &format!("batch_size ({}) to 4294967296", self.batch_size),
         )?;
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
+    }
+
+    /// Every field by its name in a study, also one that is left out where it is the default.
+    pub fn fields(&self) -> Map<String, Value> {
+        match (serde_json::to_value(self), serde_json::to_value(self.precision)) {
+            (Ok(Value::Object(mut fields)), Ok(precision)) => {
+                fields.insert("precision".to_owned(), precision);
+                fields
+            }
+            _ => unreachable!("an agent's configuration is a table"),
+        }
     }
 
     /// What the agent sees of a state of `width` values: these and their traces.
@@ -262,5 +304,27 @@ mod tests {
             ..AgentConfig::default()
         };
         assert_eq!(linear.check(), Ok(()));
+        let rounded = AgentConfig { precision: Precision::Bf16, ..linear };
+        assert_eq!(
+            rounded.check().expect_err("refused").to_string(),
+            "agent hyperparameter `precision`: expected f32 with value_function = \"linear\": its updates wait \
+             for memory, not for products, got bf16"
+        );
+    }
+
+    #[test]
+    fn precision_is_written_where_it_is_not_the_default() {
+        let field = |precision| {
+            let config = AgentConfig { precision, ..AgentConfig::default() };
+            assert_eq!(config.fields()["precision"], serde_json::json!(precision));
+            let written = serde_json::to_value(&config).expect("serialises");
+            assert_eq!(
+                serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"),
+                config
+            );
+            written.get("precision").cloned()
+        };
+        assert_eq!(field(Precision::F32), None, "known as before");
+        assert_eq!(field(Precision::Bf16), Some("bf16".into()));
     }
 }

@@ -31,6 +31,7 @@ mod learner;
 mod linear;
 mod memory;
 mod mlp;
+mod network;
 mod outcome;
 mod population;
 mod pretrain;
@@ -43,7 +44,7 @@ mod train;
 mod validation;
 mod values;
 
-pub use config::{AgentConfig, ConfigError, OptimiserKind, ReplayKind, ValueFunction};
+pub use config::{AgentConfig, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction};
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
 pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};

@@ -1,6 +1,6 @@
 use crate::{
-    AgentConfig, PretrainSettings, ReplayKind, ValueFunction, layer_sizes, parameter_count,
-    population::can_share,
+    AgentConfig, Precision, PretrainSettings, ReplayKind, ValueFunction, layer_sizes,
+    parameter_count, population::can_share,
 };
 
 /// Bytes that [`train_learners`](crate::train_learners) takes at most beside the stream, if each of `agents`
@@ -10,7 +10,7 @@ use crate::{
 /// so the largest counts):
 ///
 /// - for each agent and sensor: parameters, two moments (Adam) and a target network, if any, 4 bytes each, and
-///   twice more while the state of a long run is written;
+///   twice more while the state of a long run is written; what parameters are rounded to, where they are;
 /// - for the population: a mini-batch of s and s' with its activations and their gradients, 4 bytes each;
 ///   the states with traces, if any, 4 bytes each; returns, 8 bytes a step and sensor; the replay buffer, which
 ///   is a list of step numbers, 4 bytes a step.
@@ -42,7 +42,7 @@ pub fn pretraining_bytes(
     let parameters = parameter_count(agent, seen);
     let target = usize::from(agent.target_network_period > 0);
     let best = if patience > 0 { 3 } else { 0 };
-    let own = 3 * (3 + target + best) * parameters;
+    let own = 3 * (3 + target + best) * parameters + (1 + target) * rounded(agent, seen);
     let validated = (states as f64 * validation_fraction).ceil() as usize;
     let groups = threads.min(sensors);
     let work = batch_work(agent, agent.batch_size, sensors.div_ceil(groups.max(1)), seen);
@@ -61,7 +61,7 @@ fn population_bytes(
     let parameters = parameter_count(agent, seen);
     let target = usize::from(agent.target_network_period > 0);
     // The copy that is written, and its bytes.
-    let own = 3 * (3 + target) * parameters;
+    let own = 3 * (3 + target) * parameters + (1 + target) * rounded(agent, seen);
     let batch = match agent.replay {
         ReplayKind::Uniform => agent.batch_size,
         ReplayKind::None => 1,
@@ -78,9 +78,35 @@ fn batch_work(agent: &AgentConfig, batch: usize, size: usize, seen: usize) -> us
     let parameters = parameter_count(agent, seen);
     let rows = 2 * batch + 1;
     let widest = sizes.iter().skip(1).max().copied().unwrap_or(1);
-    match agent.value_function {
-        ValueFunction::Mlp => rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters,
-        ValueFunction::Linear => size * parameters,
+    match (agent.value_function, agent.precision) {
+        (ValueFunction::Linear, _) => size * parameters,
+        (ValueFunction::Mlp, Precision::F32) => {
+            rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters
+        }
+        (ValueFunction::Mlp, Precision::Bf16) => {
+            // Two bytes each: states and activations by rows, those that are learnt from and their errors once or twice more.
+            let hidden: usize = sizes[1..sizes.len() - 1].iter().map(|&size| whole(size)).sum();
+            rows * (seen + whole(seen) + BLOCK + hidden * 3 / 2) + parameters
+        }
+    }
+}
+
+/// Features lie in blocks of so many where they are rounded.
+const BLOCK: usize = 32;
+
+/// So many features in whole blocks.
+fn whole(features: usize) -> usize {
+    features.next_multiple_of(BLOCK)
+}
+
+/// What the parameters of an agent are rounded to, as numbers of 4 bytes: weights as they are and transposed, two bytes each.
+fn rounded(agent: &AgentConfig, seen: usize) -> usize {
+    match agent.precision {
+        Precision::F32 => 0,
+        Precision::Bf16 => {
+            let sizes = layer_sizes(agent, seen);
+            sizes.windows(2).map(|pair| (whole(pair[0]) + 1) * whole(pair[1])).sum()
+        }
     }
 }
 
@@ -115,6 +141,9 @@ mod tests {
         assert_eq!(of(&[small.clone(), other]), expected, "one after the other");
         let traced = AgentConfig { traces: vec![0.9], ..small.clone() };
         assert!(of(&[traced]) > expected + 4 * 20 * 1000);
+        // 32 · 32 + 32 three times; 9 rows of 10 + 32 + 32 + 96 values instead of the 43 above.
+        let rounded = AgentConfig { precision: Precision::Bf16, ..small.clone() };
+        assert_eq!(of(&[rounded]), expected + 4 * (3 * 33 * 32 + 9 * (170 - 43)));
         let sensors = training_bytes(&[small], 3, 10, 1000);
         assert_eq!(sensors, expected + 2 * (4 * 9 * 169 + 8 * 1000));
     }

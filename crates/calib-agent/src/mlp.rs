@@ -1,17 +1,18 @@
 use std::ops::Range;
 
 use calib_core::{Seed, Stream};
-use calib_nn::{Mlp, Optimiser, Workspace};
+use calib_nn::{Mlp, Optimiser};
 
 use crate::{
     AgentConfig, Checkpoint, Learner,
     keeper::ValueState,
     layer_sizes,
     learner::Cumulants,
+    network::{Network, Pass},
     values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},
 };
 
-/// A population of multilayer perceptrons of one shape.
+/// A population of multilayer perceptrons of one shape and precision.
 ///
 /// A batch is gathered once for all of them. Each agent then runs its own products, so that its bytes do
 /// not depend on its neighbours; the first layer of nine agents as one wide product was measured 4 %
@@ -21,9 +22,8 @@ pub(crate) struct MlpValues {
     agents: Vec<Agent>,
     /// The state columns that are predicted.
     columns: Vec<usize>,
-    workspace: Workspace,
     /// s of the batch, then that of the present step if asked for, then s' of the batch.
-    inputs: Vec<f32>,
+    pass: Pass,
     /// o' of the batch, column after column.
     cumulants: Vec<f32>,
     /// v(s') of the batch under the target network.
@@ -34,13 +34,13 @@ pub(crate) struct MlpValues {
 
 struct Agent {
     config: AgentConfig,
-    network: Mlp,
+    network: Network,
     /// Which of the columns it predicts.
     sensor: usize,
     /// Whether updates can change its parameters; otherwise it only predicts.
     learns: bool,
     /// Bootstraps come from here, where there is one.
-    target: Option<Mlp>,
+    target: Option<Network>,
     clock: TargetClock,
     optimiser: Optimiser,
 }
@@ -49,8 +49,10 @@ impl MlpValues {
     /// Agents of one shape, discount factor and batch size, for states of `width` values.
     pub(crate) fn new(learners: &[Learner<'_>], width: usize, batch: usize, seed: Seed) -> Self {
         let shape = learners[0].config;
-        let network = Mlp::new(&layer_sizes(shape, width), parameter_seed(seed));
-        let rows = 2 * batch + 1;
+        let parameters = Mlp::new(&layer_sizes(shape, width), parameter_seed(seed));
+        let pass = Pass::new(shape.precision, &parameters, 2 * batch + 1, batch);
+        let count = parameters.parameter_count();
+        let network = Network::new(shape.precision, parameters);
         let Cumulants { columns, of } = Cumulants::new(learners);
         let agent = |(learner, sensor): (&Learner<'_>, usize)| {
             let clock = TargetClock::new(learner.config.target_network_period);
@@ -58,7 +60,7 @@ impl MlpValues {
                 config: learner.config.clone(),
                 target: clock.is_on().then(|| network.clone()),
                 clock,
-                optimiser: optimiser(learner.config, network.parameter_count()),
+                optimiser: optimiser(learner.config, count),
                 network: network.clone(),
                 sensor,
                 learns: learner.learns(),
@@ -67,8 +69,7 @@ impl MlpValues {
         Self {
             gamma: shape.gamma as f32,
             agents: learners.iter().zip(of).map(agent).collect(),
-            workspace: Workspace::new(&network, rows),
-            inputs: Vec::with_capacity(rows * width),
+            pass,
             cumulants: Vec::with_capacity(columns.len() * batch),
             columns,
             next_values: vec![0.0; batch],
@@ -77,36 +78,28 @@ impl MlpValues {
     }
 
     fn gather(&mut self, batch: Batch<'_>) {
-        let Batch { stream, starts, .. } = batch;
-        self.inputs.clear();
+        let Batch { stream, starts, present } = batch;
+        let after = starts.iter().map(|&t| t + 1);
+        let states = starts.iter().copied().chain(present).chain(after);
+        self.pass.set(states.map(|t| stream.state(t)), starts.len());
         self.cumulants.clear();
-        for &t in starts {
-            self.inputs.extend_from_slice(stream.state(t));
-        }
-        if let Some(t) = batch.present {
-            self.inputs.extend_from_slice(stream.state(t));
-        }
-        for &t in starts {
-            self.inputs.extend_from_slice(stream.state(t + 1));
-        }
         for &column in &self.columns {
             self.cumulants.extend(starts.iter().map(|&t| stream.state(t + 1)[column]));
         }
     }
 
-    fn learn_one(&mut self, agent: usize, width: usize, present: bool) -> Learned {
-        let Self { gamma, agents, columns, workspace, inputs, cumulants, .. } = self;
+    fn learn_one(&mut self, agent: usize, present: bool) -> Learned {
+        let Self { gamma, agents, columns, pass, cumulants, .. } = self;
         let (next_values, output_gradient) = (&mut self.next_values, &mut self.output_gradient);
         let agent = &mut agents[agent];
         let batch = cumulants.len() / columns.len();
         let cumulants = &cumulants[agent.sensor * batch..][..batch];
         let ahead = batch + usize::from(present);
         let values = if let Some(target) = &agent.target {
-            let next = target.forward(&inputs[ahead * width..], workspace);
-            next_values[..batch].copy_from_slice(next);
-            agent.network.forward(&inputs[..ahead * width], workspace)
+            next_values[..batch].copy_from_slice(target.values(ahead..ahead + batch, pass));
+            agent.network.values(0..ahead, pass)
         } else {
-            let values = agent.network.forward(inputs, workspace);
+            let values = agent.network.values(0..ahead + batch, pass);
             next_values[..batch].copy_from_slice(&values[ahead..]);
             values
         };
@@ -121,13 +114,11 @@ impl MlpValues {
             learned.squared_errors += td_error * td_error;
             *gradient = scale * td_error;
         }
-        let gradients = agent.network.backward(inputs, gradients, workspace);
-        agent.optimiser.step(agent.network.parameters_mut(), gradients);
+        agent.network.step(&mut agent.optimiser, gradients, pass);
         if agent.clock.tick()
             && let Some(target) = &mut agent.target
         {
-            let parameters = agent.network.parameters();
-            target.parameters_mut().copy_from_slice(parameters);
+            target.set_parameters(agent.network.parameters());
         }
         learned
     }
@@ -135,7 +126,7 @@ impl MlpValues {
 
 impl Values for MlpValues {
     fn predict(&mut self, agent: usize, state: &[f32]) -> f32 {
-        self.agents[agent].network.forward(state, &mut self.workspace)[0]
+        self.agents[agent].network.value(state, &mut self.pass)
     }
 
     fn predict_all(
@@ -146,13 +137,11 @@ impl Values for MlpValues {
         values: &mut Vec<f32>,
     ) {
         let network = &self.agents[agent].network;
-        let rows = self.workspace.capacity();
+        let rows = self.pass.capacity();
         for first in steps.clone().step_by(rows) {
-            self.inputs.clear();
-            for t in first..steps.end.min(first + rows) {
-                self.inputs.extend_from_slice(stream.state(t));
-            }
-            values.extend_from_slice(network.forward(&self.inputs, &mut self.workspace));
+            let steps = first..steps.end.min(first + rows);
+            self.pass.set(steps.clone().map(|t| stream.state(t)), 0);
+            values.extend_from_slice(network.values(0..steps.len(), &mut self.pass));
         }
     }
 
@@ -160,10 +149,9 @@ impl Values for MlpValues {
         if live.iter().any(|&agent| self.agents[agent].learns) {
             self.gather(batch);
         }
-        let width = batch.stream.width();
         for (learned, &agent) in learned.iter_mut().zip(live) {
             *learned = if self.agents[agent].learns {
-                self.learn_one(agent, width, batch.present.is_some())
+                self.learn_one(agent, batch.present.is_some())
             } else {
                 let prediction = batch.present.map(|t| self.predict(agent, batch.stream.state(t)));
                 Learned { prediction, squared_errors: 0.0, finite: true }
@@ -186,9 +174,9 @@ impl Values for MlpValues {
     fn restore(&mut self, agent: usize, state: &ValueState) {
         let agent = &mut self.agents[agent];
         let parameters = &state.checkpoint.parameters;
-        agent.network.parameters_mut().copy_from_slice(parameters);
+        agent.network.set_parameters(parameters);
         if let Some(target) = &mut agent.target {
-            target.parameters_mut().copy_from_slice(state.target.as_ref().unwrap_or(parameters));
+            target.set_parameters(state.target.as_ref().unwrap_or(parameters));
         }
         agent.clock.set_updates(state.updates);
         agent.optimiser = optimiser(&agent.config, parameters.len());
@@ -206,6 +194,7 @@ impl Values for MlpValues {
 #[cfg(test)]
 mod tests {
     use calib_core::{RowIndex, RowStream, States};
+    use calib_nn::Workspace;
 
     use super::*;
     use crate::OptimiserKind;
@@ -227,7 +216,11 @@ mod tests {
         let starts = [8, 2, 2, 5];
         let learner = Learner { config: &config, cumulant: 1, start: None };
         let mut agents = MlpValues::new(&[learner], 3, 4, Seed::new(9));
-        let before = agents.agents[0].network.clone();
+        let network = |agents: &MlpValues| {
+            let parameters = agents.agents[0].network.parameters().to_vec();
+            Mlp::from_parameters(&[3, 6, 6, 1], parameters).expect("as many")
+        };
+        let before = network(&agents);
         let value = |network: &Mlp, t: usize| {
             network.forward(stream.state(t), &mut Workspace::new(network, 1))[0]
         };

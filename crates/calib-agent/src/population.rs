@@ -26,11 +26,11 @@ pub(crate) fn values_of(
     }
 }
 
-/// What agents must share to learn in lockstep: what they see, the shape of the value function, γ, whether there are
+/// What agents must share to learn in lockstep: what they see, the shape and precision of the value function, γ, whether there are
 /// target networks, and everything that decides which transitions an update sees.
 pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
     let shape = |config: &AgentConfig| match config.value_function {
-        ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units)),
+        ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units, config.precision)),
         ValueFunction::Linear => None,
     };
     let draws = |config: &AgentConfig| match config.replay {

@@ -1,6 +1,5 @@
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -94,7 +93,7 @@ impl StateFile {
     /// The training is finished.
     pub fn remove(&self) {
         // A file that stays is not looked at again by other training.
-        let _ = fs::remove_file(&self.path);
+        let _ = calib_files::remove_file(&self.path);
     }
 }
 

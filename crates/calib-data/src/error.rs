@@ -146,9 +146,12 @@ pub enum DataError {
     },
     /// The log has no rows.
     #[error(
-        "the log has no rows: {files} files, every timestamp is missing or every file is empty"
+        "the log in {path} has no rows: {files} files, every timestamp is missing or every file is empty; \
+         check data.path and data.timestamp"
     )]
     NoRows {
+        /// `data.path`.
+        path: String,
         /// Number of files.
         files: usize,
     },
@@ -220,7 +223,9 @@ pub enum DataError {
         hint: String,
     },
     /// A sensor that is needed was dropped.
-    #[error("sensor {name:?} is needed but was dropped: {reason}")]
+    #[error(
+        "sensor {name:?} is needed but was dropped: {reason}; `calib inspect` shows every sensor: choose another, or other data"
+    )]
     SensorDropped {
         /// The sensor.
         name: String,

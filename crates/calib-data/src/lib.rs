@@ -4,6 +4,8 @@
 //! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
 //! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before.
 //! - [`import`]: a log of any form as one wide Parquet file.
+//! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
+//! - [`read_tags`]: units and labels of channels, from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
@@ -33,8 +35,10 @@ mod profile;
 mod refuse;
 mod sample;
 mod select;
+mod sketch;
 mod survey;
 pub mod table;
+mod tags;
 mod text;
 mod time;
 
@@ -48,8 +52,10 @@ pub use import::{Imported, import};
 pub use log::Declared;
 pub use outliers::Fences;
 pub use profile::{
-    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Duplicates, FarOut, Gaps,
-    PartProfile, Profile, ValueProfile,
+    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Description, Duplicates,
+    FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use select::DropReason;
+pub use sketch::{ChannelSketch, Sketch, sketch};
+pub use tags::read_tags;
 pub use time::{format_time, parse_time};

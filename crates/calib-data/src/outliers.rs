@@ -153,7 +153,7 @@ mod tests {
         let fences = Fences::of(&quantised, Some(0.1)).expect("two values");
         assert!(!fences.far_out(0.6), "some steps further is not far out");
         let burst: Vec<f64> = (0..2_000)
-            .map(|row| if row % 400 < 20 { 40.0 } else { 0.1 + (row % 7) as f64 * 0.01 })
+            .map(|row| if row % 400 < 20 { 40.0 } else { 0.1 + f64::from(row % 7) * 0.01 })
             .collect();
         assert_eq!(spikes(&burst), [0; 0]);
     }

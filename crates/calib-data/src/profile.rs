@@ -1,6 +1,7 @@
 //! What `calib inspect` shows.
 
 use calib_core::Timestamp;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{DataError, DropReason, Fences, Shape, names::hint};
@@ -135,6 +136,34 @@ pub struct Gaps {
     pub examples: Vec<(Timestamp, Timestamp)>,
 }
 
+/// What a person calls a channel, and what its values are measured in.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Description {
+    /// The unit of its values: `kPa`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// What it is: `membrane pressure`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+}
+
+impl Description {
+    /// Whether it says nothing.
+    pub fn is_empty(&self) -> bool {
+        self.unit.is_none() && self.label.is_none()
+    }
+
+    /// This, and from `other` what it does not say.
+    #[must_use]
+    pub fn or(self, other: &Self) -> Self {
+        Self {
+            unit: self.unit.or_else(|| other.unit.clone()),
+            label: self.label.or_else(|| other.label.clone()),
+        }
+    }
+}
+
 /// One channel of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelProfile {
@@ -142,6 +171,9 @@ pub struct ChannelProfile {
     pub name: String,
     /// Its type in the files.
     pub type_name: String,
+    /// What the header of its files says of it. Default: nothing.
+    #[serde(default, skip_serializing_if = "Description::is_empty")]
+    pub description: Description,
     /// Why it is not a sensor of the states; `None` if it is one.
     pub dropped: Option<DropReason>,
     /// Its values; `None` if it was excluded or cannot be read, or has no value.
@@ -286,14 +318,21 @@ impl Profile {
                 let example = example.map_or_else(String::new, |(time, value)| {
                     format!(" (such as {value} at {})", crate::format_time(*time))
                 });
+                let spikes =
+                    if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };
                 doubts.push((name, format!(
-                    "{name} has {spikes} spikes{example}: preprocess.outliers says what becomes of them"
+                    "{name} has {spikes}{example}: preprocess.outliers says what becomes of them"
                 )));
             }
             if held_out > 0 {
                 let side = if furthest < 0.0 { "below" } else { "above" };
+                let values = if held_out == 1 {
+                    "a held-out value".to_owned()
+                } else {
+                    format!("{held_out} held-out values")
+                };
                 doubts.push((name, format!(
-                    "{name} has {held_out} held-out values far outside of its training range, up to {:.0} of its widths {side} it: \
+                    "{name} has {values} far outside of its training range, up to {:.0} of its widths {side} it: \
                      no model of the training range knows them",
                     furthest.abs(),
                 )));

@@ -39,15 +39,16 @@ impl Survey {
                     rows: part.log_rows as usize,
                     dropped: part.dropped_rows as usize,
                     segments: part.segments as usize,
-                    culprits: self.culprits(part),
+                    culprits: self.culprits(key, part),
                 });
             }
         }
         Ok(())
     }
 
-    /// The channels that cost most rows.
-    fn culprits(&self, part: &PartProfile) -> String {
+    /// The channels that cost most rows of the range `key`. What is missing in the held-out range alone, no limit of the training range
+    /// drops.
+    fn culprits(&self, key: &str, part: &PartProfile) -> String {
         let mut channels: Vec<&ChannelProfile> =
             self.profile.kept().filter(|channel| channel.unfilled > 0).collect();
         if part.dropped_rows == 0 || channels.is_empty() {
@@ -60,8 +61,9 @@ impl Survey {
             .map(|channel| format!("{} misses {} values", channel.name, channel.unfilled))
             .collect();
         format!(
-            ". {}: exclude such channels, lower preprocess.max_missing, or raise preprocess.fill_limit",
-            worst.join(", ")
+            ". {}: leave such channels out with data.exclude,{} or raise preprocess.fill_limit",
+            worst.join(", "),
+            if key == "train" { " lower preprocess.max_missing," } else { "" }
         )
     }
 }

@@ -192,6 +192,7 @@ impl Scan<'_> {
             profiles.push(ChannelProfile {
                 name: channel.name.clone(),
                 type_name: channel.type_name.clone(),
+                description: channel.description.clone(),
                 dropped,
                 values: None,
                 missing: 0,

@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::DynamicsError;
@@ -20,7 +21,7 @@ use crate::DynamicsError;
 /// | `validation_fraction` | 0.1 | last part of the training range that is not learnt from (our choice) |
 /// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
 /// | `path` | none | a `TorchScript` file, for `"torchscript"` |
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DynamicsConfig {
     /// Hidden layers of the network, or layers of the GRU.
@@ -46,7 +47,7 @@ pub struct DynamicsConfig {
 }
 
 /// Which epoch's weights are kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Keep {
     /// The one with the lowest validation loss; of equal ones the first.

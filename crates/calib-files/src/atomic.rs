@@ -1,10 +1,14 @@
 use std::{
     fs::{self, File},
-    io::{self, BufWriter, Write},
+    io::{self, Write as _},
     path::Path,
 };
 
-use crate::FileError;
+use crate::{
+    FileError, Output, create_directory,
+    disk::{Announced, directory_of, sync_directory},
+    faults::{Operation, reach},
+};
 
 const PREFIX: &str = ".calib-";
 const SUFFIX: &str = ".tmp";
@@ -16,14 +20,6 @@ pub fn is_temporary(path: &Path) -> bool {
     name.is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX))
 }
 
-/// Create `path` and its parents, if they do not exist.
-///
-/// # Errors
-/// If the system refuses.
-pub fn create_directory(path: &Path) -> Result<(), FileError> {
-    fs::create_dir_all(path).map_err(|source| FileError::io("create the directory", path, source))
-}
-
 /// Write `path` as a whole: `fill` writes to a temporary file in the same directory,
 /// which is synced and then renamed. After a crash `path` holds the old content or the new.
 ///
@@ -31,38 +27,39 @@ pub fn create_directory(path: &Path) -> Result<(), FileError> {
 /// If the directory cannot be written, or `fill` fails; `path` is then untouched.
 pub fn write_atomically(
     path: &Path,
-    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let directory = directory_of(path);
     create_directory(directory)?;
-    let refused = |source| FileError::io("write", path, source);
+    replace(path, directory, fill).map_err(|source| FileError::io("write", path, source))
+}
+
+fn replace(
+    path: &Path,
+    directory: &Path,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
+) -> io::Result<()> {
+    reach(Operation::Create, path)?;
     let mut temporary = tempfile::Builder::new()
         .prefix(PREFIX)
         .suffix(SUFFIX)
         .permissions(default_permissions())
-        .tempfile_in(directory)
-        .map_err(refused)?;
-    let mut writer = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
-    fill(&mut writer).and_then(|()| writer.flush()).map_err(refused)?;
-    drop(writer);
-    temporary.as_file().sync_all().map_err(refused)?;
-    temporary.persist(path).map_err(|failed| refused(failed.error))?;
-    sync_directory(directory).map_err(refused)
+        .tempfile_in(directory)?;
+    write_to(temporary.as_file_mut(), path, fill)?;
+    reach(Operation::Sync, path)?;
+    temporary.as_file().sync_all()?;
+    reach(Operation::Rename, path)?;
+    temporary.persist(path).map_err(|failed| failed.error)?;
+    sync_directory(directory)
 }
 
-/// Without this a renamed file may be gone after a power failure: its name is the directory's content.
-fn sync_directory(directory: &Path) -> io::Result<()> {
-    use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
-    match File::open(directory).and_then(|opened| opened.sync_all()) {
-        // Not every file system syncs directories, and a directory may be writable without being readable.
-        Err(error) if !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => {
-            Err(error)
-        }
-        _ => Ok(()),
-    }
+fn write_to(
+    file: &mut File,
+    path: &Path,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut output = Announced::output(file, path);
+    fill(&mut output).and_then(|()| output.flush())
 }
 
 /// Write a file that the user named: as [`write_atomically`], but what a link leads to is replaced rather than the
@@ -72,7 +69,7 @@ fn sync_directory(directory: &Path) -> io::Result<()> {
 /// As [`write_atomically`].
 pub fn write_output(
     path: &Path,
-    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let refused = |source| FileError::io("write", path, source);
     match fs::metadata(path) {
@@ -84,8 +81,7 @@ pub fn write_output(
         }
         Ok(_) => {
             let mut device = File::options().write(true).open(path).map_err(refused)?;
-            let mut writer = BufWriter::new(&mut device);
-            fill(&mut writer).and_then(|()| writer.flush()).map_err(refused)
+            write_to(&mut device, path, fill).map_err(refused)
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => match fs::read_link(path) {
             // The link leads to where nothing is yet.

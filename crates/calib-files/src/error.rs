@@ -17,7 +17,7 @@ pub enum FileError {
         source: io::Error,
     },
     /// A NumPy file that is not what calib writes or reads.
-    #[error("{} is not a usable NumPy array: {reason}", path.display())]
+    #[error("{} is not a usable NumPy array: {reason}; write it with numpy.save", path.display())]
     Npy {
         /// The file.
         path: PathBuf,

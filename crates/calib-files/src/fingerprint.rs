@@ -53,8 +53,8 @@ impl Fingerprinter {
     }
 }
 
-/// Bytes that are read at a time; their chunks are hashed side by side.
-const READ_AT_ONCE: usize = 1 << 23;
+/// Bytes that are read at a time: what the cache of a core holds; their chunks are hashed side by side.
+const READ_AT_ONCE: usize = 1 << 20;
 
 /// The fingerprint of a file's content. Large files are hashed on all threads.
 ///

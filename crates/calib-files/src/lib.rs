@@ -9,11 +9,14 @@
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
 //! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
+//! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
 
 mod array;
 mod atomic;
 mod csv;
+mod disk;
 mod error;
+pub mod faults;
 mod fingerprint;
 mod json;
 mod lock;
@@ -26,8 +29,11 @@ mod spill;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{create_directory, is_temporary, write_atomically, write_output};
+pub use atomic::{is_temporary, write_atomically, write_output};
 pub use csv::{CsvColumn, NotANumber, read_csv};
+pub use disk::{
+    Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
+};
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use json::{read_json, write_json};

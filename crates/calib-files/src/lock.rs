@@ -4,7 +4,10 @@ use std::{
     path::Path,
 };
 
-use crate::FileError;
+use crate::{
+    FileError,
+    faults::{Operation, reach},
+};
 
 /// Open or make the file that a lock is held on. Its content stays as it is, and a link is not followed: whatever lies
 /// at its end is somebody's.
@@ -24,6 +27,9 @@ pub fn open_lock(path: &Path) -> Result<File, FileError> {
     if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
         let reason = "it is a link, a folder or a device, and calib keeps a file there; remove it";
         return Err(refuse(io::Error::new(io::ErrorKind::InvalidInput, reason)));
+    }
+    if !path.exists() {
+        reach(Operation::Create, path).map_err(refuse)?;
     }
     options.open(path).map_err(refuse)
 }

@@ -9,7 +9,10 @@ use std::{
 use bytemuck::{Pod, Zeroable};
 use memmap2::MmapMut;
 
-use crate::{FileError, create_directory};
+use crate::{
+    FileError, create_directory,
+    faults::{Operation, reach},
+};
 
 /// Where working arrays live.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -56,6 +59,7 @@ impl<T: Pod + Zeroable> Scratch<T> {
 }
 
 fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
+    reach(Operation::Reserve, directory)?;
     let mut file = tempfile::tempfile_in(directory)?;
     reserve(&mut file, bytes)?;
     // SAFETY: the file has no name, and this process has the only handle: nobody else changes it.

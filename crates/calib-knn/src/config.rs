@@ -1,3 +1,4 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
@@ -19,7 +20,7 @@ use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 /// | `leaf_budget` | 0 | most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes |
 /// | `recurrent` | true | leave out what rollouts would be trapped in |
 /// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
     /// What kind of model; the other keys are about `"knn"`.
@@ -71,7 +72,7 @@ impl Default for ModelConfig {
 }
 
 /// Kinds of calibration models.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelKind {
     /// Nearest neighbours: an ensemble whose rollouts never leave the data.
@@ -86,7 +87,7 @@ pub enum ModelKind {
 }
 
 /// Names of the ways to draw a neighbour; see [`Weights`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WeightsKind {
     /// [`Weights::Linear`].
@@ -101,7 +102,7 @@ pub enum WeightsKind {
 }
 
 /// Which search structure builds the tables. All give identical tables.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
     /// Whichever suits the data.

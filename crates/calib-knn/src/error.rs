@@ -104,7 +104,7 @@ pub enum KnnError {
         got: f64,
     },
     /// A stored table does not fit the model.
-    #[error("the table of member {member} is damaged: {reason}; run `calib build-model --force`")]
+    #[error("the table of member {member} is damaged: {reason}")]
     Table {
         /// The member.
         member: usize,

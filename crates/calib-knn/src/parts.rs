@@ -4,7 +4,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_files::{FileError, Fingerprint, Fingerprinter, create_directory, write_atomically};
+use calib_files::{
+    FileError, Fingerprint, Fingerprinter, create_directory, remove_file, remove_folder,
+    write_atomically,
+};
 
 use crate::index::Found;
 
@@ -58,12 +61,7 @@ impl Parts {
     /// # Errors
     /// If the directory exists and cannot be removed.
     pub fn remove(&self) -> Result<(), FileError> {
-        match fs::remove_dir_all(&self.directory) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(FileError::io("remove", &self.directory, error))
-            }
-            _ => Ok(()),
-        }
+        remove_folder(&self.directory)
     }
 
     /// The parts of a search in this order; those of other searches are removed.
@@ -93,8 +91,7 @@ impl Parts {
             .map_err(|source| FileError::io("read", &self.directory, source))?;
         for entry in listed.flatten() {
             if !open.owns(&entry.path()) {
-                fs::remove_file(entry.path())
-                    .map_err(|source| FileError::io("remove", &entry.path(), source))?;
+                remove_file(&entry.path())?;
             }
         }
         Ok(open)

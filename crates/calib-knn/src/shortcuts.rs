@@ -1,3 +1,4 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::prototypes::CHOOSING;
@@ -20,7 +21,7 @@ pub struct Shortcuts {
 }
 
 /// Which sources are prototypes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PrototypeKind {
     /// Every m-th transition in time order, from the first: in densely sampled logs the others are near copies of them

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use calib_core::{RowIndex, Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{
-    Blocks, Built, Exclusion, IndexKind, KnnError, KnnModel, ModelConfig, WeightsKind, Workplace,
-    verify,
+    Blocks, Built, Exclusion, IndexKind, KnnError, KnnModel, ModelConfig, Weights, WeightsKind,
+    Workplace, closed_classes, verify,
 };
 use proptest::prelude::*;
 
@@ -373,6 +373,103 @@ proptest! {
     #[test]
     fn tables_are_those_of_global_rounds(case in case()) {
         case.check()?;
+    }
+}
+
+/// Sizes of the closed classes of the tables, the largest first: what is reached from each transition that is reached from one.
+fn closed_by_definition(model: &KnnModel, member: usize, weights: Weights) -> Vec<usize> {
+    let (member, len) = (model.member(member), model.transitions().len());
+    let nodes: Vec<usize> =
+        (0..member.len()).map(|position| member.nth(position).0 as usize).collect();
+    let mut edges = vec![Vec::new(); len];
+    for &node in &nodes {
+        let (neighbors, distances) = member.neighbors(TransitionIndex(node as u32));
+        let drawn = neighbors.iter().zip(weights.probabilities(distances));
+        edges[node] = drawn.filter(|(_, p)| *p > 0.0).map(|(&to, _)| to as usize).collect();
+    }
+    let closure = |start: usize| {
+        let (mut known, mut reached) = (vec![false; len], vec![start]);
+        known[start] = true;
+        let mut next = 0;
+        while let Some(&node) = reached.get(next) {
+            reached
+                .extend(edges[node].iter().filter(|&&to| !std::mem::replace(&mut known[to], true)));
+            next += 1;
+        }
+        reached
+    };
+    let mut counts = vec![0; len];
+    for &node in &nodes {
+        counts[node] = closure(node).len();
+    }
+    let mut classes: Vec<usize> = (nodes.iter())
+        .map(|&node| (node, closure(node)))
+        .filter(|(node, reached)| {
+            reached.iter().all(|to| to >= node && counts[*to] == reached.len())
+        })
+        .map(|(_, reached)| reached.len())
+        .collect();
+    classes.sort_unstable_by_key(|&size| std::cmp::Reverse(size));
+    classes
+}
+
+/// What is told of the tables is what they have.
+fn check_what_is_told(
+    model: &KnnModel,
+    built: &Built,
+    weights: Weights,
+) -> Result<(), TestCaseError> {
+    for (number, found) in built.recurrence.iter().enumerate() {
+        let sizes = closed_by_definition(model, number, weights);
+        prop_assert_eq!(&found.after.largest, &sizes[..sizes.len().min(10)], "member {}", number);
+        prop_assert_eq!(found.after.count, sizes.len());
+        prop_assert_eq!(found.after.transitions, sizes.iter().sum::<usize>());
+        let traps = sizes.iter().filter(|&&size| 10 * size < found.candidates).count();
+        prop_assert_eq!(found.after.traps, traps);
+        let again = closed_classes(model, number, weights, found.candidates, &Silent);
+        prop_assert_eq!(&again.expect("not interrupted").0, &found.after);
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn what_is_told_is_what_the_tables_have(case in case(), components in 0_usize..3) {
+        // Distances in components are not those that neighbours are drawn by.
+        let columns = case.values.len() / case.lengths.iter().sum::<usize>();
+        let config = ModelConfig { components: components.min(columns - 1), ..case.config };
+        let place = Workplace::default();
+        let built = KnnModel::build_in(case.states(), case.transitions(), &config, &place, &Silent);
+        if let Ok((model, built)) = built {
+            check_what_is_told(&model, &built, config.weights().expect("valid"))?;
+        }
+    }
+}
+
+#[test]
+fn a_log_that_comes_back_by_small_steps_has_a_closed_class() {
+    // Each tooth begins a little below the one before, and rises to where that one began: a walk climbs one tooth a tooth.
+    const TEETH: usize = 300;
+    const ROWS: usize = 30;
+    let mut rng = Seed::new(3).rng();
+    let mut value = |row: usize| {
+        let (tooth, rise) = ((row / ROWS) as f64, (row % ROWS) as f64 / ROWS as f64);
+        (rise - tooth + 1e-4 * rng.normal()) as f32
+    };
+    let values = (0..TEETH * ROWS).map(&mut value).collect();
+    let states = States::new(values, TEETH * ROWS, 1).expect("finite");
+    let segments = Segments::from_lengths([TEETH * ROWS]).expect("valid");
+    let config = ModelConfig { members: 2, ..ModelConfig::default() };
+    let (transitions, place) = (Transitions::new(segments), Workplace::default());
+    let built = KnnModel::build_in(states, transitions, &config, &place, &Silent);
+    let (model, built) = built.expect("built");
+    let weights = config.weights().expect("valid");
+    check_what_is_told(&model, &built, weights).unwrap_or_else(|error| panic!("{error}"));
+    for found in &built.recurrence {
+        assert_eq!((found.after.count, found.after.traps), (1, 0), "{found:?}");
+        assert!(100 * found.after.transitions > 99 * found.candidates, "{found:?}");
     }
 }
 

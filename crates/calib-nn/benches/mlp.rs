@@ -5,7 +5,9 @@
 use std::hint::black_box;
 
 use calib_core::Seed;
-use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+use calib_nn::{
+    Adam, AdamRule, Bf16Batch, Bf16Network, Bf16Workspace, Matrix, Mlp, Workspace, multiply,
+};
 use criterion::{Criterion, criterion_group, criterion_main};
 use gemm::{Parallelism, gemm};
 
@@ -42,6 +44,71 @@ fn training_step(criterion: &mut Criterion) {
             adam.step(network.parameters_mut(), gradients);
         });
     });
+    group.finish();
+}
+
+/// The same with products of bfloat16 numbers, by the processor's instruction, if it has one, and without it.
+fn rounded_step(criterion: &mut Criterion) {
+    let network = Mlp::new(&SIZES, Seed::new(1));
+    let rows = 2 * BATCH + 1;
+    let mut workspace = Bf16Workspace::new(&network, rows, BATCH);
+    let mut batch = Bf16Batch::new(SIZES[0], rows, BATCH);
+    let (input, gradient) = (values(rows * SIZES[0]), values(BATCH));
+    let networks = [
+        ("bf16 142-256-256-1", Bf16Network::new(&network)),
+        ("bf16 142-256-256-1, portable", Bf16Network::portable(&network)),
+    ];
+    for (name, mut rounded) in networks {
+        let mut group = criterion.benchmark_group(name);
+        group.bench_function("rounding a batch", |bencher| {
+            bencher.iter(|| batch.set(&input, BATCH));
+        });
+        group.bench_function("forward, 513 rows", |bencher| {
+            bencher.iter(|| black_box(rounded.forward(&batch, 0..rows, &mut workspace)[0]));
+        });
+        group.bench_function("backward, 256 rows", |bencher| {
+            bencher.iter(|| black_box(rounded.backward(&batch, &gradient, &mut workspace)[0]));
+        });
+        group.bench_function("rounding parameters", |bencher| {
+            bencher.iter(|| rounded.set(&network));
+        });
+        group.finish();
+    }
+}
+
+/// The first layer of nine networks that share their input: nine products, or one of nine times the width.
+fn shared_input(criterion: &mut Criterion) {
+    const NETWORKS: usize = 9;
+    let [inputs, units, rows] = [SIZES[0], SIZES[1], 2 * BATCH + 1];
+    let (input, weights) = (values(rows * inputs), values(inputs * NETWORKS * units));
+    let mut out = vec![0.0; rows * NETWORKS * units];
+    let mut group = criterion.benchmark_group("first layer of nine");
+    let left = Matrix::new(&input, rows, inputs);
+    group.bench_function("f32, one by one", |bencher| {
+        bencher.iter(|| {
+            let weights = weights.chunks_exact(inputs * units);
+            for (out, weights) in out.chunks_exact_mut(rows * units).zip(weights) {
+                multiply(out, left, Matrix::new(weights, inputs, units));
+            }
+        });
+    });
+    group.bench_function("f32, as one", |bencher| {
+        bencher.iter(|| multiply(&mut out, left, Matrix::new(&weights, inputs, NETWORKS * units)));
+    });
+    let mut batch = Bf16Batch::new(inputs, rows, 0);
+    batch.set(&input, 0);
+    for (name, count) in [("bf16, one by one", NETWORKS), ("bf16, as one", 1)] {
+        let network = Mlp::new(&[inputs, NETWORKS / count * units, 1], Seed::new(1));
+        let rounded = vec![Bf16Network::new(&network); count];
+        let mut workspace = Bf16Workspace::new(&network, rows, 0);
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                for network in &rounded {
+                    black_box(network.forward(&batch, 0..rows, &mut workspace)[0]);
+                }
+            });
+        });
+    }
     group.finish();
 }
 
@@ -108,5 +175,5 @@ fn bare_products(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, training_step, bare_products);
+criterion_group!(benches, training_step, bare_products, rounded_step, shared_input);
 criterion_main!(benches);

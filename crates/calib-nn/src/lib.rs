@@ -31,8 +31,10 @@
 //! ```
 
 mod adam;
+mod bf16;
 mod kernels;
 mod layout;
+mod memory;
 mod mlp;
 mod optimiser;
 mod product;
@@ -40,7 +42,9 @@ mod sgd;
 mod workspace;
 
 pub use adam::{Adam, AdamRule, Moments};
+pub use bf16::{Bf16Batch, Bf16Network, Bf16Workspace};
 pub use layout::{LayoutError, Naming};
+pub use memory::training_bytes;
 pub use mlp::{Layer, Mlp, ParameterCountError};
 pub use optimiser::Optimiser;
 pub use product::{Matrix, multiply};

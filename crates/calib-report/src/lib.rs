@@ -24,13 +24,13 @@ pub use downsample::{min_max_in_time, min_max_indices};
 pub use error::ReportError;
 pub use figures::{
     ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, PeriodUse,
-    RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow, Score,
-    Sensitivity, Trajectory,
+    RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow, Samples,
+    Score, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
-    Reason, Report, Reproduction, Table, TopK, Verdict, Way,
+    Reason, Report, Reproduction, Sources, Table, Told, TopK, Verdict, Way, caveats,
 };
 pub use setting::Setting;

@@ -232,5 +232,5 @@ fn several_models_stand_beside_each_other() {
     assert_balanced(&report.html().unwrap());
     report.verdicts[0].chosen = report.verdicts[1].chosen.clone();
     let html = flowing(&report);
-    assert!(html.contains("PIT300: all models choose learning_rate = 1e-4: "), "told once");
+    assert!(html.contains("PIT300: all models choose learning_rate = 1e-4 ("), "told once");
 }

@@ -1,6 +1,6 @@
-use std::{collections::BTreeMap, fs, io, path::PathBuf};
+use std::{collections::BTreeMap, io, path::PathBuf};
 
-use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, write_tensors};
+use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, remove_file, write_tensors};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize};
 
@@ -43,12 +43,7 @@ impl Checkpoint {
     /// # Errors
     /// If the system refuses.
     pub fn remove(&self) -> Result<(), RepresentError> {
-        match fs::remove_file(&self.path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(FileError::io("remove", &self.path, error).into())
-            }
-            _ => Ok(()),
-        }
+        Ok(remove_file(&self.path)?)
     }
 }
 

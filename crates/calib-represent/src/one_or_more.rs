@@ -1,5 +1,6 @@
-use std::{fmt, marker::PhantomData};
+use std::{borrow::Cow, fmt, marker::PhantomData};
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
     de::{Error, IntoDeserializer, SeqAccess, Visitor, value::SeqAccessDeserializer},
@@ -21,6 +22,20 @@ impl<T: Serialize> Serialize for OneOrMore<T> {
             [value] => value.serialize(serializer),
             values => values.serialize(serializer),
         }
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for OneOrMore<T> {
+    fn schema_name() -> Cow<'static, str> {
+        format!("OneOrMore_{}", T::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<T>();
+        json_schema!({
+            "description": "A value, or a list of values to try",
+            "anyOf": [one, { "type": "array", "items": one, "minItems": 1 }],
+        })
     }
 }
 

@@ -1,9 +1,10 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{ConfigError, LaplacianConfig, LossConfig, LossForm, OneOrMore};
 
 /// Where neighbours are searched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RepresentationKind {
     /// Among the normalised states themselves.
@@ -17,7 +18,7 @@ pub enum RepresentationKind {
 
 /// The `[representation]` section of a study. A list of values is tried one by one; several lists make every
 /// combination.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RepresentationConfig {
     /// `"none"` (default), `"laplacian"` or `"import"`.

@@ -1,4 +1,5 @@
 use calib_core::RowIndex;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The `[rollout]` section of a study.
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// | `recent_window` | none | for `"recent"`: latest states that starts are spread over; without it the last tenth of those before the deployment |
 /// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
 /// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (the paper's, on twelve months of data); 0 compares nothing |
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
     /// Steps of each rollout.
@@ -24,6 +25,7 @@ pub struct RolloutConfig {
     /// Where rollouts start.
     pub start: StartKind,
     /// Start rows.
+    #[schemars(with = "Vec<u32>")]
     pub rows: Vec<RowIndex>,
     /// Start rows by time, written as in the log.
     pub timestamps: Vec<String>,
@@ -65,7 +67,7 @@ impl RolloutConfig {
 }
 
 /// Names of the sources of start states; see [`StartSource`](crate::StartSource).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartKind {
     /// Uniform over the member's transitions.
@@ -82,7 +84,7 @@ pub enum StartKind {
 }
 
 /// What happens to a start row that no transition of the member ends in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Absent {
     /// The rollout starts there all the same: its first step is drawn from the nearest sources in the member.

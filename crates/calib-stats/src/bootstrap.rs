@@ -38,11 +38,7 @@ pub fn cluster_interval(
 
 /// From the 0.025 to the 0.975 quantile of what a statistic was in each resample, `None` where it was not defined; an end may be
 /// infinite. `None` where half of the resamples or more are undefined.
-///
-/// # Errors
-///
-/// A value is NaN, or a quantile lies between opposed infinities.
-pub fn percentile_interval(resamples: &[Option<f64>]) -> Result<Option<Interval>, StatsError> {
+fn percentile_interval(resamples: &[Option<f64>]) -> Result<Option<Interval>, StatsError> {
     let values: Vec<f64> = resamples.iter().flatten().copied().collect();
     if 2 * values.len() <= resamples.len() {
         return Ok(None);

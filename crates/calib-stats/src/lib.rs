@@ -11,13 +11,12 @@
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`]: the worst-rank rule, with its tie set.
 //! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
-//! - [`geometric_regret`]: what a choice costs over several windows.
-//! - [`hierarchical`]: intervals of regrets, and how often each candidate is chosen, from one resampling of windows, members and runs.
+//! - [`Losses`]: what candidates cost over several windows, with intervals, and what choosing by another window does.
+//! - [`hierarchical`]: how often each candidate is chosen when members, windows of the log and their runs are drawn anew.
 //! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
-//! - [`spearman`], [`kendall_tau_b`], [`regret`], [`top_k_hit`]: agreement with Online.
+//! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
 //! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
-//! - [`rmse`], [`nrmse`], [`ReturnSpread`]: errors of predictions.
 //! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
 //! - [`quantile`], [`median`]: order statistics.
 //! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories,
@@ -27,7 +26,7 @@
 //! NaN is a mistake, and always an error; see [`Direction::or_worst`].
 //!
 //! ```
-//! use calib_stats::{Direction, regret, select};
+//! use calib_stats::{Direction, Losses, select};
 //!
 //! // Mean NRMSE of three learning rates in two members.
 //! let members = [[0.30, 0.20, 0.50], [0.25, 0.30, f64::INFINITY]];
@@ -36,8 +35,9 @@
 //! assert_eq!(selection.tie_set, [0, 1]);
 //! assert_eq!(selection.chosen, 1); // same mean rank, lower mean error
 //!
-//! let online = [0.22, 0.20, 0.90];
-//! assert_eq!(regret(&online, selection.chosen, Direction::LowerIsBetter)?, Some(0.0));
+//! // Mean NRMSE of two held-out windows.
+//! let online = Losses::new(&[[0.22, 0.20, 0.90], [0.31, 0.30, 0.80]])?;
+//! assert_eq!(online.regret(selection.chosen).map(|regret| regret.value), Some(0.0));
 //! # Ok::<(), calib_stats::StatsError>(())
 //! ```
 
@@ -52,14 +52,13 @@ mod diverged;
 mod error;
 mod error_ratio;
 mod estimate;
-mod geometric_regret;
 mod hierarchical;
 mod log_choice;
+mod losses;
 mod nested;
 mod one_step;
 mod pooled;
 mod power;
-mod prediction;
 mod quantile;
 mod ranks;
 mod selection;
@@ -67,8 +66,8 @@ mod sequential;
 mod summary;
 mod trajectory;
 
-pub use agreement::{regret, top_k_hit};
-pub use bootstrap::{cluster_interval, percentile_interval};
+pub use agreement::top_k_hit;
+pub use bootstrap::cluster_interval;
 pub use clustered::{ClusterSummary, cluster_means, summarise_clusters};
 pub use correlation::{kendall_tau_b, spearman};
 pub use default_choice::{Advantage, DefaultChoice, choose_around_default};
@@ -77,16 +76,13 @@ pub use direction::Direction;
 pub use error::StatsError;
 pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
-pub use geometric_regret::{GeometricRegret, geometric_regret};
-pub use hierarchical::{
-    ChoiceOfResamples, Hierarchical, NumberOfResamples, Statistics, hierarchical,
-};
+pub use hierarchical::{ChoiceOfResamples, hierarchical};
 pub use log_choice::{LogChoice, choose_by_mean_log};
-pub use nested::{Drawn, Nested, Varies};
+pub use losses::Losses;
+pub use nested::{Drawn, Nested};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
 pub use power::{observations_needed, smallest_difference};
-pub use prediction::{ReturnSpread, SMALL_MEAN_RATIO, nrmse, rmse};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use selection::{Selection, select};

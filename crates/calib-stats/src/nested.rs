@@ -1,7 +1,5 @@
 //! Scores in two levels: units, such as windows or members, and the runs in each.
 
-use serde::{Deserialize, Serialize};
-
 use crate::StatsError;
 use crate::error::check;
 
@@ -55,17 +53,6 @@ impl Nested {
         }
     }
 
-    /// What a resample varies.
-    pub(crate) fn varies(&self) -> Varies {
-        let several_runs = self.units.iter().any(|runs| runs.len() > 1);
-        match (self.units.len() > 1, several_runs) {
-            (true, true) => Varies::UnitsAndRuns,
-            (true, false) => Varies::Units,
-            (false, true) => Varies::Runs,
-            (false, false) => Varies::Nothing,
-        }
-    }
-
     /// As many units as there are, and in each as many runs as it has, with replacement.
     pub(crate) fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
         let one = |_| {
@@ -112,20 +99,6 @@ impl<'a> Drawn<'a> {
         };
         self.units.iter().map(mean).collect()
     }
-}
-
-/// What resamples of a [`Nested`] differ in. What they do not vary, an interval knows nothing of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Varies {
-    /// Both.
-    UnitsAndRuns,
-    /// No unit has two runs.
-    Units,
-    /// There is one unit: nothing is said about others.
-    Runs,
-    /// There is one run.
-    Nothing,
 }
 
 #[cfg(test)]

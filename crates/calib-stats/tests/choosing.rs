@@ -1,8 +1,7 @@
 //! Choices, regrets and their resampling against NumPy; made by `scripts/golden/choosing.py`.
 
 use calib_stats::{
-    Drawn, Interval, Nested, Statistics, choose_around_default, choose_by_mean_log,
-    geometric_regret, hierarchical,
+    Drawn, Interval, Losses, Nested, choose_around_default, choose_by_mean_log, hierarchical,
 };
 use serde::Deserialize;
 use serde_json::Value;
@@ -14,11 +13,11 @@ struct Golden {
     mean_logs: Vec<Value>,
     chosen: usize,
     regrets: Vec<Value>,
+    intervals: Vec<Option<[f64; 2]>>,
+    quotient: [f64; 3],
     defaults: Vec<DefaultCase>,
     resamples: usize,
     draws: Vec<usize>,
-    regret_of_2: [f64; 2],
-    regret_of_rule: [f64; 2],
     counts: Vec<usize>,
 }
 
@@ -84,33 +83,33 @@ fn choices_by_log_errors_agree_with_numpy() {
 fn regrets_over_windows_agree_with_numpy() {
     let golden = golden();
     let windows = Nested::new(numbers(&golden.windows)).unwrap();
-    for (choice, expected) in golden.regrets.iter().enumerate() {
-        let regret = geometric_regret(&windows.whole().means(), |_| choice).unwrap();
-        assert_close(regret.expect("windows count").regret, number(expected));
+    let losses = Losses::new(&windows.whole().means()).unwrap();
+    let close = |got: Option<Interval>, expected: Option<[f64; 2]>| {
+        assert_eq!(got.is_some(), expected.is_some());
+        if let Some((got, [low, high])) = got.zip(expected) {
+            assert_close(got.low, low);
+            assert_close(got.high, high);
+        }
+    };
+    for (choice, (expected, interval)) in golden.regrets.iter().zip(&golden.intervals).enumerate() {
+        let regret = losses.regret(choice).expect("windows count");
+        assert_close(regret.value, number(expected));
+        close(regret.interval, *interval);
     }
+    let quotient = losses.quotient(2, 0).expect("finite");
+    let [value, low, high] = golden.quotient;
+    assert_close(quotient.value, value);
+    close(quotient.interval, Some([low, high]));
 }
 
 #[test]
-fn resampled_regrets_and_choices_agree_with_numpy() {
+fn resampled_choices_agree_with_numpy() {
     let golden = golden();
-    let [members, windows] =
-        [&golden.members, &golden.windows].map(|of| Nested::new(numbers(of)).unwrap());
+    let members = Nested::new(numbers(&golden.members)).unwrap();
     let mut draws = golden.draws.iter().copied();
     let draw = |below: usize| draws.next().filter(|drawn| *drawn < below).expect("as many draws");
-    let statistic = |drawn: &[Drawn<'_>]| {
-        let chosen = choose_by_mean_log(&[drawn[0].runs()])?.chosen;
-        let windows = drawn[1].means();
-        let regret = |choice: usize| geometric_regret(&windows, |_| choice);
-        let of_rule = chosen.map(regret).transpose()?.flatten();
-        let numbers = [regret(2)?, of_rule].map(|of| of.map(|of| of.regret)).to_vec();
-        Ok(Statistics { numbers, choices: vec![chosen] })
-    };
-    let told = hierarchical(&[&members, &windows], golden.resamples, draw, statistic).unwrap();
+    let choose = |drawn: &[Drawn<'_>]| Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen);
+    let told = hierarchical(&[&members], golden.resamples, draw, choose).unwrap();
     assert!(draws.next().is_none(), "no draw is left");
-    assert_eq!((&told.choices[0].counts, told.choices[0].none), (&golden.counts, 0));
-    for (got, [low, high]) in told.numbers.iter().zip([golden.regret_of_2, golden.regret_of_rule]) {
-        let Interval { low: got_low, high: got_high } = got.interval.expect("defined");
-        assert_close(got_low, low);
-        assert_close(got_high, high);
-    }
+    assert_eq!((&told.counts, told.none), (&golden.counts, 0));
 }

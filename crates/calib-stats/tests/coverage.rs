@@ -3,8 +3,7 @@
 mod random;
 
 use calib_stats::{
-    Interval, Nested, Statistics, error_ratio, hierarchical, paired_difference, summarise,
-    summarise_clusters,
+    Interval, Losses, error_ratio, paired_difference, summarise, summarise_clusters,
 };
 use random::Random;
 
@@ -79,26 +78,23 @@ fn quotients_of_errors_that_depend_on_each_other_hold_the_truth() {
 }
 
 #[test]
-fn two_levels_hold_the_mean_nearly_as_often_with_eight_windows() {
-    // Percentiles of 8 windows: t(7) reaches 2.36 standard errors, a normal quantile 1.96, and (7/8)^(1/2) of that.
+fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
     let mut random = Random::new(4);
-    let coverage = coverage(0.0, || {
-        let mut window = || {
-            let level = random.normal();
-            (0..2).map(|_| vec![level + 0.3 * random.normal()]).collect()
-        };
-        let windows = Nested::new((0..8).map(|_| window()).collect()).unwrap();
-        let told = hierarchical(
-            &[&windows],
-            300,
-            |n| (random.unit() * n as f64) as usize,
-            |drawn| {
-                let means = drawn[0].means();
-                let mean = means.iter().map(|of| of[0]).sum::<f64>() / means.len() as f64;
-                Ok(Statistics { numbers: vec![Some(mean)], choices: Vec::new() })
-            },
-        );
-        told.unwrap().numbers[0].interval.expect("defined")
-    });
-    assert!(coverage > 0.86 && coverage < 0.95, "{coverage}");
+    for windows in [2, 3, 8] {
+        let coverage = coverage(0.9, || {
+            let mut window = || {
+                // Windows differ for all candidates alike and for each alone; two runs differ within them.
+                let (level, own) = (random.normal(), 0.05 * random.normal());
+                let mut mean = |error: f64| {
+                    let mut run = || error * (level + 0.01 * random.normal()).exp();
+                    run().midpoint(run())
+                };
+                [mean(0.9 * own.exp()), mean(1.0)]
+            };
+            let errors: Vec<[f64; 2]> = (0..windows).map(|_| window()).collect();
+            let losses = Losses::new(&errors).unwrap();
+            losses.quotient(0, 1).expect("finite").interval.expect("several windows")
+        });
+        assert!((coverage - 0.95).abs() < 0.02, "{windows} windows: {coverage}");
+    }
 }

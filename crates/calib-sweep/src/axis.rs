@@ -1,4 +1,7 @@
+use std::borrow::Cow;
+
 use calib_agent::AgentConfig;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use serde_json::Value;
 
@@ -15,6 +18,20 @@ pub enum Axis {
     List(Vec<Value>),
     /// A range of numbers.
     Range(Range),
+}
+
+impl JsonSchema for Axis {
+    fn schema_name() -> Cow<'static, str> {
+        "Axis".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let range = generator.subschema_for::<Range>();
+        json_schema!({
+            "description": "A list of values, or a range of numbers",
+            "anyOf": [{ "type": "array", "minItems": 1 }, range],
+        })
+    }
 }
 
 impl<'de> Deserialize<'de> for Axis {
@@ -60,7 +77,7 @@ pub enum AxisError {
         value: String,
     },
     /// A range that holds no values.
-    #[error("it is not a range of values: {reason}")]
+    #[error("{reason}")]
     Range {
         /// What is wrong with it.
         reason: String,
@@ -99,7 +116,7 @@ impl Axis {
 
     /// Its values as those of the agent's field `field`.
     pub(crate) fn points(&self, field: &str, agent: &AgentConfig) -> Result<Points, SweepError> {
-        let fields = fields(agent);
+        let fields = agent.fields();
         let Some(own) = fields.get(field) else {
             let known = fields.keys().cloned().collect::<Vec<_>>().join(", ");
             return Err(SweepError::UnknownField { field: field.to_owned(), known });
@@ -128,14 +145,6 @@ impl Points {
                 (value, span.value(value))
             }
         }
-    }
-}
-
-/// Every field of an agent, as in a study.
-pub(crate) fn fields(agent: &AgentConfig) -> serde_json::Map<String, Value> {
-    match serde_json::to_value(agent) {
-        Ok(Value::Object(fields)) => fields,
-        _ => unreachable!("an agent's configuration is a table"),
     }
 }
 
@@ -184,7 +193,7 @@ mod tests {
     fn what_cannot_be_drawn_from_is_refused() {
         let error = |text: &str, like: Value| axis(text).draw(Some(&like), 0.0).expect_err(text);
         assert_eq!(error("[]", json!(1)), AxisError::Empty);
-        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1.0".to_owned() });
+        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1".to_owned() });
         let words = error(r#"{"from": 1, "to": 2}"#, json!("adam")).to_string();
         assert!(words.contains("no numbers; give a list"), "{words}");
         assert!(matches!(error(r#"{"from": 2, "to": 1}"#, json!(1)), AxisError::Range { .. }));

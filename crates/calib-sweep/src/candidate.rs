@@ -4,7 +4,7 @@ use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{SweepConfig, SweepError, axis::fields, sampling::combinations};
+use crate::{SweepConfig, SweepError, sampling::combinations};
 
 /// One agent of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,14 +30,15 @@ fn label(values: &[(String, Value)]) -> String {
     values.iter().map(|(field, value)| format!("{field} = {}", written(value))).join(", ")
 }
 
-/// A swept value as one would write it by hand: `1e-4`, `adam`.
+/// A swept value as one would write it by hand: `1e-4`, `0.05`, `1000`, `adam`. Below 0.01 with an exponent, as in reports.
 pub fn written(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Number(number) => match number.as_f64() {
-            Some(float) if float != 0.0 && !(1e-3..1e6).contains(&float.abs()) => {
+            Some(float) if float != 0.0 && !(1e-2..1e6).contains(&float.abs()) => {
                 format!("{float:e}")
             }
+            Some(float) if float.fract() == 0.0 => format!("{float:.0}"),
             _ => number.to_string(),
         },
         Value::Array(values) => format!("[{}]", values.iter().map(written).join(", ")),
@@ -58,6 +59,9 @@ pub fn candidates(
     agent: &AgentConfig,
     seed: Seed,
 ) -> Result<Vec<Candidate>, SweepError> {
+    if !(sweep.race_error_rate > 0.0 && sweep.race_error_rate <= 0.5) {
+        return Err(SweepError::RaceErrorRate { got: sweep.race_error_rate });
+    }
     if sweep.grid.is_empty() {
         return Err(SweepError::EmptyGrid);
     }
@@ -75,7 +79,7 @@ pub fn candidates(
         all.push(Candidate { index, is_default, values, agent: with });
     }
     if !all.iter().any(|candidate| candidate.is_default) {
-        let own = fields(agent);
+        let own = agent.fields();
         let values = sweep.grid.keys().map(|field| (field.clone(), own[field].clone()));
         let values: Vec<(String, Value)> = values.collect();
         let place = place_of(&values, &all);
@@ -105,7 +109,7 @@ fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
     let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
-    let mut fields = fields(agent);
+    let mut fields = agent.fields();
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))
         .map_err(|error| invalid(error.to_string()))?;
@@ -132,6 +136,22 @@ mod tests {
             })
             .collect::<BTreeMap<_, _>>();
         SweepConfig { grid, ..SweepConfig::default() }
+    }
+
+    #[test]
+    fn values_are_written_as_by_hand_and_in_one_way() {
+        let texts = [1e-4, 1e-3, 3e-3, 0.01, 0.05, 1000.0, 0.0, 2e6].map(|of| written(&of.into()));
+        assert_eq!(texts, ["1e-4", "1e-3", "3e-3", "0.01", "0.05", "1000", "0", "2e6"]);
+        assert_eq!(written(&64.into()), "64");
+    }
+
+    #[test]
+    fn a_race_that_is_not_run_has_a_valid_error_rate_too() {
+        for race_error_rate in [0.0, 0.6, f64::NAN] {
+            let sweep = SweepConfig { race_error_rate, ..SweepConfig::default() };
+            let refused = candidates(&sweep, &AgentConfig::default()).expect_err("refused");
+            assert!(refused.to_string().starts_with("sweep.race_error_rate must be above 0"));
+        }
     }
 
     #[test]

@@ -2,12 +2,13 @@ use std::collections::BTreeMap;
 
 use calib_agent::Part;
 use calib_rollout::StartKind;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Axis, Sampling};
 
 /// The `[sweep]` section of a study.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepConfig {
     /// Sensors to predict; each gets a sweep and a verdict of its own.

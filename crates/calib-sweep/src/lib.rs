@@ -52,7 +52,6 @@ pub use sampling::Sampling;
 pub use span::Span;
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
-pub(crate) use verdict::LOWER;
 pub use verdict::{
     Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, Rule,
     RuleChoice, SensorVerdict, Share, Truth, WindowTruth, told_apart, verdict,

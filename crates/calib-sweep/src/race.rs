@@ -9,8 +9,8 @@ use crate::{EnvironmentId, SweepError, Unit, UnitResult, verdict::STREAMS_PER_IN
 
 /// Rounds of a race, and when a value is dropped: `sweep.race`.
 ///
-/// Round r is the r-th rollout of every member and a share of the windows of the log. After each round the leader is the value with the
-/// smallest mean logarithm of the error over all streams so far, and every other one that is left is compared with it by
+/// Round r is the r-th rollout of every member and a share of the windows of the log. After each round the leader is the value that diverged
+/// in the fewest streams so far, and of these has the smallest mean logarithm of the error over the others, and every other one that is left is compared with it by
 /// [`SequentialTest`], on the differences ln error − ln error of the leader over the same streams and mini-batches. An observation is the mean
 /// over three streams, because streams of one log are not independent; the test's error rate is `error_rate` / (values − 1), so that the
 /// best value is dropped with a probability of at most `error_rate`. A value that diverged where the leader did not is dropped at once.
@@ -100,14 +100,11 @@ impl Race {
 
     /// Leave those of `left` out that are worse than the leader.
     fn drop_worse(&self, left: &mut BTreeSet<usize>, logs: &[Vec<f64>]) -> Result<(), StatsError> {
-        let mut leader: Option<(f64, usize)> = None;
-        for &value in &*left {
-            let own = mean(&logs[value])?;
-            if leader.is_none_or(|(best, _)| own < best) {
-                leader = Some((own, value));
-            }
-        }
-        let Some((_, leader)) = leader else { return Ok(()) };
+        let leader = left.iter().copied().min_by(|&a, &b| {
+            let (a, b) = (standing(&logs[a]), standing(&logs[b]));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let Some(leader) = leader else { return Ok(()) };
         for value in left.clone() {
             if value != leader && self.is_worse(&logs[value], &logs[leader])? {
                 left.remove(&value);
@@ -122,7 +119,11 @@ impl Race {
             if own == leader { 0.0 } else { own - leader }
         };
         let differences: Vec<f64> = own.iter().zip(leader).map(difference).collect();
-        if differences.contains(&f64::INFINITY) && !differences.contains(&f64::NEG_INFINITY) {
+        // Where the leader diverged and this one did not, neither is surely worse.
+        if differences.contains(&f64::NEG_INFINITY) {
+            return Ok(false);
+        }
+        if differences.contains(&f64::INFINITY) {
             return Ok(true);
         }
         let Some(test) = &self.test else { return Ok(false) };
@@ -130,6 +131,13 @@ impl Race {
         let observations: Vec<f64> = threes.map(mean).collect::<Result<_, _>>()?;
         Ok(test.look(&observations)? == Look::Worse)
     }
+}
+
+/// How a value stands: in how many streams it diverged, and its mean logarithm in the others.
+fn standing(logs: &[f64]) -> (usize, f64) {
+    let finite: Vec<f64> = logs.iter().copied().filter(|log| *log < f64::INFINITY).collect();
+    let mean = finite.iter().sum::<f64>() / finite.len().max(1) as f64;
+    (logs.len() - finite.len(), mean)
 }
 
 /// What a race would have made of the results of a whole sweep of `values` values: those that are dropped are left out of the rows that
@@ -179,3 +187,29 @@ pub fn raced(
 
 /// Streams of one observation.
 const STREAMS: usize = STREAMS_PER_INDEPENDENT as usize;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn left(logs: &[Vec<f64>]) -> Vec<usize> {
+        let race = Race::new((vec![0, 1], 6), 0, logs.len(), Part::WholeRun, 0.05).expect("valid");
+        let mut left = (0..logs.len()).collect();
+        race.drop_worse(&mut left, logs).expect("no NaN");
+        left.into_iter().collect()
+    }
+
+    #[test]
+    fn divergence_in_different_streams_decides_nothing() {
+        let (inf, low) = (f64::INFINITY, f64::NEG_INFINITY);
+        assert_eq!(left(&[vec![inf, 0.1, 0.1, 0.1], vec![0.1, inf, 0.1, 0.1]]), [0, 1]);
+        assert_eq!(
+            left(&[vec![inf, inf, 0.1], vec![0.1, 0.1, inf]]),
+            [0, 1],
+            "the leader diverged too"
+        );
+        assert_eq!(left(&[vec![inf, 0.1, 0.1], vec![9.0, 9.0, 9.0]]), [1], "and here it did not");
+        // Errors of 0 beside a divergence.
+        assert_eq!(left(&[vec![low, inf, 0.1], vec![0.1, 0.2, inf]]), [0, 1]);
+    }
+}

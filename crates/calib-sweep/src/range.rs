@@ -1,10 +1,11 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::axis::Points;
 
 /// How numbers are spaced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
     /// Equal differences.
@@ -19,7 +20,7 @@ pub enum Scale {
 /// its ends, from which random and Sobol sampling draw. Values other than the ends are rounded to what one
 /// would write by hand: three significant digits (log), or three more decimals than the spacing has (linear);
 /// whole numbers where the field takes such, or where `whole` asks for them.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
     /// The lowest value.
@@ -117,7 +118,8 @@ impl Span {
     fn check(&self) -> Result<(), String> {
         let Self { from, to, scale, whole } = *self;
         if !(from.is_finite() && to.is_finite() && from < to) {
-            return Err(format!("it is empty: from {from:e} to {to:e}; from must be below to"));
+            let [from, to] = [from, to].map(|end| crate::written(&Value::from(end)));
+            return Err(format!("from must be below to, got {from} and {to}"));
         }
         if scale == Scale::Log && from <= 0.0 {
             return Err(format!(

@@ -4,7 +4,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_files::{FileError, file_name, read_sealed_json, write_sealed_json};
+use calib_files::{
+    FileError, file_name, read_sealed_json, remove_empty_folder, remove_file, remove_folder,
+    write_sealed_json,
+};
 
 use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult};
 
@@ -80,15 +83,13 @@ impl UnitStore {
                     let name = entry.file_name();
                     let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
                     if is_file && is_unit(&name.to_string_lossy()) {
-                        let path = entry.path();
-                        std::fs::remove_file(&path)
-                            .map_err(|source| FileError::io("remove", &path, source))?;
+                        remove_file(&entry.path())?;
                     }
                 }
                 // What is not empty stays.
-                let _ = std::fs::remove_dir(&environment);
+                remove_empty_folder(&environment);
             }
-            let _ = std::fs::remove_dir(&sensor);
+            remove_empty_folder(&sensor);
         }
         Ok(())
     }
@@ -102,7 +103,7 @@ impl UnitStore {
     /// Remove the states of unfinished runs: there are none, or they are of other inputs.
     pub(crate) fn forget_unfinished(&self) {
         // What stays is not looked at again.
-        let _ = std::fs::remove_dir_all(self.directory.join(UNFINISHED));
+        let _ = remove_folder(&self.directory.join(UNFINISHED));
     }
 
     fn path(&self, unit: &Unit) -> PathBuf {

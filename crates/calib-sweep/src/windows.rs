@@ -21,7 +21,7 @@ pub struct Windows {
     pub starts: Vec<usize>,
     /// States of each stream.
     pub states: usize,
-    /// Windows that were left out because gaps leave no step to score.
+    /// Windows that were left out because gaps leave too few steps to score.
     pub left_out: usize,
 }
 
@@ -51,15 +51,24 @@ impl Windows {
         Self::scorable((0..count).map(start).collect(), states, segments, demand)
     }
 
-    /// Those of `starts` whose streams have a step to score.
+    /// Those of `starts` whose streams have a tenth of the steps to score that an unbroken one has; where none has, those that have
+    /// any. Every window counts alike, and one of a few steps says nothing.
     fn scorable(starts: Vec<usize>, states: usize, segments: &Segments, demand: Demand) -> Self {
         let all = starts.len();
         let Demand { span, gamma, part } = demand;
-        let scored = |&start: &usize| {
+        let steps = span.steps.min(states.saturating_sub(1));
+        let scored = |start: usize| {
             let pieces = segments.looped_pieces(start, states);
-            part.scored_steps(&pieces, gamma, span.steps.min(states.saturating_sub(1))) > 0
+            part.scored_steps(&pieces, gamma, steps)
         };
-        let starts: Vec<usize> = starts.into_iter().filter(scored).collect();
+        let scored: Vec<(usize, usize)> =
+            starts.into_iter().map(|start| (start, scored(start))).collect();
+        let with = |least: usize| -> Vec<usize> {
+            scored.iter().filter(|of| of.1 >= least.max(1)).map(|of| of.0).collect()
+        };
+        let unbroken = part.scored_steps(std::slice::from_ref(&(0..states)), gamma, steps);
+        let starts = Some(with(unbroken.div_ceil(10))).filter(|enough| !enough.is_empty());
+        let starts = starts.unwrap_or_else(|| with(1));
         let left_out = all - starts.len();
         Self { starts, states, left_out }
     }
@@ -110,6 +119,17 @@ mod tests {
         let lengths: Vec<usize> = (0..6).map(|_| 2).chain([12]).collect();
         let windows = Windows::held_out(&segments(&lengths), demand(), 4);
         assert_eq!((windows.starts, windows.left_out), (vec![12], 1));
+    }
+
+    #[test]
+    fn windows_of_a_few_steps_count_only_where_there_are_no_others() {
+        // A step or two to score in the first window, ten in the second; γ = 0.5 needs seven states.
+        let demand = Demand { span: Span { steps: 40, tail: 7 }, gamma: 0.5, part: Part::WholeRun };
+        let pieces: Vec<usize> = (0..5).map(|_| 7).chain([9, 3, 47]).collect();
+        let windows = Windows::held_out(&segments(&pieces), demand, 2);
+        assert_eq!((windows.starts, windows.left_out), (vec![47], 1));
+        let windows = Windows::held_out(&segments(&pieces[..7]), demand, 2);
+        assert_eq!(windows.starts.len(), 1, "better than nothing: {windows:?}");
     }
 
     #[test]

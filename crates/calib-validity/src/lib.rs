@@ -1,7 +1,7 @@
 //! Does calib choose well? Regret of its choices over plants and sensors, beside what one would do without it.
 //!
 //! - [`Pair`]: a sensor of a plant whose truth is known, with the task of its agent, what each model chose, and how well it predicts.
-//! - [`Method`]: a way to choose a value: a model, a rule, log replay, a default, chance; and the floors that nobody gets below.
+//! - [`Method`]: a way to choose a value: a model, a rule, log replay, a default, chance; and those that see held-out data: the best constant value, which nobody can beat, and another window.
 //! - [`judge`]: all pairs → [`Validity`]: summaries with intervals over plants, [`Comparison`]s two by two with their [`Power`], the
 //!   [`Test`]s of what was to be shown, rules against rules, groups of tasks, and whether the more accurate model chooses better.
 //!

@@ -58,7 +58,7 @@ impl fmt::Display for Method {
             Self::OtherPlantsWithOptimiser => "others' best, same optimiser",
             Self::Random => "random choice",
             Self::Hindsight => "floor: best constant",
-            Self::AnotherWindow => "floor: another window",
+            Self::AnotherWindow => "another window",
         })
     }
 }
@@ -97,7 +97,7 @@ impl Method {
         matches!(self, Self::Model(_))
     }
 
-    /// Whether it bounds what can be reached, and is no way to choose.
+    /// Whether it sees held-out data, and is no way to choose.
     pub fn is_floor(&self) -> bool {
         matches!(self, Self::Hindsight | Self::AnotherWindow)
     }

@@ -132,7 +132,7 @@ pub fn judge(
         plants: names(judged.iter().map(|pair| &pair.plant)),
         pairs: judged.len(),
         left_out,
-        not_learnt: judged.iter().filter(|of| of.skill.is_some_and(|skill| skill <= 0.0)).count(),
+        not_learnt: judged.iter().filter(|of| of.skill.is_none_or(|skill| skill <= 0.0)).count(),
         resamples: options.resamples,
         best_default,
         best_defaults_of_optimisers: of_optimisers(&judged, &regrets),

@@ -1,8 +1,10 @@
-use std::{fs, io, path::Path};
+use std::path::Path;
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
+use calib_files::remove_file;
+use calib_study::Job;
 
 use super::{MEASURES, pair::Pair};
 use crate::{cli::STEP_PATTERNS, commands::artefact::write_table};
@@ -22,27 +24,22 @@ pub(in crate::commands) fn write(directory: &Path, pairs: &[Pair]) -> anyhow::Re
 /// Remove what an earlier run wrote, where nothing is compared any more.
 pub(in crate::commands) fn remove(directory: &Path) -> anyhow::Result<()> {
     for name in FILES {
-        let path = directory.join(name);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("cannot remove {}", path.display()));
-            }
-            _ => {}
-        }
+        remove_file(&directory.join(name))?;
     }
     Ok(())
 }
 
-/// The pairs that were written to `directory`.
-pub(in crate::commands) fn read(directory: &Path) -> anyhow::Result<Vec<Pair>> {
+/// The pairs that were written beside the rollouts of a job.
+pub(in crate::commands) fn read(job: &Job) -> anyhow::Result<Vec<Pair>> {
+    let again = || format!("run `{} --force`", job.command("rollout"));
+    of_directory(&job.layout().rollout()).with_context(again)
+}
+
+fn of_directory(directory: &Path) -> anyhow::Result<Vec<Pair>> {
     let (dtw, others) = (directory.join(DTW), directory.join(OTHERS));
     let pairs = from_tables(&read_parquet(&dtw)?, &read_parquet(&others)?);
     pairs.with_context(|| {
-        format!(
-            "{} and {} are not those of one comparison; run `calib rollout` with --force",
-            dtw.display(),
-            others.display()
-        )
+        format!("{} and {} are not those of one comparison", dtw.display(), others.display())
     })
 }
 
@@ -131,9 +128,9 @@ mod tests {
         pairs[2].warping[1].1 = None;
         let directory = tempfile::tempdir().expect("a directory");
         write(directory.path(), &pairs).expect("writable");
-        assert_eq!(read(directory.path()).expect("readable"), pairs);
+        assert_eq!(of_directory(directory.path()).expect("readable"), pairs);
         write(directory.path(), &[]).expect("writable");
-        assert_eq!(read(directory.path()).expect("readable"), []);
+        assert_eq!(of_directory(directory.path()).expect("readable"), []);
     }
 
     #[test]
@@ -143,15 +140,16 @@ mod tests {
         measures(&[pair(0, 5, 1.0), pair(1, 5, 1.0)])
             .write_parquet(&directory.path().join(OTHERS))
             .expect("writable");
-        let refused = format!("{:#}", read(directory.path()).expect_err("one row is missing"));
+        let refused =
+            format!("{:#}", of_directory(directory.path()).expect_err("one row is missing"));
         assert!(refused.contains("not those of one comparison"), "{refused}");
         measures(&[pair(1, 5, 1.0)])
             .write_parquet(&directory.path().join(OTHERS))
             .expect("writable");
-        let refused = format!("{:#}", read(directory.path()).expect_err("another member"));
+        let refused = format!("{:#}", of_directory(directory.path()).expect_err("another member"));
         assert!(refused.contains("row 0 is of another rollout"), "{refused}");
         remove(directory.path()).expect("there");
         remove(directory.path()).expect("nothing to do");
-        assert!(read(directory.path()).is_err());
+        assert!(of_directory(directory.path()).is_err());
     }
 }

@@ -48,10 +48,15 @@ pub(in crate::commands) fn report_tables(
         rows: rows.cells,
         best: Some(Best::Cells(rows.bold)),
     };
+    let is_equal = |of: &Comparison| of.fewest_steps == of.most_steps;
+    let equal = models.iter().all(|of| is_equal(of.comparison));
+    let raw = if equal { "" } else { " Raw distances grow with the number of steps." };
     let mut tables = vec![
         table(
             "Dynamic time warping",
-            "Lower is better. Compare models within a row, not step patterns with each other.",
+            &format!(
+                "Lower is better. Compare models within a row, not step patterns with each other.{raw}"
+            ),
             &OF_WARPING,
             warping,
         ),
@@ -137,8 +142,6 @@ fn cells(summary: Option<&ClusterSummary>) -> [Cell; 2] {
 fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
     let several = models.len() > 1;
     let basis = bases(models);
-    let is_equal = |of: &Comparison| of.fewest_steps == of.most_steps;
-    let equal = models.iter().all(|of| is_equal(of.comparison));
     let sentences = [
         (
             several && are_alike(models),
@@ -146,7 +149,6 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
              of their difference contains 0 or there is none.",
         ),
         (!are_alike(models), " Models are held to different records: none is best."),
-        (!equal, " Raw distances grow with the number of steps."),
     ];
     let sentences = sentences.into_iter().filter(|(holds, _)| *holds).map(|(_, text)| text);
     let missing = models.iter().flat_map(|of| {

@@ -7,19 +7,19 @@ use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_dynamics::predict;
-use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
+use calib_files::{
+    Fingerprint, fingerprint_file, read_sealed_json, remove_file, write_sealed_json,
+};
 use calib_stats::{Interval, StepErrors};
+use calib_study::{Job, Layout};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    artefact::{self, TOOL},
+    artefact::{self, Below, Claim, TOOL},
     model::{Model, search_place},
     model_files::OpenModel,
 };
-use crate::{
-    output::Printer,
-    study::{Study, StudyPaths},
-};
+use crate::output::Printer;
 
 use steps::Steps;
 pub(super) use tables::{PairedErrors, Predicting, all_pairs, report_tables, show};
@@ -91,7 +91,8 @@ impl StepError {
 
 /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
 /// what was written.
-pub(super) fn read(study: &Study, paths: &StudyPaths, model: &str) -> Option<OneStep> {
+pub(super) fn read(job: &Job, model: &str) -> Option<OneStep> {
+    let (study, paths) = (job.study(), job.layout());
     let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
     let steps = fingerprint_file(&Steps::file(&paths.rollout())).ok()?;
     let same =
@@ -100,14 +101,9 @@ pub(super) fn read(study: &Study, paths: &StudyPaths, model: &str) -> Option<One
 }
 
 /// Nothing is known one step ahead.
-pub(super) fn remove(paths: &StudyPaths) -> anyhow::Result<()> {
+pub(super) fn remove(paths: &Layout) -> anyhow::Result<()> {
     for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("cannot remove {}", path.display()));
-            }
-            _ => {}
-        }
+        remove_file(&path)?;
     }
     Ok(())
 }
@@ -115,19 +111,19 @@ pub(super) fn remove(paths: &StudyPaths) -> anyhow::Result<()> {
 /// The one-step errors on `held_out`: those that are stored if they are up to date, else new ones, stored.
 /// `None`, with the reason told, where the model cannot predict states that it was not built from.
 pub(super) fn ensure(
-    (study, paths): (&Study, &StudyPaths),
+    job: &Job,
     model: &OpenModel,
     (held_out, fingerprint): &(Frames, Fingerprint),
     sensors: &[(String, usize)],
-    force: bool,
     printer: &Printer,
 ) -> anyhow::Result<Option<OneStep>> {
+    let (study, paths) = (job.study(), job.layout());
     let weights = (study.model.weights, study.model.temperature);
     let content = model.manifest.content()?;
     let inputs = (FORMAT, MOST_TRANSITIONS, &content, weights, fingerprint, sensors);
     let key = artefact::key(&inputs)?;
-    let stored = read(study, paths, &content);
-    if let Some(stored) = stored.filter(|stored| stored.key == key && !force) {
+    let stored = read(job, &content);
+    if let Some(stored) = stored.filter(|stored| stored.key == key && !job.policy().redoes()) {
         return Ok(Some(stored));
     }
     if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
@@ -137,11 +133,13 @@ pub(super) fn ensure(
     let transitions = Transitions::new(held_out.segments().clone());
     let rows = spaced(&transitions);
     let progress = printer.progress();
-    let (errors, steps) = errors((study, paths), model, held_out, &rows, sensors, &progress)?;
+    let (errors, steps) = errors(job, model, held_out, &rows, sensors, &progress)?;
     let of_sensor = |(sensor, column): &(String, usize)| {
         let error = StepError::new(errors.of_column(*column), &steps, Some(sensor))?;
         Ok(SensorError { sensor: sensor.clone(), error })
     };
+    // What a killed process left half-written goes.
+    let _claim = Claim::new(&paths.rollout(), Below::Unknown)?;
     steps.write(&paths.rollout())?;
     let one_step = OneStep {
         format: FORMAT,
@@ -168,7 +166,7 @@ fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
 }
 
 fn errors(
-    (study, paths): (&Study, &StudyPaths),
+    job: &Job,
     model: &OpenModel,
     held_out: &Frames,
     rows: &[RowIndex],
@@ -189,9 +187,9 @@ fn errors(
     };
     match &model.model {
         Model::Knn(knn) => {
-            let weights = study.model.weights()?;
+            let weights = job.study().model.weights()?;
             let queries = model.in_metric(&rows_of(states, rows)?)?;
-            let place = search_place(&model.model, &paths.rollout());
+            let place = search_place(&model.model, &job.layout().rollout());
             let recorded = model.frames.states();
             for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
                 for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate())

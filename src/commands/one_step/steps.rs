@@ -151,7 +151,7 @@ impl Steps {
         let steps = series.first().map_or(0, |first| first.squares.len());
         anyhow::ensure!(
             series.iter().all(|of| of.squares.len() == steps),
-            "sensors have different numbers of transitions in {}; run `calib rollout` with --force",
+            "sensors have different numbers of transitions in {}",
             Self::file(directory).display()
         );
         Ok(Self { times: times[..steps].to_vec(), series })

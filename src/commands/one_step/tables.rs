@@ -1,14 +1,13 @@
 //! Errors one step ahead for people: on the terminal, in the report, and of every two models.
 
+use anyhow::Context as _;
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
+use calib_study::Job;
 use serde::Serialize;
 
 use super::{OneStep, StepError, read, steps::Steps};
-use crate::{
-    output::{Printer, count, significant, table},
-    study::{Study, StudyPaths},
-};
+use crate::output::{Printer, count, significant, table};
 
 /// A model whose one-step errors are known.
 pub(in crate::commands) struct Predicting {
@@ -133,12 +132,12 @@ impl Predicting {
     /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
     pub(in crate::commands) fn read(
         name: &str,
-        study: &Study,
-        paths: &StudyPaths,
+        job: &Job,
         model: &str,
     ) -> anyhow::Result<Option<Self>> {
-        let Some(one_step) = read(study, paths, model) else { return Ok(None) };
-        let steps = Steps::read(&paths.rollout())?;
+        let Some(one_step) = read(job, model) else { return Ok(None) };
+        let steps = Steps::read(&job.layout().rollout())
+            .with_context(|| format!("run `{} --force`", job.command("rollout")))?;
         Ok(Some(Self { name: name.to_owned(), one_step, steps }))
     }
 

@@ -1,16 +1,18 @@
 //! Training of a grid of representations, several side by side, each on one core.
 
-use std::{collections::BTreeMap, fs, io, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
-use anyhow::Context as _;
 use calib_core::{Monitor as _, Seed};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, fingerprint_file, read_sealed_json, write_sealed_json};
+use calib_files::{
+    Fingerprint, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
+};
 use calib_nn::Mlp;
 use calib_represent::{
     Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
     write_encoder,
 };
+use calib_study::Study;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +21,6 @@ use crate::{
     cli::Device,
     commands::{artefact, torch},
     output::Printer,
-    study::Study,
 };
 
 /// Version of the training: greater when the same configuration and seed lead to other weights.
@@ -92,13 +93,7 @@ fn checkpoint(directory: &Path, key: &str) -> Checkpoint {
 
 /// Forget every candidate and every training that was put aside.
 pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
-    let path = directory.join(CANDIDATES);
-    match fs::remove_dir_all(&path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("cannot remove {}", path.display()))
-        }
-        _ => Ok(()),
-    }
+    Ok(remove_folder(&directory.join(CANDIDATES))?)
 }
 
 /// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.

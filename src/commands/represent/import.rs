@@ -12,9 +12,8 @@ use calib_data::{
     table::{Table, parquet_names, read_parquet_columns, read_parquet_list},
 };
 use calib_files::{Fingerprint, read_array, read_json, read_tensors};
+use calib_study::Job;
 use serde::Deserialize;
-
-use crate::study::{Study, StudyPaths};
 
 /// Numbers by row, as they were found.
 struct Found {
@@ -34,16 +33,16 @@ struct Sidecar {
 }
 
 /// The file that the study names, from the study's folder.
-pub(super) fn file(study: &Study, paths: &StudyPaths) -> anyhow::Result<PathBuf> {
-    let path = study.representation.path.as_deref();
+pub(super) fn file(job: &Job) -> anyhow::Result<PathBuf> {
+    let path = job.study().representation.path.as_deref();
     let path = path.context("[representation]: kind = \"import\" wants `path`, the file")?;
-    Ok(paths.study().parent().unwrap_or(Path::new("")).join(path))
+    Ok(job.beside(path))
 }
 
 /// ψ of every training state, checked.
-pub(super) fn read(study: &Study, paths: &StudyPaths, dataset: &Dataset) -> anyhow::Result<States> {
-    let path = &file(study, paths)?;
-    let config = &study.representation;
+pub(super) fn read(job: &Job, dataset: &Dataset) -> anyhow::Result<States> {
+    let path = &file(job)?;
+    let config = &job.study().representation;
     let extension = path.extension().map(|of| of.to_string_lossy().to_lowercase());
     let found = match extension.as_deref() {
         Some("npy") => npy(path),

@@ -15,18 +15,21 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
     score, select, write_encoder,
 };
+use calib_study::{Job, Layout, Made, Study};
 use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Below, Claim, Files, Manifest, TOOL},
-    load_study, partition, plant_of_study, torch,
+    partition, plant_of_study,
+    stale::Kept,
+    torch,
 };
 use crate::{
-    cli::{Device, StudyArgs},
+    cli::Device,
     clock::Stopwatch,
     exit::ExitStatus,
+    memory,
     output::{Printer, bytes, count, duration},
-    study::{Study, StudyPaths},
 };
 
 pub(super) use table::report_table;
@@ -77,12 +80,12 @@ const PSI: &str = "representation.npy";
 
 /// Train or import the representations of a study, and choose one.
 pub(super) fn run(
-    args: &StudyArgs,
+    job: &Job,
     device: Option<Device>,
     printer: &Printer,
 ) -> anyhow::Result<ExitStatus> {
     let clock = Stopwatch::start();
-    let (study, paths) = load_study(args)?;
+    let (study, paths) = (job.study(), job.layout());
     if device.is_some() {
         torch::require("--device")?;
     }
@@ -92,24 +95,21 @@ pub(super) fn run(
              set it to \"laplacian\" or \"import\""
         );
     }
-    printer.say(&format!(
-        "represent: reading {}",
-        plant_of_study::data(&study, &paths)?.path.0.join(", ")
-    ));
-    let dataset = partition::load(&study, &paths, printer)?.dataset;
-    let key = key(&study, &paths, &dataset)?;
+    printer.say(&format!("represent: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
+    let dataset = partition::load(job, printer)?.dataset;
+    let key = key(job, &dataset)?;
     let directory = paths.representation();
-    announce(&study, &dataset, printer);
-    if args.dry_run {
+    announce(study, &dataset, printer);
+    if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(ExitStatus::Done);
     }
-    let existing = if args.force { None } else { find(&paths, &key, printer)? };
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
-        None => (make((&study, &paths), &dataset, key, (args, device), printer)?, "wrote"),
+        None => (make(job, device, &dataset, key, printer)?, "wrote"),
     };
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&manifest)?;
     } else {
         let (place, time) = (directory.display(), duration(clock.elapsed()));
@@ -117,7 +117,7 @@ pub(super) fn run(
         table::show(&manifest, printer)?;
     }
     if manifest.chosen.is_some() {
-        printer.next(&paths.command("build-model"));
+        printer.next(&[job.command("build-model")]);
         return Ok(ExitStatus::Done);
     }
     printer.warn(NONE_QUALIFIES);
@@ -126,7 +126,7 @@ pub(super) fn run(
 
 /// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
 fn find(
-    paths: &StudyPaths,
+    paths: &Layout,
     key: &str,
     printer: &Printer,
 ) -> anyhow::Result<Option<RepresentationManifest>> {
@@ -156,9 +156,10 @@ const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the dist
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
 
 /// Fingerprint of what the representations follow from.
-fn key(study: &Study, paths: &StudyPaths, dataset: &Dataset) -> anyhow::Result<String> {
+fn key(job: &Job, dataset: &Dataset) -> anyhow::Result<String> {
+    let study = job.study();
     let imported = match study.representation.kind {
-        RepresentationKind::Import => Some(fingerprint_file(&import::file(study, paths)?)?),
+        RepresentationKind::Import => Some(fingerprint_file(&import::file(job)?)?),
         _ => None,
     };
     artefact::key(&(
@@ -187,22 +188,39 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         count(rows),
         candidates.len(),
         count(steps),
-        bytes((rows * (2 * columns + widest) * 4) as u64),
+        bytes(needed_bytes(study, dataset)),
     ));
 }
 
+/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+fn needed_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    let candidates = study.representation.candidates();
+    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
+    let of_one = |of: &LaplacianConfig| {
+        let layers = std::iter::repeat_n(of.hidden_units, of.hidden_layers);
+        let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([of.dimension]).collect();
+        // A batch has u, v and x.
+        calib_nn::training_bytes(&sizes, of.batch_size.saturating_mul(3))
+    };
+    let largest = candidates.iter().map(of_one).max().unwrap_or(0);
+    let states = (rows * (2 * columns + widest) * 4) as u64;
+    states.saturating_add(largest.saturating_mul(at_once))
+}
+
 fn make(
-    (study, paths): (&Study, &StudyPaths),
+    job: &Job,
+    device: Option<Device>,
     dataset: &Dataset,
     key: String,
-    (args, device): (&StudyArgs, Option<Device>),
     printer: &Printer,
 ) -> anyhow::Result<RepresentationManifest> {
-    let directory = paths.representation();
+    let (study, directory) = (job.study(), job.layout().representation());
     let split = Split::in_time(dataset.train.segments())?;
     let claim = Claim::new(&directory, Below::Ours)?;
     claim.begin()?;
-    if args.force {
+    if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(&directory)?;
     }
@@ -213,13 +231,17 @@ fn make(
     };
     let mut files = vec!["candidates.parquet", "curves.parquet"];
     let (candidates, chosen, psi) = if study.representation.kind == RepresentationKind::Import {
-        let psi = import::read(study, paths, dataset)?;
+        let psi = import::read(job, dataset)?;
         let scores = Some(score_of(&psi));
         let candidate =
             Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
         let chosen = select(&[scores]);
         (vec![candidate], chosen, chosen.map(|_| psi))
     } else {
+        if device.is_none() {
+            let remedy = "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
+            memory::require(needed_bytes(study, dataset), "training the representations", remedy)?;
+        }
         let task = (&split, seed, device);
         let trained = grid::train(study, dataset, task, &directory, printer)?;
         let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
@@ -271,20 +293,18 @@ pub(super) struct Representation {
 }
 
 /// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
-pub(super) fn open(
-    study: &Study,
-    paths: &StudyPaths,
-    dataset: &Dataset,
-) -> anyhow::Result<Option<Representation>> {
+pub(super) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Representation>> {
+    let (study, paths) = (job.study(), job.layout());
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
     }
-    let (directory, command) = (paths.representation(), paths.command("represent"));
+    let (directory, command) = (paths.representation(), job.command("represent"));
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
-    if manifest.key != key(study, paths, dataset)? {
+    Kept { result: Made::Representation, study: &manifest.study, directory: &directory }
+        .check(job)?;
+    if manifest.key != key(job, dataset)? {
         bail!(
-            "the representation in {} was made from other data, with another [representation] or \
-             another seed; run `{command}` again",
+            "the representation in {} was made from other data; run `{command}` again",
             directory.display()
         );
     }
@@ -318,7 +338,7 @@ pub(super) enum Width {
 }
 
 /// The width of what the study searches, whose states have so many columns.
-pub(super) fn width(study: &Study, paths: &StudyPaths, columns: usize) -> Width {
+pub(super) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
     let config = &study.representation;
     let candidates = match config.kind {
         RepresentationKind::None => return Width::OfStates,

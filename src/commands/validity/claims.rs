@@ -20,6 +20,8 @@ fn tests(tests: &[Test]) -> Table {
             Claim::Better | Claim::NoWorse => (quotient(Some(of.value)), quotients(of.interval)),
         };
         let outcome = match of.outcome {
+            // The same choices everywhere are no worse, and no better.
+            Outcome::Holds if of.claim == Claim::NoWorse && of.value == 1.0 => "yes, the same",
             Outcome::Holds => "yes",
             Outcome::Fails => "no",
             Outcome::Open => "not told",

@@ -56,7 +56,8 @@ pub(super) fn gather(
         let deployment = deployment.as_deref();
         if deployment.is_some()
             && let Some(first) = models.first()
-            && let Some(reason) = evaluate::left_out(&study.args((first.as_deref(), deployment)))?
+            && let Some(reason) =
+                evaluate::left_out(&study.job.choose(first.as_deref(), deployment)?)?
         {
             reasons.push(reason);
             continue;
@@ -75,12 +76,12 @@ pub(super) fn gather(
         }
         let own = gathered.get_or_insert_with(|| Gathered {
             values: first.judged.manifest.candidates.iter().map(Candidate::label).collect(),
-            task: Task::of(&first.judged.study, first.judged.manifest.span.steps),
+            task: Task::of(first.judged.study(), first.judged.manifest.span.steps),
             pairs: Vec::new(),
             networks: networks(&of),
             without: Vec::new(),
         });
-        for sensor in &first.judged.study.sweep.sensors {
+        for sensor in &first.judged.study().sweep.sensors {
             add(own, sensor, deployment, (study, &of))?;
         }
     }
@@ -91,17 +92,16 @@ fn of_model(
     study: &Listed,
     (model, deployment): (Option<&str>, Option<&str>),
 ) -> anyhow::Result<OfModel> {
-    let judged = evaluate::judge(&study.args((model, deployment)))?;
+    let judged = evaluate::judge(&study.job.choose(model, deployment)?)?;
     let key = &judged.manifest.model;
-    let rollouts = rollout::finished(&judged.study, &judged.paths, key)?;
-    let one_step =
-        rollouts.as_ref().and_then(|_| one_step::read(&judged.study, &judged.paths, key));
-    let name = model.unwrap_or_else(|| judged.study.model_name()).to_owned();
+    let rollouts = rollout::finished(&judged.job, key)?;
+    let one_step = rollouts.as_ref().and_then(|_| one_step::read(&judged.job, key));
+    let name = model.unwrap_or_else(|| judged.study().model_name()).to_owned();
     Ok(OfModel { name, judged, rollouts, one_step })
 }
 
 fn networks(models: &[OfModel]) -> Vec<String> {
-    let networks = models.iter().filter(|model| model.judged.study.is_parametric());
+    let networks = models.iter().filter(|model| model.judged.study().is_parametric());
     networks.map(|model| model.name.clone()).collect()
 }
 
@@ -112,7 +112,7 @@ fn add(
     deployment: Option<&str>,
     (study, models): (&Listed, &[OfModel]),
 ) -> anyhow::Result<()> {
-    let own = models[0].judged.study.part();
+    let own = models[0].judged.study().part();
     let parts = [own, Part::AfterFirstQuarter];
     for part in if own == parts[1] { &parts[..1] } else { &parts } {
         let verdicts = models.iter().map(|model| verdict(model, sensor, *part));
@@ -123,7 +123,7 @@ fn add(
         let Some(truth) = verdicts.first().and_then(|first| first.truth.as_ref()) else {
             bail!(
                 "{} has no held-out data, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
-                study.path.display()
+                study.path().display()
             );
         };
         if *part != own && truth.horizons < HORIZONS {
@@ -150,7 +150,8 @@ fn add(
 
 /// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
 fn verdict(model: &OfModel, sensor: &str, part: Part) -> anyhow::Result<Option<SensorVerdict>> {
-    let Judged { study, manifest, results, summary, .. } = &model.judged;
+    let Judged { job, manifest, results, summary } = &model.judged;
+    let study = job.study();
     if part == study.part() {
         return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
     }

@@ -21,6 +21,7 @@ use std::{
 use anyhow::bail;
 use calib_agent::Part;
 use calib_core::Seed;
+use calib_study::shell_words;
 use calib_validity::{Options, Pair, Validity, judge};
 use serde::Serialize;
 
@@ -116,7 +117,7 @@ pub(super) fn run(args: &ValidityArgs, printer: &Printer) -> anyhow::Result<Exit
     files::write(&directory, &judgement)?;
     figures::write(&directory.join("figures"), &judgement)?;
     page::write(&directory.join("report.html"), &judgement)?;
-    if args.json {
+    if printer.is_for_machines() {
         printer.json(&judgement.summary())?;
     } else {
         show::show(&judgement, printer)?;
@@ -173,7 +174,7 @@ fn all(listing: &Listing, args: &ValidityArgs, printer: &Printer) -> anyhow::Res
     let count = listing.studies.len();
     let mut ran = 0;
     for (number, study) in listing.studies.iter().enumerate() {
-        let task = Task::of(&study.study, study.study.sweep.steps).text();
+        let task = Task::of(study.study(), study.study().sweep.steps).text();
         printer.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
         let left = !args.judge_only && study.out_of_reach()?.is_none() && study.left()? > 0;
         match take(study, listing, args, &mut all.lacking, printer)? {
@@ -291,7 +292,7 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
 /// What was typed.
 fn command(listing: &Listing, args: &ValidityArgs) -> String {
     let paths = args.studies.iter().map(|path| path.display().to_string());
-    let overrides = args.set.iter().map(|text| format!("--set '{text}'"));
+    let overrides = args.set.iter().map(|text| shell_words(["--set", text]));
     let draw = listing.protocol.as_ref().map(|protocol| format!("--draw {}", protocol.seed()));
     let draws = format!("--resamples {} --seed {}", args.resamples, args.seed);
     let words = ["calib validity".to_owned()].into_iter().chain(paths).chain(overrides);

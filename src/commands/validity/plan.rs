@@ -23,7 +23,7 @@ pub(super) fn show(listing: &Listing, printer: &Printer) -> anyhow::Result<()> {
             }
         };
         let Task { optimiser, gamma, steps, batch_size, agent } =
-            Task::of(&study.study, study.study.sweep.steps);
+            Task::of(study.study(), study.study().sweep.steps);
         let numbers = [gamma.to_string(), steps.to_string(), batch_size.to_string()];
         let names = [study.plant.clone(), optimiser.to_owned(), agent];
         rows.push(names.into_iter().chain(numbers).chain([state]).collect());

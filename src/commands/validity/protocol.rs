@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
+use calib_study::{Drawn, Protocol};
 
 use super::{super::chain::Extent, studies::files};
-use crate::{
-    cli::ValidityArgs,
-    study::{Drawn, Protocol},
-};
+use crate::cli::ValidityArgs;
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {
@@ -31,7 +29,10 @@ impl Named {
         }
         let names = || found.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
         if found.len() > 1 || (found.len() == 1 && args.studies.len() > 1) {
-            bail!("a protocol is judged by itself; name one of {} alone", names().join(", "));
+            bail!(
+                "{} is a protocol, which draws its own studies: name nothing beside it (a protocol is a file with [validity])",
+                names().join(" and ")
+            );
         }
         let Some((file, mut protocol)) = found.pop() else {
             ensure!(
@@ -69,6 +70,6 @@ impl Named {
 
     /// All studies, with `overrides` over what is drawn.
     pub(super) fn draw(&self, overrides: &[String]) -> anyhow::Result<Vec<Drawn>> {
-        self.protocol.draw(&self.file, &self.studies(), overrides)
+        Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }
 }

@@ -15,7 +15,8 @@ pub(super) struct Outcome {
 
 /// Of the sensor of `whole`, by the same part of each run and the same rule.
 pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> anyhow::Result<Outcome> {
-    let Judged { study, manifest, results, .. } = judged;
+    let Judged { job, manifest, results, .. } = judged;
+    let study = job.study();
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();
     let own: Vec<UnitResult> = own.collect();
     let values = manifest.candidates.len();

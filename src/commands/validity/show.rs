@@ -5,7 +5,7 @@ use calib_report::{Cell, Table};
 use calib_validity::{CAP, Validity};
 
 use super::{Judgement, Score, claims::findings, tables};
-use crate::output::{Printer, count, percent, significant, table};
+use crate::output::{Printer, count, counted, percent, significant, table};
 
 /// Print all tables.
 pub(super) fn show(judgement: &Judgement, printer: &Printer) -> anyhow::Result<()> {
@@ -56,10 +56,10 @@ pub(super) fn subtitle(judgement: &Judgement) -> String {
         format!("{}, plants and tasks drawn with the seed {}: ", protocol.file, protocol.seed)
     });
     format!(
-        "{drawn}{} plant–sensor pairs of {} plants, {} values of the grid; intervals over plants, {} resamples",
-        validity.pairs,
-        validity.plants.len(),
-        validity.values.len(),
+        "{drawn}{} of {}, {} of the grid; intervals over plants, {} resamples",
+        counted(validity.pairs, "plant–sensor pair"),
+        counted(validity.plants.len(), "plant"),
+        counted(validity.values.len(), "value"),
         count(validity.resamples)
     )
 }
@@ -71,7 +71,11 @@ pub(super) fn of_score(Score { part, validity }: &Score) -> String {
         Part::AfterFirstQuarter => "By the errors after the first quarter",
         Part::FinalQuarter => "By the errors of the final quarter",
     };
-    format!("{scored}: {} pairs of {} plants", validity.pairs, validity.plants.len())
+    format!(
+        "{scored}: {} of {}",
+        counted(validity.pairs, "pair"),
+        counted(validity.plants.len(), "plant")
+    )
 }
 
 /// A part of a run, as in files.

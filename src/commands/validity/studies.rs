@@ -5,25 +5,22 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use calib_core::Seed;
 use calib_knn::ModelKind;
+use calib_study::{Drawn, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
 
 use super::{
     super::{
         artefact::MANIFEST,
         chain::{self, Extent},
-        evaluate, load_study,
-        plant_of_study::PlantOfStudy,
+        evaluate,
+        plant_of_study::{self, PlantOfStudy},
         simulate::Found,
         streams::Unscorable,
         sweep,
     },
     protocol::Named,
 };
-use crate::{
-    cli::{StudyArgs, ValidityArgs},
-    output::Printer,
-    study::{Chosen, Drawn, Study, StudyPaths, UnsetVariable},
-};
+use crate::{cli::ValidityArgs, output::Printer};
 
 /// What is judged together.
 pub(super) struct Listing {
@@ -36,12 +33,8 @@ pub(super) struct Listing {
 pub(super) struct Listed {
     /// What the plant is called: the name of the file without `.toml`.
     pub(super) plant: String,
-    pub(super) path: PathBuf,
-    /// What is laid over the file; a drawn one has it in it.
-    set: Vec<String>,
     /// The whole study, no model or deployment of it chosen.
-    pub(super) study: Study,
-    paths: StudyPaths,
+    pub(super) job: Job,
     /// Its models; `None` for a study with one model that has no name.
     pub(super) models: Vec<Option<String>>,
     /// Its deployments; `None` for a study with one held-out range that has no name.
@@ -55,10 +48,8 @@ pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Listing> {
     if let Some(protocol) = Named::find(args)? {
         let drawn = protocol.draw(&args.set)?;
         let listed = |drawn: Drawn| {
-            let (study, paths) = drawn.study(&protocol.studies())?;
-            let path = paths.study().to_owned();
-            let plant = drawn.plant.clone();
-            Ok(Listed::new(plant, path, Vec::new(), (study, paths), Some(drawn)))
+            let job = drawn.job(&protocol.studies())?;
+            Ok(Listed::new(drawn.plant.clone(), job, Some(drawn)))
         };
         let studies = drawn.into_iter().map(listed).collect::<anyhow::Result<_>>()?;
         return Ok(Listing { studies, protocol: Some(protocol) });
@@ -72,61 +63,49 @@ pub(super) fn list(args: &ValidityArgs) -> anyhow::Result<Listing> {
                 bail!(
                     "{} and {} are both called {plant}, and a study stands for a plant: intervals are over plants; \
                      rename one, or leave it out",
-                    other.path.display(),
+                    other.path().display(),
                     path.display()
                 );
             }
-            let study = Study::load(&path, &args.set, Chosen::default())?;
-            studies.push(Listed::new(plant, path, args.set.clone(), study, None));
+            let request = Request { set: args.set.clone(), ..Request::new(path) };
+            studies.push(Listed::new(plant, Job::resolve(request)?, None));
         }
     }
     Ok(Listing { studies, protocol: None })
 }
 
 impl Listed {
-    fn new(
-        plant: String,
-        path: PathBuf,
-        set: Vec<String>,
-        (study, paths): (Study, StudyPaths),
-        drawn: Option<Drawn>,
-    ) -> Self {
-        let models = or_the_only(study.compared_models());
-        let deployments = or_the_only(study.deployment_names());
-        Self { plant, path, set, study, paths, models, deployments, drawn }
+    fn new(plant: String, job: Job, drawn: Option<Drawn>) -> Self {
+        let models = or_the_only(job.study().compared_models());
+        let deployments = or_the_only(job.study().deployment_names());
+        Self { plant, job, models, deployments, drawn }
     }
 
-    /// The arguments of the other commands for a model of it in a deployment.
-    pub(super) fn args(&self, (model, deployment): (Option<&str>, Option<&str>)) -> StudyArgs {
-        StudyArgs {
-            study: self.path.clone(),
-            set: self.set.clone(),
-            model: model.map(str::to_owned),
-            deployment: deployment.map(str::to_owned),
-            profile: None,
-            output: None,
-            force: false,
-            dry_run: false,
-            json: false,
-        }
+    /// Its file.
+    pub(super) fn path(&self) -> &Path {
+        self.job.layout().study()
+    }
+
+    /// The whole study.
+    pub(super) fn study(&self) -> &Study {
+        self.job.study()
     }
 
     /// Why its data cannot be looked for here, if that is so: they lie where a variable of the environment says, and it is not set.
     pub(super) fn out_of_reach(&self) -> anyhow::Result<Option<String>> {
-        match self.study.data_to_read(&self.paths) {
-            Err(error) => match error.downcast_ref::<UnsetVariable>() {
-                Some(UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
-                None => Err(error),
-            },
+        match plant_of_study::data_to_read(&self.job) {
+            Err(StudyError::UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
+            Err(error) => Err(error.into()),
             Ok(_) => Ok(None),
         }
     }
 
-    /// The arguments for each of its models in each of its deployments.
-    fn parts(&self) -> impl Iterator<Item = StudyArgs> {
+    /// Each of its models in each of its deployments.
+    fn parts(&self) -> impl Iterator<Item = Result<Job, StudyError>> {
         self.models.iter().flat_map(|model| {
-            let of =
-                |deployment: &Option<String>| self.args((model.as_deref(), deployment.as_deref()));
+            let of = |deployment: &Option<String>| {
+                self.job.choose(model.as_deref(), deployment.as_deref())
+            };
             self.deployments.iter().map(of)
         })
     }
@@ -135,8 +114,11 @@ impl Listed {
     pub(super) fn left(&self) -> anyhow::Result<usize> {
         let is_written = self.is_written()?;
         let mut left = 0;
-        for part in self.parts().filter(|part| !self.lacks(part.model.as_deref())) {
-            left += usize::from(!is_written || !evaluate::is_swept(&part)?);
+        for part in self.parts() {
+            let part = part?;
+            if !self.lacks(part.model()) {
+                left += usize::from(!is_written || !evaluate::is_swept(&part));
+            }
         }
         Ok(left)
     }
@@ -145,7 +127,7 @@ impl Listed {
     pub(super) fn swept_secs(&self) -> anyhow::Result<f64> {
         let mut secs = 0.0;
         for part in self.parts() {
-            secs += sweep::wall_secs(&load_study(&part)?.1).unwrap_or(0.0);
+            secs += sweep::wall_secs(part?.layout()).unwrap_or(0.0);
         }
         Ok(secs)
     }
@@ -153,11 +135,11 @@ impl Listed {
     /// Whether its file is what it is to be.
     fn is_written(&self) -> anyhow::Result<bool> {
         let Some(drawn) = &self.drawn else { return Ok(true) };
-        match std::fs::read_to_string(&self.path) {
+        match std::fs::read_to_string(self.path()) {
             Ok(text) => Ok(text == drawn.text),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
             Err(error) => {
-                Err(error).with_context(|| format!("cannot read {}", self.path.display()))
+                Err(error).with_context(|| format!("cannot read {}", self.path().display()))
             }
         }
     }
@@ -167,7 +149,7 @@ impl Listed {
         if let Some(drawn) = &self.drawn
             && !self.is_written()?
         {
-            calib_files::write_atomically(&self.path, |file| {
+            calib_files::write_atomically(self.path(), |file| {
                 std::io::Write::write_all(file, drawn.text.as_bytes())
             })?;
         }
@@ -185,12 +167,12 @@ impl Listed {
         let talk = printer.talking();
         // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
         if self.drawn.is_some()
-            && let Some(plant) = PlantOfStudy::of(&self.study, &self.paths)?
+            && let Some(plant) = PlantOfStudy::of(&self.job)?
             && plant.found == Found::Another
         {
             plant.make(true, &talk).context("[simulate]")?;
         }
-        match chain::run_to(extent, &self.args((None, None)), &talk) {
+        match chain::run_to(extent, &self.job, &talk) {
             Err(reason) if reason.is::<Unscorable>() => Ok(Some(reason.to_string())),
             ended => ended.map(|_| None),
         }
@@ -198,12 +180,13 @@ impl Listed {
 
     /// Whether a model is one that this calib cannot train, and that no other one has trained.
     pub(super) fn lacks(&self, model: Option<&str>) -> bool {
-        let own = model.and_then(|name| self.study.models.get(name)?.get("model")?.get("kind"));
+        let own = model.and_then(|name| self.study().models.get(name)?.get("model")?.get("kind"));
         let own = own.and_then(|kind| kind.clone().try_into::<ModelKind>().ok());
-        let kind = own.unwrap_or(self.study.model.kind);
+        let kind = own.unwrap_or(self.study().model.kind);
+        let layout = self.job.layout().clone();
         let paths = match model {
-            Some(name) => self.paths.clone().of_model(name),
-            None => self.paths.clone(),
+            Some(name) => layout.of_model(name),
+            None => layout,
         };
         let wants_libtorch = matches!(kind, ModelKind::Gru | ModelKind::Torchscript);
         wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
@@ -214,7 +197,7 @@ impl Listed {
 pub(super) fn check(studies: &[Listed]) -> anyhow::Result<()> {
     let mut first: Option<(&Listed, Vec<String>)> = None;
     for listed in studies {
-        let Listed { study, path, plant, .. } = listed;
+        let (study, path, plant) = (listed.study(), listed.path(), &listed.plant);
         let data = &study.data;
         let holds_nothing_out =
             data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);
@@ -240,7 +223,7 @@ pub(super) fn check(studies: &[Listed]) -> anyhow::Result<()> {
             values.join(", ")
         );
         ensure!(
-            other.study.part() == study.part(),
+            other.study().part() == study.part(),
             "the studies score different parts of a run: {} and {plant} differ in sweep.scored or [pretrain]; judge them apart",
             other.plant
         );

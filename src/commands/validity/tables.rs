@@ -72,23 +72,27 @@ fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
     )
 }
 
+/// Fewer plants than this give no interval that means anything (our choice).
+const FEWEST: usize = 3;
+
 fn groups(groups: &[GroupSummary]) -> Table {
     let rows = groups.iter().map(|of| {
+        let told = |interval: Option<Interval>| interval.filter(|_| of.plants >= FEWEST);
         vec![
             Cell::Text(format!("{} {}", of.feature, of.group)),
             Cell::Text(of.method.to_string()),
             count(of.plants),
             count(of.pairs),
             Cell::Percent(of.typical),
-            shares(of.interval),
+            shares(told(of.interval)),
             quotient(of.against_default),
-            quotients(of.against_default_interval),
+            quotients(told(of.against_default_interval)),
         ]
     });
     table(
         "Does choosing well depend on the task?",
         "Typical regret over the pairs whose tasks have something in common, and the quotient of errors against the study's default \
-         there.",
+         there. Two plants are too few for an interval over plants.",
         &["task", "choice of", "plants", "pairs", "typical", "95 %", "/ default", "95 %"],
         rows.collect(),
     )
@@ -200,18 +204,18 @@ pub(super) fn each(validity: &Validity) -> Table {
 /// A method in a narrow column or on an axis.
 pub(super) fn short(method: &Method) -> String {
     match method {
-        Method::MostAccurate => "1-step".to_owned(),
-        Method::LeastWarped => "DTW".to_owned(),
-        Method::LogReplay => "replay".to_owned(),
-        Method::LatestWindow => "latest".to_owned(),
-        Method::BestDefault => "hindsight".to_owned(),
+        Method::MostAccurate => "least 1-step".to_owned(),
+        Method::LeastWarped => "least DTW".to_owned(),
+        Method::LogReplay => "log replay".to_owned(),
+        Method::LatestWindow => "latest window".to_owned(),
+        Method::BestDefault => "best default".to_owned(),
         Method::BestDefaultOfOptimiser => "per optimiser".to_owned(),
-        Method::OtherPlants => "others".to_owned(),
-        Method::OtherPlantsWithOptimiser => "alike".to_owned(),
+        Method::OtherPlants => "other plants".to_owned(),
+        Method::OtherPlantsWithOptimiser => "same optimiser".to_owned(),
         Method::Default => "default".to_owned(),
         Method::Random => "random".to_owned(),
-        Method::Hindsight => "best".to_owned(),
-        Method::AnotherWindow => "window".to_owned(),
+        Method::Hindsight => "best constant".to_owned(),
+        Method::AnotherWindow => "other window".to_owned(),
         other => other.to_string(),
     }
 }

@@ -1,10 +1,9 @@
 //! What the agent of a plant is like.
 
 use calib_agent::{OptimiserKind, ValueFunction};
+use calib_study::Study;
 use calib_validity::TaskValue;
 use serde::Serialize;
-
-use crate::study::Study;
 
 /// The task of a plant: what is drawn for it, as far as results are grouped by it.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,7 +1,7 @@
 use calib_core::{RowStream, Segments, Silent, States};
 
 use super::*;
-use crate::{AgentConfig, OptimiserKind, ValueFunction};
+use crate::{AgentConfig, OptimiserKind, Precision, ValueFunction};
 
 /// A slow wave and its derivative in two segments; the second sensor is the first one a quarter later.
 fn waves(steps: usize) -> RowStream {
@@ -29,6 +29,10 @@ fn mlp(learning_rate: f64) -> AgentConfig {
 fn linear(learning_rate: f64) -> AgentConfig {
     let (value_function, optimiser) = (ValueFunction::Linear, OptimiserKind::Sgd);
     AgentConfig { value_function, optimiser, ..mlp(learning_rate) }
+}
+
+fn rounded() -> AgentConfig {
+    AgentConfig { precision: Precision::Bf16, ..mlp(1e-3) }
 }
 
 fn settings(epochs: usize, patience: usize) -> PretrainSettings {
@@ -108,7 +112,7 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
 fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
     let stream = waves(300);
     let traced = AgentConfig { traces: vec![0.5, 0.9], ..mlp(1e-3) };
-    for config in [mlp(1e-3), linear(0.1), traced] {
+    for config in [mlp(1e-3), rounded(), linear(0.1), traced] {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let of = |threads, sensors: &[usize]| {
             let run = || run(&stream, settings(4, 2), &config, sensors, None).expect("trains");
@@ -141,7 +145,7 @@ fn patience_keeps_the_best_epoch() {
 fn a_resumed_training_is_the_uninterrupted_one() {
     let stream = waves(400);
     let directory = tempfile::tempdir().expect("a directory");
-    for (number, config) in [mlp(0.03), linear(0.1)].into_iter().enumerate() {
+    for (number, config) in [mlp(0.03), rounded(), linear(0.1)].into_iter().enumerate() {
         let whole = run(&stream, settings(12, 3), &config, &[0, 1], None).expect("trains");
         for after in [1, 4, 7] {
             let path = directory.path().join(format!("{number}-{after}"));

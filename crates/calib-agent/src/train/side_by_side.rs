@@ -9,7 +9,7 @@ use super::{
     tests::{Impatient, linear, mlp, waves},
     *,
 };
-use crate::{Checkpoint, OptimiserKind, Part, ReplayKind, parameter_count};
+use crate::{Checkpoint, OptimiserKind, Part, Precision, ReplayKind, parameter_count};
 
 fn run(stream: &dyn Stream) -> Run<'_> {
     let (steps, curve) = (stream.len() - 1, CurveRule { windows: 20 });
@@ -37,7 +37,17 @@ fn agents() -> Vec<AgentConfig> {
         AgentConfig { target_network_period: 10, updates_per_step: 2, ..mlp() },
         AgentConfig { replay: ReplayKind::None, ..mlp() },
         AgentConfig { gamma: 0.5, learning_rate: 0.0, ..mlp() },
+        rounded(),
+        AgentConfig { learning_rate: 1e-2, ..rounded() },
+        AgentConfig { learning_rate: 0.0, ..rounded() },
+        AgentConfig { learning_rate: 1e30, ..rounded() },
+        AgentConfig { target_network_period: 10, updates_per_step: 2, ..rounded() },
+        AgentConfig { replay: ReplayKind::None, ..rounded() },
     ]
+}
+
+fn rounded() -> AgentConfig {
+    AgentConfig { precision: Precision::Bf16, ..mlp() }
 }
 
 fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
@@ -62,13 +72,13 @@ fn sensors_side_by_side_are_what_they_are_alone() {
         assert_eq!(&alone[0], outcome, "{learner:?}");
     }
     assert_ne!(rmse(&all[0]), rmse(&all[agents.len()]), "sensors differ");
-    assert!(all[2].diverged.is_some());
+    assert!(all[2].diverged.is_some() && all[12].diverged.is_some());
 }
 
 #[test]
 fn a_checkpoint_is_where_learning_starts() {
     let stream = waves(300);
-    for kind in [mlp(), AgentConfig { optimiser: OptimiserKind::Adam, ..linear() }] {
+    for kind in [mlp(), rounded(), AgentConfig { optimiser: OptimiserKind::Adam, ..linear() }] {
         let with = |learning_rate| AgentConfig { learning_rate, ..kind.clone() };
         let (frozen, slow, fast) = (with(0.0), with(1e-12), with(1e-2));
         let (bare, whole) = (checkpoint(&kind, false), checkpoint(&kind, true));

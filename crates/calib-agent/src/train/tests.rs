@@ -4,7 +4,7 @@ use calib_core::{Rng, RowIndex, RowStream, Segments, Silent, States};
 
 use super::*;
 use crate::{
-    OptimiserKind, Part, PartScore, ReplayKind, ValueFunction, discounted_returns,
+    OptimiserKind, Part, PartScore, Precision, ReplayKind, ValueFunction, discounted_returns,
     truncation_horizon,
 };
 
@@ -89,9 +89,14 @@ fn a_ring_of_states_gets_its_true_values() {
 #[test]
 fn a_network_predicts_a_wave() {
     let stream = waves(6_000);
-    let outcome = &run(&stream, &[mlp()])[0];
-    let score = settled(outcome);
-    assert!(score.rmse < 0.2 * score.return_std, "{outcome:?}");
+    let rounded = AgentConfig { precision: Precision::Bf16, ..mlp() };
+    let outcomes = run(&stream, &[mlp(), rounded]);
+    for outcome in &outcomes {
+        let score = settled(outcome);
+        assert!(score.rmse < 0.2 * score.return_std, "{outcome:?}");
+    }
+    let [single, rounded] = [0, 1].map(|agent| whole(&outcomes[agent]).rmse);
+    assert!(single != rounded && (single / rounded - 1.0).abs() < 0.05, "{single} {rounded}");
 }
 
 /// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.

@@ -2,6 +2,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use calib_core::{Period, Timestamp};
 use calib_files::ScratchPlace;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Moment, Paths, TimeRange};
@@ -12,7 +13,7 @@ use crate::{
 };
 
 /// `[data]`: where the log is, and which part of it is for what.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataConfig {
     /// Parquet or text files: a file, a folder (searched recursively), a glob pattern, or a list of them.
@@ -88,7 +89,7 @@ pub struct DataConfig {
 }
 
 /// What a row of the log is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// A time and a value of every channel: a column a channel.
@@ -108,7 +109,7 @@ impl Shape {
 }
 
 /// What happens to rows of the same time with different values of a channel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Contradictions {
     /// The log is refused.
@@ -121,13 +122,14 @@ pub enum Contradictions {
 }
 
 impl Contradictions {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
     fn are_refused(&self) -> bool {
         *self == Self::Refuse
     }
 }
 
 /// How a channel that was recorded at other times is put on the clock of the log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Resample {
     /// The last recorded value.
@@ -139,7 +141,7 @@ pub enum Resample {
 }
 
 /// The unit of timestamps that are plain numbers since 1970-01-01.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum TimestampUnit {
     /// Seconds.
     #[serde(rename = "s")]

@@ -1,8 +1,10 @@
 use std::{
+    borrow::Cow,
     fmt,
     path::{Path, PathBuf},
 };
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{
     Deserialize, Deserializer, Serialize,
     de::{self, SeqAccess, Visitor},
@@ -33,6 +35,19 @@ impl From<&Path> for Paths {
 impl From<PathBuf> for Paths {
     fn from(path: PathBuf) -> Self {
         Self::from(path.as_path())
+    }
+}
+
+impl JsonSchema for Paths {
+    fn schema_name() -> Cow<'static, str> {
+        "Paths".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A path, a glob pattern, or a list of them",
+            "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }],
+        })
     }
 }
 

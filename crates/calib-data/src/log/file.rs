@@ -13,7 +13,7 @@ use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::{columns::Stored, source::Source, values::RawColumn};
-use crate::{DataError, checksums, guard::guard, table::RESULTS_KEY};
+use crate::{DataError, Description, checksums, guard::guard, table::RESULTS_KEY};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -43,6 +43,17 @@ struct Parquet {
     checked: Mutex<BTreeSet<usize>>,
 }
 
+impl Parquet {
+    /// Rows of each row group.
+    fn group_rows(&self) -> Vec<usize> {
+        let mut rows = Vec::with_capacity(self.metadata.row_groups.len());
+        for group in &self.metadata.row_groups {
+            rows.push(group.num_rows());
+        }
+        rows
+    }
+}
+
 impl std::fmt::Debug for Parquet {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Parquet").finish_non_exhaustive()
@@ -56,6 +67,8 @@ pub(crate) struct Field {
     pub(crate) kind: FieldKind,
     /// The type as users know it.
     pub(crate) type_name: String,
+    /// What the header says of it.
+    pub(crate) description: Description,
 }
 
 /// What calib can do with a column.
@@ -93,7 +106,12 @@ impl LogFile {
             .iter()
             .map(|(name, field)| {
                 let (kind, type_name) = classify(field.dtype());
-                Field { name: name.to_string(), kind, type_name }
+                Field {
+                    name: name.to_string(),
+                    kind,
+                    type_name,
+                    description: Description::default(),
+                }
             })
             .collect();
         let is_result =
@@ -128,9 +146,7 @@ impl LogFile {
     /// Slices of whole row groups that cover `rows`, cut to `rows`.
     pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let groups: Vec<usize> = match &self.content {
-            Content::Parquet(parquet) => {
-                parquet.metadata.row_groups.iter().map(|group| group.num_rows()).collect()
-            }
+            Content::Parquet(parquet) => parquet.group_rows(),
             Content::Stored(_) => (0..self.rows)
                 .step_by(SLICE_ROWS)
                 .map(|from| SLICE_ROWS.min(self.rows - from))

@@ -225,16 +225,14 @@ fn stream_parquet(
             let mut known: HashMap<String, bool> = HashMap::new();
             for (cell, code) in part.cells.iter_mut().zip(codes) {
                 let code = code.unwrap_or_default();
-                let is_good = match known.get(&code) {
-                    Some(&is_good) => is_good,
-                    None => {
-                        let is_good =
-                            quality.is_good(&code).map_err(|reason| DataError::Shape {
-                                reason: format!("{}: {reason}", file.path().display()),
-                            })?;
-                        known.insert(code, is_good);
-                        is_good
-                    }
+                let is_good = if let Some(&is_good) = known.get(&code) {
+                    is_good
+                } else {
+                    let is_good = quality.is_good(&code).map_err(|reason| DataError::Shape {
+                        reason: format!("{}: {reason}", file.path().display()),
+                    })?;
+                    known.insert(code, is_good);
+                    is_good
                 };
                 if !is_good {
                     part.bad_quality += 1;
@@ -272,16 +270,15 @@ pub(crate) fn stream_annotated(
         let mut known: HashMap<crate::text::Key, usize> = HashMap::new();
         let mut clock = clock.clone();
         Annotated::open(head.path())?.read(&mut words, |sample, words| {
-            let tag = match known.get(sample.key) {
-                Some(&tag) => tag,
-                None => {
-                    let tag = sink.tag(&format!("{:?}", sample.key));
-                    if tag == keys.len() {
-                        keys.push(sample.key.clone());
-                    }
-                    known.insert(sample.key.clone(), tag);
-                    tag
+            let tag = if let Some(&tag) = known.get(sample.key) {
+                tag
+            } else {
+                let tag = sink.tag(&format!("{:?}", sample.key));
+                if tag == keys.len() {
+                    keys.push(sample.key.clone());
                 }
+                known.insert(sample.key.clone(), tag);
+                tag
             };
             let mut cells = [sample.cell.encode()];
             if let Cell::Word(word) = sample.cell {

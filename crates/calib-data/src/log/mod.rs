@@ -5,6 +5,7 @@ mod columns;
 mod file;
 mod gaps;
 mod head;
+mod known;
 mod long;
 mod open;
 mod passes;
@@ -16,6 +17,7 @@ mod series;
 mod shape;
 mod source;
 mod split;
+mod tag_of_path;
 mod times;
 mod values;
 
@@ -26,13 +28,14 @@ use calib_core::{Monitor, Period, Timestamp};
 use self::{file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
     gaps::{Steps, inside},
+    known::{TAGS, plain},
     place::{Contradiction, SHOWN},
     read::{Batch, ChannelValues, Codes},
     rows::{EXAMPLES, NO_TIME},
     times::{guess_unit, typical},
     values::{LARGEST, NotNumbers},
 };
-use crate::{Contradictions, DataConfig, DataError, Shape, time::format_time};
+use crate::{Contradictions, DataConfig, DataError, Description, Shape, time::format_time};
 
 /// Everything about the log except the values of its channels.
 pub(crate) struct Log {
@@ -81,6 +84,7 @@ pub(crate) struct Channel {
     pub(crate) name: String,
     /// Its types, in order of appearance; more than one if files disagree.
     pub(crate) type_name: String,
+    pub(crate) description: Description,
     /// Whether a file has it as numbers or text.
     pub(crate) readable: bool,
     /// Its position in each file that has it readable.

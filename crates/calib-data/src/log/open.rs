@@ -22,7 +22,7 @@ use super::{
     times,
 };
 use crate::{
-    DataConfig, DataError, Shape,
+    DataConfig, DataError, Description, Shape,
     text::Notation,
     time::{Stamp, format_time},
 };
@@ -136,7 +136,15 @@ fn tables(
                     } else {
                         (FieldKind::Number, "number")
                     };
-                    Field { name: column.name.clone(), kind, type_name: type_name.to_owned() }
+                    Field {
+                        name: column.name.clone(),
+                        kind,
+                        type_name: type_name.to_owned(),
+                        description: Description {
+                            unit: column.unit.clone(),
+                            label: column.label.clone(),
+                        },
+                    }
                 };
                 let fields = columns.map(field).collect();
                 let stored =
@@ -202,7 +210,7 @@ struct Planned {
 impl Opened {
     pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
         let planned = match self {
-            Self::Tables(files, times, instants) => plan_tables(files, &times, instants, data)?,
+            Self::Tables(files, times, instants) => plan_tables(files, &times, &instants, data)?,
             Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
         };
         Ok(Log { utc, ..planned.into_log(data)? })
@@ -212,7 +220,7 @@ impl Opened {
 fn plan_tables(
     files: Vec<LogFile>,
     times: &[usize],
-    instants: Vec<Vec<i64>>,
+    instants: &[Vec<i64>],
     data: &DataConfig,
 ) -> Result<Planned, DataError> {
     let total: usize = instants.iter().map(Vec::len).sum();
@@ -221,10 +229,10 @@ fn plan_tables(
     }
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
-        return Err(DataError::NoRows { files: files.len() });
+        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
     };
     let split = Split::new(data, first, last)?;
-    let rows = Rows::plan(&instants, &split.window());
+    let rows = Rows::plan(instants, &split.window());
     refuse_mixed_partitions(&files, &rows.irregularities)?;
     Ok(Planned {
         channels: list_channels(&files, times),
@@ -254,7 +262,7 @@ fn plan_samples(
     let (null_timestamps, bad_quality) = (sink.null_times, sink.bad_quality);
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
-        return Err(DataError::NoRows { files: files.len() });
+        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
     };
     let split = Split::new(data, first, last)?;
     let window = split.window();
@@ -263,6 +271,7 @@ fn plan_samples(
     let channel = |tag: &super::series::Tag| Channel {
         name: tag.name.clone(),
         type_name: tag.type_name().to_owned(),
+        description: Description::default(),
         readable: true,
         positions: HashMap::new(),
     };
@@ -398,6 +407,7 @@ fn list_channels(files: &[LogFile], times: &[usize]) -> Vec<Channel> {
                 channels.push(Channel {
                     name: field.name.clone(),
                     type_name: field.type_name.clone(),
+                    description: field.description.clone(),
                     readable: false,
                     positions: HashMap::new(),
                 });

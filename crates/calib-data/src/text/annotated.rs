@@ -178,7 +178,7 @@ impl Table {
             "#datatype" => self.types = cells,
             "#default" => {
                 self.defaults =
-                    std::iter::once(String::new()).chain(cells.into_iter().skip(1)).collect()
+                    std::iter::once(String::new()).chain(cells.into_iter().skip(1)).collect();
             }
             _ => {}
         }

@@ -167,7 +167,7 @@ fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
 }
 
 /// Text as UTF-8, or else as the first page of Unicode has it, which is Latin 1: the degree sign of old exports.
-pub(super) fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
+pub(crate) fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.into(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect::<String>().into(),

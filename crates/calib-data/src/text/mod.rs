@@ -17,11 +17,13 @@ mod stamps;
 
 pub(crate) use self::{
     annotated::{Annotated, Key, is_annotated, names as annotated_names},
+    blocks::Marks,
     cell::{Cell, Words},
-    dialect::TextColumn,
+    dialect::{TextColumn, decode},
     file::{Records, TextFile},
     input::size,
     number::{Decimal, cell as cell_of, parse as parse_number},
     quality::Quality,
+    record::RecordReader,
     stamps::{Candidates, Notation, Zone},
 };

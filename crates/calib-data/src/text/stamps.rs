@@ -51,9 +51,12 @@ impl Notation {
 
 fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
     let parsed = strtime::parse(pattern, text)
-        .or_else(|error| match text.contains(',') {
-            true => strtime::parse(pattern, text.replace(',', ".")),
-            false => Err(error),
+        .or_else(|error| {
+            if text.contains(',') {
+                strtime::parse(pattern, text.replace(',', "."))
+            } else {
+                Err(error)
+            }
         })
         .ok()?;
     if parsed.offset().is_some()
@@ -97,7 +100,9 @@ impl Candidates {
             all = patterns(first).into_iter().map(Notation::Pattern).collect();
         }
         let mut candidates = Self { left: all, example: first.to_owned(), unreadable: None };
-        cells.iter().for_each(|cell| candidates.note(cell));
+        for cell in cells {
+            candidates.note(cell);
+        }
         if candidates.left.is_empty() && candidates.unreadable.is_none() {
             candidates.unreadable = Some(first.to_owned());
         }
@@ -147,10 +152,7 @@ fn patterns(example: &str) -> Vec<String> {
 
 /// The date, and the time with what stands before it.
 fn split(example: &str) -> Option<(&str, &str)> {
-    let colon = match example.find(':') {
-        None => return Some((example, "")),
-        Some(colon) => colon,
-    };
+    let Some(colon) = example.find(':') else { return Some((example, "")) };
     let hour = example[..colon].rfind(|c: char| !c.is_ascii_digit())?;
     // 20240301T0600 has no colon; 2024-03-01 T 06:00 has spaces on both sides.
     let date = example[..=hour].trim_end_matches([' ', 'T', '_', '-', ',', ':', '\t']);

@@ -182,7 +182,7 @@ fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
     assert_eq!(
         error,
         "data.train has no two successive rows left: 6 rows, 6 of them dropped for missing values, 0 segments. \
-         a misses 3 values, b misses 3 values: exclude such channels, lower preprocess.max_missing, or raise preprocess.fill_limit"
+         a misses 3 values, b misses 3 values: leave such channels out with data.exclude, lower preprocess.max_missing, or raise preprocess.fill_limit"
     );
     let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
     assert_eq!(

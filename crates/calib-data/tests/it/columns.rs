@@ -50,7 +50,7 @@ fn every_dropped_channel_has_its_reason() {
     let error = profile.require_sensor("constant").expect_err("dropped").to_string();
     assert_eq!(
         error,
-        "sensor \"constant\" is needed but was dropped: constant at 2 in the training range"
+        "sensor \"constant\" is needed but was dropped: constant at 2 in the training range; `calib inspect` shows every sensor: choose another, or other data"
     );
     let error = profile.require_sensor("FIT3").expect_err("unknown").to_string();
     assert!(

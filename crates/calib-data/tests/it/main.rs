@@ -7,4 +7,5 @@ mod formats;
 mod inputs;
 mod ranges;
 mod real;
+mod shapes;
 mod support;

@@ -5,71 +5,11 @@ use calib_files::ScratchPlace;
 
 use super::{
     Halt,
+    anchor::Anchor,
     graph::Graph,
     settle::{Shrinking, Verdict, settle},
 };
-use crate::{KnnError, bits::Bits, index::going_on};
-
-/// Transitions from which the large component is looked for, at most.
-const PROBES: u32 = 16;
-
-/// A transition by which the graph of a member is taken apart: what leads to it can be told by a few sweeps through the table, and
-/// closed classes that it does not lie in are among what does not.
-#[derive(Clone, Debug)]
-pub(super) struct Anchor {
-    node: u32,
-    /// What leads to it.
-    pub(super) reaching: Bits,
-    /// Transitions that lead to it and that it leads to: the size of its strongly connected component, at least.
-    pub(super) component: usize,
-}
-
-impl Anchor {
-    /// One in a component of `enough` transitions, or else the best of some that are spread over the member.
-    pub(super) fn find(
-        graph: &Graph<'_>,
-        enough: usize,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, KnnError> {
-        let mut best: Option<Self> = None;
-        // 1/2, 1/4, 3/4, 1/8, … (van der Corput's sequence): more and more evenly spread.
-        let shares = (1..=PROBES).map(|n| f64::from(n.reverse_bits()) / 2_f64.powi(32));
-        for share in shares {
-            going_on(monitor)?;
-            // Something leads to a neighbour.
-            let node = graph.row(graph.at(share))[0];
-            let anchor = Self::new(graph, node, monitor)?;
-            if best.as_ref().is_none_or(|best| best.component < anchor.component) {
-                best = Some(anchor);
-            }
-            if best.as_ref().is_some_and(|best| best.component >= enough) {
-                break;
-            }
-        }
-        Ok(best.unwrap_or_else(|| unreachable!("there is a first probe")))
-    }
-
-    /// The same anchor of a graph in which more leads to it.
-    pub(super) fn in_graph(
-        mut self,
-        graph: &Graph<'_>,
-        enough: usize,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, KnnError> {
-        if self.component < enough {
-            return Self::find(graph, enough, monitor);
-        }
-        graph.reaching(&mut self.reaching, monitor)?;
-        Ok(self)
-    }
-
-    fn new(graph: &Graph<'_>, node: u32, monitor: &dyn Monitor) -> Result<Self, KnnError> {
-        let mut reaching = Bits::of(graph.len(), [node]);
-        graph.reaching(&mut reaching, monitor)?;
-        let component = graph.reached(node, monitor)?.common(&reaching);
-        Ok(Self { node, reaching, component })
-    }
-}
+use crate::{KnnError, bits::Bits};
 
 /// Closed classes of a graph.
 #[derive(Debug)]
@@ -100,14 +40,12 @@ pub(super) fn closed(
     let mut settled = anchor.reaching.clone();
     let nodes = graph.all().without(&settled);
     settle(&nodes, &mut settled, &mut listing, place, monitor).map_err(Halt::into_error)?;
+    // Every walk can come to a closed class. What the anchor leads to is one, unless it holds another one.
     let reached = graph.reached(anchor.node, monitor)?;
-    let size = reached.count();
-    if reached.common(&anchor.reaching) == size {
-        listing.add(size, reached.iter());
+    if reached.common(&listing.traps) + reached.common(&listing.others) == 0 {
+        listing.add(reached.count(), reached.iter());
     }
-    let Listing { mut sizes, traps, others, .. } = listing;
-    sizes.sort_unstable_by_key(|&size| Reverse(size));
-    Ok(Classes { sizes, ends: if traps.is_empty() { others } else { traps } })
+    Ok(listing.into_classes())
 }
 
 /// A graph that nothing is left out of.
@@ -125,6 +63,16 @@ impl Listing<'_> {
         let ends = if size < self.enough { &mut self.traps } else { &mut self.others };
         ends.extend(class);
     }
+
+    fn into_classes(self) -> Classes {
+        let Self { mut sizes, traps, others, .. } = self;
+        assert!(
+            !sizes.is_empty(),
+            "from every transition of a member a walk goes on, and comes to a closed class"
+        );
+        sizes.sort_unstable_by_key(|&size| Reverse(size));
+        Classes { sizes, ends: if traps.is_empty() { others } else { traps } }
+    }
 }
 
 impl Shrinking for Listing<'_> {
@@ -140,5 +88,58 @@ impl Shrinking for Listing<'_> {
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
         self.add(class.len(), class.iter().copied());
         Ok(Verdict::Keeps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Silent;
+    use proptest::prelude::*;
+
+    use super::{
+        super::shapes::{Order, Shape, chain, rings, saw, shape},
+        *,
+    };
+
+    fn check(shape: &Shape, enough: usize) -> Result<(), TestCaseError> {
+        let graph = shape.graph();
+        let anchor = Anchor::find(&graph, enough, &ScratchPlace::Memory, &Silent);
+        let anchor = anchor.expect("not interrupted");
+        let found = closed(&graph, &anchor, enough, &ScratchPlace::Memory, &Silent);
+        let found = found.expect("not interrupted");
+        let expected = shape.closed();
+        let sizes: Vec<usize> = expected.iter().map(Vec::len).collect();
+        prop_assert_eq!(&found.sizes, &sizes);
+        let is_trap = |class: &&Vec<u32>| class.len() < enough;
+        let traps = expected.iter().filter(is_trap).count();
+        prop_assert_eq!(found.traps(enough), traps);
+        let ends = expected.iter().filter(|class| traps == 0 || is_trap(class));
+        let ends = Bits::of(graph.len(), ends.flatten().copied());
+        prop_assert_eq!(found.ends, ends);
+        let reaching = shape.reaching(anchor.node);
+        prop_assert_eq!(anchor.reaching.iter().collect::<Vec<_>>(), reaching.clone());
+        let back = shape.reached(anchor.node).into_iter().filter(|node| reaching.contains(node));
+        prop_assert_eq!(anchor.component, back.count());
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1000))]
+
+        #[test]
+        fn they_are_the_components_that_nothing_leads_out_of(shape in shape(), share in 0_usize..12) {
+            // From no trap at all to nothing but traps.
+            check(&shape, shape.nodes().len() * share / 10)?;
+        }
+    }
+
+    #[test]
+    fn they_are_found_where_each_sweep_finds_a_little() {
+        let orders = [Order::Ascending, Order::Descending, Order::Zigzag, Order::Shuffled(5)];
+        let edges = [saw(300, 30), rings(200, 7, true), rings(200, 7, false), chain(3000)];
+        for (edges, order) in edges.iter().flat_map(|edges| orders.map(|order| (edges, order))) {
+            let shape = Shape::new(edges, order, 500..1300, |_| false);
+            check(&shape, edges.len().div_ceil(10)).unwrap_or_else(|error| panic!("{error}"));
+        }
     }
 }

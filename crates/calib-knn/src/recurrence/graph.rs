@@ -5,10 +5,27 @@ use rayon::prelude::*;
 
 use crate::{KnnError, NeighborTable, Weights, bits::Bits, index::going_on};
 
-/// Sweeps through a table after which what is still missing is looked for in another way, or done without.
+/// Sweeps through a set after which what is still missing is looked for in another way.
 const SWEEPS: usize = 64;
 /// Bits of a word of a set.
 const WORD: usize = u64::BITS as usize;
+
+/// The order of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sweep {
+    Forwards,
+    Backwards,
+}
+
+impl Sweep {
+    /// What comes at this position of so many.
+    fn of(self, position: usize, count: usize) -> usize {
+        match self {
+            Self::Forwards => position,
+            Self::Backwards => count - 1 - position,
+        }
+    }
+}
 
 /// The graph of a member: from each of its transitions to those that a step can draw from there.
 ///
@@ -108,36 +125,31 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// Add to `known` every transition from which one of `known` can be reached, but for what 64 sweeps through the table
-    /// miss: most edges lead on by a row, so that a sweep against time finds nearly all.
-    pub(crate) fn reaching(&self, known: &mut Bits, monitor: &dyn Monitor) -> Result<(), KnnError> {
+    /// Add to `known`, in one sweep through the table, transitions that lead to one of `known`; whether there was any.
+    pub(super) fn sweep(
+        &self,
+        direction: Sweep,
+        known: &mut Bits,
+        monitor: &dyn Monitor,
+    ) -> Result<bool, KnnError> {
+        going_on(monitor)?;
         let mut edges = Vec::with_capacity(self.k);
-        for sweep in 0..SWEEPS {
-            going_on(monitor)?;
-            let mut found = false;
-            let words = known.words().len();
-            for position in 0..words {
-                let word = if sweep % 2 == 0 { words - 1 - position } else { position };
-                if known.words()[word] == !0 {
-                    continue;
-                }
-                for bit in 0..WORD {
-                    let bit = if sweep % 2 == 0 { WORD - 1 - bit } else { bit };
-                    let node = (word * WORD + bit) as u32;
-                    if self.has(node)
-                        && !known.contains(node)
-                        && self.leads_to(node, known, &mut edges)
-                    {
-                        known.insert(node);
-                        found = true;
-                    }
-                }
+        let (words, mut found) = (known.words().len(), false);
+        for position in 0..words {
+            let word = direction.of(position, words);
+            if known.words()[word] == !0 {
+                continue;
             }
-            if !found {
-                break;
+            for bit in 0..WORD {
+                let node = (word * WORD + direction.of(bit, WORD)) as u32;
+                if self.has(node) && !known.contains(node) && self.leads_to(node, known, &mut edges)
+                {
+                    known.insert(node);
+                    found = true;
+                }
             }
         }
-        Ok(())
+        Ok(found)
     }
 
     fn leads_to(&self, node: u32, known: &Bits, edges: &mut Vec<u32>) -> bool {
@@ -188,55 +200,25 @@ mod tests {
     use calib_core::Silent;
     use proptest::prelude::*;
 
-    use super::*;
+    use super::super::shapes::{Order, Shape, chain, shape};
 
-    /// Every transition that can be reached from `start`, by the definition.
-    fn closure(rows: &[Vec<u32>], start: u32) -> Vec<u32> {
-        let mut known = vec![start];
-        let mut next = 0;
-        while next < known.len() {
-            for &to in &rows[known[next] as usize] {
-                if !known.contains(&to) {
-                    known.push(to);
-                }
-            }
-            next += 1;
-        }
-        known.sort_unstable();
-        known
+    fn reached(shape: &Shape, start: u32) -> Vec<u32> {
+        shape.graph().reached(start, &Silent).expect("not interrupted").iter().collect()
     }
 
     proptest! {
         #[test]
-        fn sweeps_find_what_leads_to_and_from_a_node(
-            targets in proptest::collection::vec((0_u32..150, 0_u32..150, 0_u8..3), 150),
-            start in 0_u32..150,
-        ) {
-            // Rows of distances [0, 0] and [1, 2] draw both, [0, 1] the first only.
-            let distances: Vec<f32> = (targets.iter())
-                .flat_map(|&(.., kind)| [[0.0, 0.0], [1.0, 2.0], [0.0, 1.0]][usize::from(kind)])
-                .collect();
-            let neighbors: Vec<u32> = targets.iter().flat_map(|&(a, b, _)| [a, b]).collect();
-            let rows: Vec<Vec<u32>> = (targets.iter())
-                .map(|&(a, b, kind)| if kind == 2 { vec![a] } else { vec![a, b] })
-                .collect();
-            let graph = Graph::new(&neighbors, &distances, 2, 0..0, Weights::Linear);
-            let reached = graph.reached(start, &Silent).expect("not interrupted");
-            prop_assert_eq!(reached.iter().collect::<Vec<_>>(), closure(&rows, start));
-            let mut reaching = Bits::of(150, [start]);
-            graph.reaching(&mut reaching, &Silent).expect("not interrupted");
-            let all: Vec<u32> = (0..150).filter(|&node| closure(&rows, node).contains(&start)).collect();
-            prop_assert_eq!(reaching.iter().collect::<Vec<_>>(), all);
+        fn all_is_found_that_a_node_leads_to(shape in shape(), at in any::<prop::sample::Index>()) {
+            let start = *at.get(&shape.nodes());
+            prop_assert_eq!(reached(&shape, start), shape.reached(start));
         }
     }
 
     #[test]
     fn a_path_that_no_sweep_follows_is_followed_to_its_end() {
         // 0 → 999 → 1 → 998 → …: against the order half of the time.
-        let neighbors: Vec<u32> =
-            (0..1000_u32).map(|node| if node < 500 { 999 - node } else { 1000 - node }).collect();
-        let distances = vec![1.0; 1000];
-        let graph = Graph::new(&neighbors, &distances, 1, 0..0, Weights::Uniform);
-        assert_eq!(graph.reached(0, &Silent).expect("not interrupted").count(), 1000);
+        let shape = Shape::new(&chain(1000), Order::Zigzag, 0..0, |_| false);
+        assert_eq!(reached(&shape, 0).len(), 1000);
+        assert_eq!(reached(&shape, 500), [500]);
     }
 }

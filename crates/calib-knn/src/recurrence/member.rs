@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::{
     ClosedClasses, Ends, Filling, Halt, Made, Recurrence, Recurrent, SHARE,
     again::{Again, Distances},
-    classes::{Anchor, Classes, closed},
+    anchor::Anchor,
+    classes::{Classes, closed},
     effective::{Effective, Rule},
     exits::{Exits, Leading, left_out_of},
     graph::Graph,
@@ -54,7 +55,8 @@ impl<'a> Member<'a> {
 
     pub(super) fn survey(&self, table: &Filling) -> Result<Survey, KnnError> {
         let graph = self.graph(table);
-        let anchor = Anchor::find(&graph, self.enough, self.made.monitor)?;
+        let Made { place, monitor, .. } = self.made;
+        let anchor = Anchor::find(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok(Survey { anchor, classes })
     }
@@ -143,7 +145,8 @@ impl<'a> Member<'a> {
 
     fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
         let graph = self.graph(table);
-        let anchor = anchor.in_graph(&graph, self.enough, self.made.monitor)?;
+        let Made { place, monitor, .. } = self.made;
+        let anchor = anchor.in_graph(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok((anchor, classes))
     }

@@ -16,13 +16,17 @@
 //! standstill but its last do not count as lost. Where that takes too many exits, the table stays as it was found.
 
 mod again;
+mod anchor;
 mod classes;
 mod effective;
 mod exits;
 mod graph;
 mod lists;
 mod member;
+mod reaching;
 mod settle;
+#[cfg(test)]
+mod shapes;
 
 use calib_core::{Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};
@@ -33,7 +37,8 @@ use crate::{
     bits::Bits,
     index::{Planned, Sources},
 };
-use classes::{Anchor, Classes, closed};
+use anchor::Anchor;
+use classes::{Classes, closed};
 use graph::Graph;
 use member::{Member, Survey};
 
@@ -197,7 +202,8 @@ pub fn closed_classes(
 ) -> Result<(ClosedClasses, Ends), KnnError> {
     let graph = Graph::of(model.table(member), model.blocks().dropped(member), weights);
     let enough = candidates.div_ceil(SHARE);
-    let anchor = Anchor::find(&graph, enough, monitor)?;
-    let classes = closed(&graph, &anchor, enough, &ScratchPlace::Memory, monitor)?;
+    let place = ScratchPlace::Memory;
+    let anchor = Anchor::find(&graph, enough, &place, monitor)?;
+    let classes = closed(&graph, &anchor, enough, &place, monitor)?;
     Ok((ClosedClasses::of(&classes, enough), Ends(classes.ends)))
 }

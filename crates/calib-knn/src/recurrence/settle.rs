@@ -23,7 +23,7 @@ pub(super) enum Verdict {
 /// What is left out must not take an edge away that leads elsewhere, nor change a row that does not lead to it; and what leads out of a
 /// class must not change a row outside.
 pub(super) trait Shrinking {
-    /// Put what `node` leads to now into `edges`: at least one transition, and none that is left out.
+    /// Put what `node` leads to now into `edges`; nothing that is left out.
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt>;
 
     /// Whether `node` is left out by now.

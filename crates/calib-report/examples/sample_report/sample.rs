@@ -4,10 +4,10 @@ use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
     ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse, RankCurve,
     Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure, RolloutGrid,
-    RolloutRow, Score, Sensitivity, Setting, Table, TopK, Trajectory, Verdict, Way,
+    RolloutRow, Samples, Score, Sensitivity, Setting, Table, Told, TopK, Trajectory, Verdict, Way,
 };
 use calib_stats::{
-    Direction, Estimate, Selection, Summary, kendall_tau_b, regret, select, spearman, summarise,
+    Direction, Estimate, Losses, Selection, Summary, kendall_tau_b, select, spearman, summarise,
     top_k_hit,
 };
 
@@ -77,6 +77,7 @@ impl Sensor {
         ErrorCurve {
             label: label.to_owned(),
             source,
+            over: Samples::Runs,
             summaries: RATES.iter().enumerate().map(summary).collect(),
         }
     }
@@ -122,11 +123,11 @@ impl Sensor {
             curve.summaries.iter().flatten().map(|summary| summary.mean).collect()
         };
         let online = means(&self.online());
-        let cost = |index| regret(&online, index, direction).expect("online errors are numbers");
+        let losses = Losses::new(&[&online]).expect("online errors are numbers");
         let argmin =
             |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
         let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
-        let estimate = |index: usize| Some(Estimate { value: cost(index)?, interval: None });
+        let estimate = |index: usize| losses.regret(index);
         let alternative = |way, index: usize| Alternative {
             way,
             value: Some(RATES[index].into()),
@@ -145,6 +146,7 @@ impl Sensor {
                     chosen: RATES[chosen].into(),
                     grade: Grade::Fair,
                     reason: Reason::WorstRank,
+                    evidence: Told::Apart,
                     tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
                     worst_rank: selection.worst_ranks[chosen],
                     values: RATES.len(),
@@ -154,6 +156,8 @@ impl Sensor {
                         part: "whole runs".to_owned(),
                         windows: 1,
                         runs: 5,
+                        values: Told::Apart,
+                        stands_still: false,
                         chosen_error: online[chosen],
                         chosen_skill: Some(1.0 - online[chosen]),
                         best: RATES[best].into(),
@@ -357,6 +361,7 @@ fn jumps() -> Vec<JumpStatistics> {
         member,
         steps: 30_000,
         jump_rate: if member == 3 { 0.002 } else { 0.08 + 0.01 * noise(member) },
+        departure_rate: if member == 3 { 0.001 } else { 0.04 },
         mean_run_length: if member == 3 { 480.0 } else { 12.3 + noise(member) },
         note: (member == 3).then(|| "nearly a verbatim replay of the log".to_owned()),
     };

@@ -6,6 +6,8 @@ use super::{Axis, Colour, Dash, ScaleKind};
 
 const TICK_SIZE: u32 = 13;
 const LABEL_SIZE: u32 = 14;
+/// From one row of names to the next.
+pub(crate) const NAME_ROW: f64 = 16.0;
 /// Labelled ticks wanted on a horizontal and on a vertical axis.
 const X_TICKS: usize = 9;
 const Y_TICKS: usize = 6;
@@ -32,7 +34,9 @@ pub(crate) fn vertical_axis_width(axis: &Axis) -> f64 {
 pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
     let mut marks =
         vec![rule((plot.x, plot.bottom()), (plot.right(), plot.bottom()), Colour::Muted)];
-    let mut free_from = f64::MIN;
+    let rows = name_rows(axis, plot.width);
+    let mut free_from = [f64::MIN; 2];
+    let mut labelled = 0;
     for Tick { value, label } in ticks(&axis.scale, X_TICKS) {
         let x = plot.x + axis.scale.fraction(value) * plot.width;
         let length = if label.is_some() { 6.0 } else { 3.0 };
@@ -48,9 +52,12 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
             }
             // Leave labels out rather than print them over each other.
             let half = text_width(&label, TICK_SIZE) / 2.0;
-            if x - half >= free_from {
-                marks.push(tick_text(x, plot.bottom() + 21.0, label, Anchor::Middle));
-                free_from = x + half + 6.0;
+            let row = labelled % rows;
+            labelled += 1;
+            if x - half >= free_from[row] {
+                let y = plot.bottom() + 21.0 + NAME_ROW * row as f64;
+                marks.push(tick_text(x, y, label, Anchor::Middle));
+                free_from[row] = x + half + 6.0;
             }
         }
     }
@@ -61,6 +68,15 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
         marks.push(Mark::Text(label));
     }
     marks
+}
+
+/// Rows that the names along a horizontal axis of `width` stand in: two in turn where they have no room beside each other, and nothing else
+/// stands below. Of numbers some may be left out.
+pub(crate) fn name_rows(axis: &Axis, width: f64) -> usize {
+    let ScaleKind::Names(names) = &axis.scale.kind else { return 1 };
+    let room = width / names.len().max(1) as f64;
+    let fit = names.iter().all(|name| text_width(name, TICK_SIZE) + 6.0 <= room);
+    if fit || !axis.label.is_empty() { 1 } else { 2 }
 }
 
 /// A vertical axis at one edge of `plot`; the left one brings the grid lines.

@@ -1,6 +1,8 @@
 //! From a chart to marks at pixel positions.
 
-use super::frame::{Edge, horizontal_axis, vertical_axis, vertical_axis_width};
+use super::frame::{
+    Edge, NAME_ROW, horizontal_axis, name_rows, vertical_axis, vertical_axis_width,
+};
 use super::legend;
 use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, text_width};
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
@@ -109,7 +111,9 @@ pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sid
         add(GroupKind::Series(index), placing.marks(series));
     }
     scene.plot = plot;
-    scene.height = plot.bottom() + if chart.x.label.is_empty() { BELOW_UNLABELLED } else { BELOW };
+    let rows = (name_rows(&chart.x, plot.width) - 1) as f64 * NAME_ROW;
+    let below = if chart.x.label.is_empty() { BELOW_UNLABELLED + rows } else { BELOW };
+    scene.height = plot.bottom() + below;
 }
 
 /// The text above a vertical line, in a row where it does not cover another one; row 0 is nearest to the plot.

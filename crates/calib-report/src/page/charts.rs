@@ -7,7 +7,10 @@ use maud::{Markup, html};
 use super::figure::{Drawn, Numbers, still};
 use super::{Part, Section};
 use crate::number::count;
-use crate::{Cell, Chart, Report, ReportError, RolloutFigure, Sensitivity, Table, Trajectory};
+use crate::{
+    Cell, Chart, ErrorCurve, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity,
+    Table, Trajectory,
+};
 
 /// Rows of a rollout's data table; copying gives every point drawn.
 const ROLLOUT_ROWS: usize = 40;
@@ -135,20 +138,39 @@ impl Sensitivity {
             );
         }
         let mut caption = format!(
-            "Mean {} of the predictions over runs, with 95 % t-intervals, for each {field} of the grid.{}",
+            "Mean {} of the predictions over {}, with 95 % t-intervals, for each {field} of the grid.{}",
             score.name,
+            self.samples(),
             if score.name == "NRMSE" {
-                " NRMSE 0.1: errors are 10 % of the predicted quantity."
+                " NRMSE is the error divided by the standard deviation of the return in the training range: 1 is that of predicting \
+                 the mean."
             } else {
                 ""
             },
         );
+        if self.errors.iter().any(|of| of.source == ErrorSource::Evidence) {
+            caption.push_str(" Of a model: the geometric mean over the streams that it chose by.");
+        }
         if !self.worst_ranks.is_empty() {
             caption.push_str(
-                " Dashed, on the right axis: the worst rank over the members of each calibration model.",
+                " Dashed and dotted, on the right axis: the worst rank over the members of each calibration model.",
             );
         }
         caption
+    }
+}
+
+impl Sensitivity {
+    /// What means are over: "windows".
+    fn samples(&self) -> &'static str {
+        let runs = |of: &&ErrorCurve| of.over == Samples::Runs;
+        let counted = |of: &&ErrorCurve| of.source != ErrorSource::Evidence;
+        let counted = self.errors.iter().filter(counted);
+        match counted.clone().filter(runs).count() {
+            0 => "windows",
+            all if all == counted.count() => "runs",
+            _ => "windows, or runs where there is one window",
+        }
     }
 }
 
@@ -184,7 +206,7 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
     let mut columns = vec![sensitivity.field.clone()];
     for curve in &sensitivity.errors {
         columns.push(format!("{}: mean {}", curve.label, sensitivity.score.name));
-        columns.extend(["95 % from", "to", "runs", "diverged"].map(ToOwned::to_owned));
+        columns.extend(["95 % from", "to", curve.over.name(), "diverged"].map(ToOwned::to_owned));
     }
     columns
         .extend(sensitivity.worst_ranks.iter().map(|curve| format!("{}: worst rank", curve.label)));

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Text up to this length stays on one line.
-const SHORT: usize = 16;
+const SHORT: usize = 24;
 
 /// A table with a title, a caption and a copy button.
 pub(super) fn table(table: &Table, id: &str) -> Markup {
@@ -82,21 +82,23 @@ pub(super) fn statistics(report: &Report) -> Section {
 }
 
 fn jumps(jumps: &[JumpStatistics]) -> Table {
-    let columns = ["Model", "Member", "Steps", "Jump rate", "Mean run length (steps)", "Note"];
+    let columns =
+        ["Model", "Member", "Steps", "Jump rate", "Departures", "Mean run length (steps)", "Note"];
     let row = |jump: &JumpStatistics| {
         vec![
             Cell::Text(jump.model.clone()),
             Cell::Text(jump.member.to_string()),
             Cell::Count(jump.steps),
             Cell::Percent(jump.jump_rate),
+            Cell::Percent(jump.departure_rate),
             Cell::Number(jump.mean_run_length),
             jump.note.clone().map_or(Cell::Missing, Cell::Text),
         ]
     };
     Table {
         title: "Jump statistics".to_owned(),
-        caption: "Share of rollout steps that did not simply go to the next row of the log. \
-                  A model that hardly ever jumps replays the log and tells nothing new."
+        caption: "Jump rate: share of rollout steps that did not simply go to the next row of the log. Departures: share that went to \
+                  another time of the log. A model that hardly ever departs (below 1 %) replays the log and tells nothing new."
             .to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
         rows: jumps.iter().map(row).collect(),
@@ -146,7 +148,8 @@ fn channels(channels: &[Channel]) -> Table {
     };
     Table {
         title: "Channels".to_owned(),
-        caption: "Ranges are in physical units, over the training rows.".to_owned(),
+        caption: "Ranges are in physical units, over all rows from the begin of the training range to the end of the held-out one; missing is a \
+                  share of the training rows.".to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
         rows: channels.iter().map(row).collect(),
         best: None,

@@ -5,10 +5,10 @@ use maud::{Markup, html};
 use super::Section;
 use super::tables::table;
 use crate::number::{number, percent};
-use crate::report::{are_of_several_models, summary};
+use crate::report::{are_of_several_models, caveats, summary};
 use calib_stats::Estimate;
 
-use crate::{Cell, Report, Setting, Table, Verdict, Way};
+use crate::{Cell, Reason, Report, Setting, Table, Verdict, Way};
 
 /// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
 const MANY_CARDS: usize = 9;
@@ -18,6 +18,7 @@ const MANY_LINES: usize = 5;
 
 /// One card for each sensor, warnings, and a table of all verdicts.
 pub(super) fn verdicts(report: &Report) -> Section {
+    let warnings = [caveats(&report.verdicts), report.warnings.clone()].concat();
     let judged = report.verdicts.iter().any(|verdict| verdict.online.is_some());
     let body = html! {
         @if report.verdicts.is_empty() {
@@ -40,14 +41,14 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if judged {
             p.caption {
                 "Regret: how much larger the prediction error on held-out data is than with the best value of each window. \
-                 A bar is full at 50 %; the line in it is the 95 % interval. Another held-out window: what a chooser would cost \
-                 that sees the deployment itself at another time; less than that is luck."
+                 A bar is full at 50 %; the line in it is the 95 % interval over windows. Another held-out window: what a chooser would \
+                 cost that sees one window of the deployment itself, at another time."
             }
         }
-        @if !report.warnings.is_empty() {
+        @if !warnings.is_empty() {
             div.warnings role="note" {
                 h3 { "Before you rely on this" }
-                ul { @for warning in &report.warnings { li { (warning) } } }
+                ul { @for warning in &warnings { li { (unbroken(warning)) } } }
             }
         }
         @if (1..=MANY_CARDS).contains(&report.verdicts.len()) { (all_verdicts(report)) }
@@ -60,7 +61,11 @@ fn cards(report: &Report) -> Markup {
 }
 
 fn all_verdicts(report: &Report) -> Markup {
-    table(&comparison(report).without_empty_columns(), "verdicts")
+    let judged = report.verdicts.iter().any(|verdict| verdict.online.is_some());
+    html! {
+        (table(&comparison(report).without_empty_columns(), "verdicts"))
+        @if judged { (table(&alternatives(report).without_empty_columns(), "alternatives")) }
+    }
 }
 
 /// `text` with percentages that stay on one line, and numbers such as 1e-4, which browsers break at their sign.
@@ -82,28 +87,35 @@ fn unbroken(text: &str) -> Markup {
 
 /// The advice and what it would have cost; how it came about is behind a line.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
-    let grade = verdict.grade;
     html! {
-        article class={ "card " (grade.class()) } {
-            p.badge { (grade.label()) }
+        article class={ "card " (verdict.reliance().class()) } {
+            p.badge { (verdict.badge()) }
             h3 {
                 @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
                 (unbroken(&verdict.headline()))
             }
             p.plain { (unbroken(&verdict.plain())) }
-            dl.costs {
-                @if let Some(online) = &verdict.online {
-                    (cost("This choice", Some(&verdict.chosen), online.regret))
-                }
-                @for way in [Way::Default, Way::LogReplay, Way::AnotherWindow, Way::Random] {
-                    @if let Some(other) = verdict.alternative(way) {
-                        (cost(name(way), other.value.as_ref(), other.regret))
-                    }
-                }
-            }
+            @if verdict.has_costs() { (costs(verdict)) }
             details.why open[report.verdicts.len() == 1] {
                 summary { "Why" }
                 ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
+            }
+        }
+    }
+}
+
+/// What the choice and other ways to choose cost.
+fn costs(verdict: &Verdict) -> Markup {
+    let unknown = if verdict.has_all_diverged() { "diverged" } else { "not checked" };
+    html! {
+        dl.costs {
+            @if let Some(online) = &verdict.online {
+                (cost("This choice", Some(&verdict.chosen), online.regret, unknown))
+            }
+            @for way in [Way::Default, Way::LogReplay, Way::AnotherWindow, Way::Random] {
+                @if let Some(other) = verdict.alternative(way) {
+                    (cost(name(way), other.value.as_ref(), other.regret, unknown))
+                }
             }
         }
     }
@@ -115,14 +127,14 @@ const fn name(way: Way) -> &'static str {
         Way::Default => "Default",
         Way::LogReplay => "Log replay",
         Way::LatestWindow => "Latest window of the log",
-        Way::Random => "Any value",
+        Way::Random => "Any value, on average",
         Way::Hindsight => "Best in hindsight",
         Way::AnotherWindow => "Another held-out window",
     }
 }
 
-/// One way to choose, with its cost as a number and as a bar that is full at 50 %.
-fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>) -> Markup {
+/// One way to choose, with its cost as a number, or as the word for an `unknown` one, and as a bar that is full at 50 %.
+fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>, unknown: &str) -> Markup {
     let place = |regret: f64| (regret / 0.5).clamp(0.0, 1.0) * 100.0;
     let interval = regret.and_then(|regret| regret.interval).filter(|of| of.low < of.high);
     html! {
@@ -132,7 +144,7 @@ fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>) -> Markup
                 @match regret.map(|regret| regret.value) {
                     Some(regret) if regret.is_finite() => { (percent(regret)) " regret" }
                     Some(_) => { "diverged" }
-                    None => { "not checked" }
+                    None => { (unknown) }
                 }
             }
             @if let Some(regret) = regret {
@@ -163,6 +175,7 @@ fn comparison(report: &Report) -> Table {
         "Sensor",
         "Model",
         field.unwrap_or("Choice"),
+        "Grade",
         "Tied with",
         "Worst rank",
         "Online",
@@ -170,23 +183,14 @@ fn comparison(report: &Report) -> Table {
         "Skill",
         "Regret",
         "95 %",
-        "Default",
-        "Log replay",
-        "Latest window",
-        "Any value",
-        "Hindsight",
-        "Another window",
         "Stability",
-        "Spearman",
-        "Kendall",
-        "Top k",
     ];
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
             "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
              the mean return. Regret is how much worse the choice is than the best value of each window, with its interval over \
-             windows and runs; the columns after it show it for other ways to choose. Stability is the share of other draws of \
+             windows. Stability is the share of other draws of \
              members, runs and windows of the log that would choose the same.",
             report.score.name
         ),
@@ -200,6 +204,57 @@ fn comparison(report: &Report) -> Table {
     }
 }
 
+/// What the choices and other ways to choose cost.
+fn alternatives(report: &Report) -> Table {
+    let ways = [
+        ("Default", Way::Default),
+        ("Log replay", Way::LogReplay),
+        ("Latest window", Way::LatestWindow),
+        ("Any value, on average", Way::Random),
+        ("Best in hindsight", Way::Hindsight),
+        ("Another window", Way::AnotherWindow),
+    ];
+    let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
+    let row = |verdict: &Verdict| {
+        let names = [verdict.sensor.clone(), verdict.model.clone()].map(Cell::Text);
+        let others = ways.iter().map(|&(_, way)| share(verdict.regret_of(way)));
+        let costs = [share(verdict.regret())].into_iter().chain(others);
+        names.into_iter().chain(costs).chain(agreement(verdict)).collect()
+    };
+    Table {
+        title: "Other ways to choose, and agreement".to_owned(),
+        caption: "The regret on held-out data of the choice, and of what other ways would have chosen; and how far the model's ranking of \
+                  all values agrees with that of held-out data."
+            .to_owned(),
+        columns: ["Sensor", "Model", "This choice"]
+            .into_iter()
+            .chain(ways.map(|(name, _)| name))
+            .chain(["Spearman", "Kendall", "Top k"])
+            .map(str::to_owned)
+            .collect(),
+        rows: report.verdicts.iter().map(row).collect(),
+        best: None,
+    }
+}
+
+/// Correlations of the rankings, and whether the choice is among the best.
+fn agreement(verdict: &Verdict) -> [Cell; 3] {
+    let online = verdict.online.as_ref();
+    let top = online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
+        Cell::Text(format!("{} top {}", if top.hit { "in" } else { "not in" }, top.k))
+    });
+    [
+        correlation(online.and_then(|online| online.spearman)),
+        correlation(online.and_then(|online| online.kendall)),
+        top,
+    ]
+}
+
+/// A number between −1 and 1.
+fn correlation(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")))
+}
+
 /// The hyperparameter, if all verdicts are about the same.
 fn common_field(verdicts: &[Verdict]) -> Option<&str> {
     let first = &verdicts.first()?.field;
@@ -211,13 +266,11 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
     let ties: Vec<String> = verdict
         .tie_set
         .iter()
-        .filter(|value| **value != verdict.chosen)
+        // Another rule does not look at worst ranks: what ties in them was told apart.
+        .filter(|value| verdict.reason == Reason::WorstRank && **value != verdict.chosen)
         .map(ToString::to_string)
         .collect();
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
-    let correlation =
-        |value: Option<f64>| value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")));
-    let alternative = |way: Way| share(verdict.regret_of(way));
     let interval = online
         .and_then(|online| online.regret?.interval)
         .map(|of| Cell::Text(format!("{} to {}", percent(of.low), percent(of.high))));
@@ -229,6 +282,7 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
             Choice::Value => Cell::Setting(verdict.chosen.clone()),
             Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
         },
+        Cell::Text(verdict.reliance().word().to_owned()),
         if ties.is_empty() { Cell::Missing } else { Cell::Text(ties.join(", ")) },
         Cell::Text(format!("{} of {}", verdict.worst_rank, verdict.values)),
         online.map_or(Cell::Missing, |online| Cell::Number(online.chosen_error)),
@@ -238,17 +292,6 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         correlation(online.and_then(|online| online.chosen_skill)),
         share(verdict.regret()),
         interval.unwrap_or(Cell::Missing),
-        alternative(Way::Default),
-        alternative(Way::LogReplay),
-        alternative(Way::LatestWindow),
-        alternative(Way::Random),
-        alternative(Way::Hindsight),
-        alternative(Way::AnotherWindow),
         share(same.map(|&(_, share)| share)),
-        correlation(online.and_then(|online| online.spearman)),
-        correlation(online.and_then(|online| online.kendall)),
-        online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
-            Cell::Text(format!("{} top {}", if top.hit { "in" } else { "not in" }, top.k))
-        }),
     ]
 }

@@ -11,6 +11,8 @@ pub struct JumpStatistics {
     pub steps: u64,
     /// Share of steps that did not go to the next row of the log.
     pub jump_rate: f64,
+    /// Share of steps that went to another time of the log.
+    pub departure_rate: f64,
     /// Mean number of steps between two jumps.
     pub mean_run_length: f64,
     /// A warning, for example that the rollout is nearly a verbatim replay.

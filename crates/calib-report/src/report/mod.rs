@@ -1,16 +1,19 @@
 //! What a report says, before it is a page.
 
+mod caveats;
 mod data;
 mod plain;
+mod reliance;
 mod sentence;
 mod summary;
 mod table;
 mod verdict;
 
+pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, Grade, Reason, TopK, Verdict, Way};
+pub use verdict::{Agreement, Alternative, Grade, Reason, Sources, Told, TopK, Verdict, Way};
 
 use crate::{
     LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,

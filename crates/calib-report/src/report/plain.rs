@@ -1,6 +1,6 @@
 //! What a verdict means for the plant, in one or two sentences without statistics.
 
-use super::{Grade, Verdict, Way};
+use super::{Grade, Told, Verdict, Way};
 use crate::number::percent;
 
 impl Verdict {
@@ -11,6 +11,18 @@ impl Verdict {
             return "No data was held out, so what it would have cost in the plant is unknown."
                 .to_owned();
         };
+        if online.stands_still {
+            return "It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by \
+                    a held-out range in which it moves."
+                .to_owned();
+        }
+        if self.grade == Grade::NotLearnt && self.hardly_varies() {
+            return format!(
+                "Errors are small ({} of the spread in training), but so is what happens in the windows: they do not tell whether anything \
+                 was learnt. Make them longer (`sweep.steps`), or hold out livelier data.",
+                percent(online.best_error)
+            );
+        }
         if self.grade == Grade::NotLearnt {
             return "On held-out data even the best value predicts no better than the mean return. Let agents learn for longer, widen \
                     the grid, or try another value function."
@@ -21,6 +33,10 @@ impl Verdict {
             Some(regret) if regret.value.is_infinite() => {
                 format!("On held-out data it made the agent diverge; {} did best.", online.best)
             }
+            Some(_) if online.values == Told::Alike => {
+                return "On held-out data all values have the same error, so it cannot say which is better.".to_owned();
+            }
+            Some(_) if online.is_unskilled() => self.without_skill(),
             Some(regret) if regret.value == 0.0 => {
                 "On held-out data no other value of the grid predicts better.".to_owned()
             }
@@ -31,6 +47,17 @@ impl Verdict {
             ),
         };
         [of_choice].into_iter().chain(self.of_default()).collect::<Vec<_>>().join(" ")
+    }
+
+    /// That the choice has no skill, and which value has some.
+    fn without_skill(&self) -> String {
+        let best = self.online.as_ref().and_then(|online| Some((&online.best, online.best_skill?)));
+        let best = best
+            .filter(|(value, skill)| **value != self.chosen && *skill > 0.0)
+            .map_or_else(String::new, |(value, skill)| {
+                format!("; the best value, {value}, has {} less error than that", percent(skill))
+            });
+        format!("On held-out data it predicts no better than the mean return{best}.")
     }
 
     fn of_default(&self) -> Option<String> {

@@ -2,45 +2,99 @@
 
 use calib_stats::Estimate;
 
-use super::{Agreement, Alternative, Grade, Reason, Verdict, Way};
+use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
+
+mod words;
+
+pub(super) use words::{assigned, listed};
+use words::{fields, ordinal};
 
 /// Choices that differ more often than this from draw to draw are told as uncertain.
 const STABLE: f64 = 0.8;
 
+/// Shares that would be written as 100 %.
+const ALL: f64 = 0.995;
+
 impl Verdict {
     /// The verdict in one sentence.
     pub fn headline(&self) -> String {
-        let Self { sensor, field, chosen, .. } = self;
-        match self.grade {
-            Grade::Good | Grade::Fair => format!("Use {field} = {chosen} for {sensor}."),
+        let Self { sensor, chosen, .. } = self;
+        let choice = self.assigned();
+        let field = fields(&self.field);
+        match self.reliance() {
+            _ if self.is_arbitrary() => {
+                format!("No value of {field} stands out for {sensor}: all did alike.")
+            }
+            Grade::Good | Grade::Fair => format!("Use {choice} for {sensor}."),
+            Grade::Poor if self.has_all_diverged() => {
+                format!("No value of {field} can be deployed for {sensor}: every one diverged.")
+            }
             Grade::Poor => match self.better_default() {
                 Some(default) => {
-                    format!(
-                        "Keep the default, {field} = {default}, for {sensor}: {chosen} is worse."
-                    )
+                    let default = assigned(&self.field, default);
+                    format!("Keep the default, {default}, for {sensor}: {chosen} is worse.")
                 }
-                None => format!("Do not deploy {field} = {chosen} for {sensor} on this evidence."),
+                None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if self.hardly_varies() => format!(
+                "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
+                 means would: nothing to deploy on this evidence."
+            ),
             Grade::NotLearnt => {
                 format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
             }
             Grade::Unchecked => {
-                format!("Use {field} = {chosen} for {sensor}, as far as the logs can tell.")
+                format!("Use {choice} for {sensor}, as far as the logs can tell.")
             }
         }
+    }
+
+    /// Whether errors are small beside the spread of returns in training (less than half of it) although nothing beats the mean of
+    /// each window: the windows are too short, or too quiet, to tell whether anything was learnt.
+    pub(super) fn hardly_varies(&self) -> bool {
+        self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
+    }
+
+    /// The choice as one would type it.
+    pub(super) fn assigned(&self) -> String {
+        assigned(&self.field, &self.chosen)
     }
 
     /// The default, if held-out data says that it is better than the choice.
     pub(super) fn better_default(&self) -> Option<&Setting> {
         let against = self.online.as_ref()?.against_default?;
-        let better = against.interval.map_or(against.value > 1.0, |interval| interval.low > 1.0);
+        let better = against.interval.is_some_and(|interval| interval.low > 1.0);
         self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
     }
 
-    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement.
+    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
+    /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
+        let mut reasons = if self.reliance() == Grade::NotLearnt && self.evidence == Told::Apart {
+            vec![format!("The choice of {} is {}.", self.model, self.assigned())]
+        } else {
+            self.reasons_of_choice(score)
+        };
+        match &self.online {
+            None => reasons.push(
+                "No held-out data was given: regret and agreement with Online are unknown."
+                    .to_owned(),
+            ),
+            Some(online) => reasons.extend(self.reasons_of_online(online, score)),
+        }
+        reasons
+    }
+
+    /// How it was chosen.
+    fn reasons_of_choice(&self, score: &Score) -> Vec<String> {
+        if self.values == 1 {
+            return vec!["There is no other value to choose from.".to_owned()];
+        }
+        if self.evidence == Told::Alike {
+            return vec![self.alike_sentence()];
+        }
         let mut reasons = vec![self.reason_sentence()];
         if self.reason == Reason::WorstRank {
             reasons.extend(self.tie_sentence(score));
@@ -48,23 +102,32 @@ impl Verdict {
             reasons.push(self.worst_rank_sentence());
         }
         reasons.extend(self.stability_sentence());
-        match &self.online {
-            None => reasons.push(
-                "No held-out data was given: regret and agreement with Online are unknown."
-                    .to_owned(),
-            ),
-            Some(online) => {
-                reasons.push(online_sentence(&self.chosen, online, score));
-                reasons.extend(skill_sentence(online));
-                reasons.extend(self.default_sentence(online));
-                let others = [Way::LogReplay, Way::LatestWindow];
-                reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
-                reasons.push(self.floor_sentence(online));
-                reasons.push(agreement_sentence(online));
-            }
-        }
-        reasons.extend(self.notes.iter().cloned());
         reasons
+    }
+
+    /// How it did on held-out data, beside other ways to choose.
+    fn reasons_of_online(&self, online: &Agreement, score: &Score) -> Vec<String> {
+        let mut reasons = vec![online_sentence(self, online, score)];
+        if online.stands_still || self.has_all_diverged() {
+            return reasons;
+        }
+        reasons.extend(skill_sentence(online));
+        if self.reliance() == Grade::NotLearnt || online.values == Told::Alike || self.values == 1 {
+            return reasons;
+        }
+        reasons.extend(self.default_sentence(online));
+        let others = [Way::LogReplay, Way::LatestWindow];
+        reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
+        reasons.push(self.window_sentence(online));
+        reasons.push(agreement_sentence(online));
+        reasons
+    }
+
+    fn alike_sentence(&self) -> String {
+        format!(
+            "Nothing was chosen: all {} values did alike in every run that counts, so that {} stands for any of them.",
+            self.values, self.chosen
+        )
     }
 
     fn reason_sentence(&self) -> String {
@@ -76,20 +139,24 @@ impl Verdict {
             Reason::MeanLogError { streams } => format!(
                 "{model} has the smallest mean logarithm of the error with it, over {streams} streams."
             ),
-            Reason::Pooled { streams } => format!(
-                "Over {streams} streams, of {model} and of the replayed log, its mean logarithm of the error is the smallest."
+            Reason::Pooled { streams, sources } => format!(
+                "Over {streams} streams of {}, its mean logarithm of the error is the smallest.",
+                sources.of(model)
             ),
-            Reason::OneStandardError { streams } => {
+            Reason::LogReplay { streams } => format!(
+                "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
+            ),
+            Reason::OneStandardError { streams, sources } => {
+                let of = sources.of(model);
                 let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
                 if default == Some(&self.chosen) {
                     format!(
                         "It is the default, and no other value is better by more than one standard error over {streams} streams \
-                         of {model} and of the replayed log."
+                         of {of}."
                     )
                 } else {
                     format!(
-                        "It is better than the default by more than one standard error, over {streams} streams of {model} and of \
-                         the replayed log."
+                        "It is better than the default by more than one standard error, over {streams} streams of {of}."
                     )
                 }
             }
@@ -147,8 +214,12 @@ impl Verdict {
                     .to_owned()
             }
             _ => format!(
-                "{} of other draws of members, runs and windows of the log would choose it as well{}: {}.",
-                percent(share),
+                "{} other draws of members, runs and windows of the log would choose it as well{}: {}.",
+                if share >= ALL {
+                    "Nearly all".to_owned()
+                } else {
+                    format!("{} of", percent(share))
+                },
                 if share < STABLE { ", so the choice is not certain" } else { "" },
                 listed(&others)
             ),
@@ -206,22 +277,21 @@ impl Verdict {
         Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
     }
 
-    fn floor_sentence(&self, online: &Agreement) -> String {
+    fn window_sentence(&self, online: &Agreement) -> String {
         let cost = |way| self.regret_of(way).map(percent);
-        let Some(floor) = cost(Way::AnotherWindow) else {
+        let Some(another) = cost(Way::AnotherWindow) else {
             let reason = match online.windows {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
             };
-            return format!(
-                "How much of that regret is the luck of a window cannot be told: {reason}."
-            );
+            return format!("How much of that is the luck of a window cannot be told: {reason}.");
         };
         let hindsight = cost(Way::Hindsight)
             .map_or_else(String::new, |cost| format!(", and the best constant value {cost}"));
-        let random = cost(Way::Random)
-            .map_or_else(String::new, |cost| format!("; any value costs {cost} on average"));
-        format!("Choosing by another held-out window would have cost {floor}{hindsight}{random}.")
+        let random = cost(Way::Random).map_or_else(String::new, |cost| {
+            format!("; a value drawn at random costs {cost} on average")
+        });
+        format!("Choosing by another held-out window would have cost {another}{hindsight}{random}.")
     }
 }
 
@@ -236,11 +306,21 @@ pub(super) fn with_interval(estimate: Estimate) -> String {
     }
 }
 
-fn online_sentence(chosen: &Setting, online: &Agreement, score: &Score) -> String {
+fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> String {
+    let Verdict { sensor, chosen, values, .. } = verdict;
     let error = number(online.chosen_error);
     let name = &score.name;
     let on = format!("{} of {}", online.part, windows(online));
     match online.regret {
+        _ if online.stands_still => {
+            format!(
+                "On held-out data ({on}) {sensor} stands still: there is nothing to predict, so no error says anything."
+            )
+        }
+        Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),
+        Some(_) if online.values == Told::Alike => format!(
+            "On held-out data ({on}) all {values} values have the same error ({name} {error}): nothing there tells them apart."
+        ),
         None => format!("On held-out data ({on}) every value diverged, so there is no best one."),
         Some(regret) if regret.value.is_infinite() => format!(
             "On held-out data ({on}) it diverged; the best value was {} ({name} {}).",
@@ -308,25 +388,5 @@ fn agreement_sentence(online: &Agreement) -> String {
     format!("The ranking of all values {strength} Online's (Spearman {spearman:.2}{kendall}).{top}")
 }
 
-/// "2nd".
-fn ordinal(rank: usize) -> String {
-    let suffix = match (rank % 10, rank % 100) {
-        (1, tens) if tens != 11 => "st",
-        (2, tens) if tens != 12 => "nd",
-        (3, tens) if tens != 13 => "rd",
-        _ => "th",
-    };
-    format!("{rank}{suffix}")
-}
-
-/// "a", "a and b", "a, b and c".
-pub(super) fn listed(items: &[String]) -> String {
-    match items {
-        [] => String::new(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    }
-}
-
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,6 +1,6 @@
 //! All verdicts in a few sentences.
 
-use super::sentence::listed;
+use super::sentence::{assigned, listed};
 use super::{Grade, Report, Verdict, Way};
 use crate::number::percent;
 
@@ -23,27 +23,30 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         return Vec::new();
     }
     let of = |grades: &[Grade]| -> Vec<&Verdict> {
-        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
+        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.reliance())).collect()
     };
     let (poor, not_learnt) = (of(&[Grade::Poor]), of(&[Grade::NotLearnt]));
-    let usable = of(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
+    let mut usable = of(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
+    let arbitrary: Vec<&Verdict> = usable.extract_if(.., |of| of.is_arbitrary()).collect();
     let mut sentences = Vec::new();
     if !usable.is_empty() {
         sentences.push(format!("Use {}.", choices(&usable)));
+    }
+    if !arbitrary.is_empty() {
+        sentences.push(format!("No value stands out for {}: all did alike.", sensors(&arbitrary)));
     }
     if !poor.is_empty() {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
     }
     if !not_learnt.is_empty() {
-        let sensors: Vec<String> = not_learnt.iter().map(|of| of.sensor.clone()).collect();
-        sentences.push(format!("No value learns {}.", listed(&sensors)));
+        sentences.push(format!("No value learns {}.", sensors(&not_learnt)));
     }
-    let online: Vec<&Verdict> =
-        verdicts.into_iter().filter(|verdict| verdict.online.is_some()).collect();
-    if online.is_empty() {
+    let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
+    let compared: Vec<&Verdict> = online().filter(|verdict| verdict.has_costs()).collect();
+    if online().next().is_none() {
         sentences
             .push("No data was held out, so nothing here is checked against Online.".to_owned());
-    } else if let Some(costs) = costs(&online) {
+    } else if let Some(costs) = costs(&compared) {
         sentences.push(costs);
     }
     vec![sentences.join(" ")]
@@ -63,7 +66,7 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
         let own: Vec<&Verdict> = verdicts.iter().filter(|of| of.sensor == sensor).collect();
         lines.push(agreed(sensor, &own).unwrap_or_else(|| differing(sensor, &own)));
     }
-    if verdicts.iter().all(|verdict| regret(verdict).is_none()) {
+    if verdicts.iter().all(|verdict| verdict.online.is_none()) {
         lines.push(
             "No data was held out, so nothing here says which of the models to trust.".to_owned(),
         );
@@ -71,30 +74,53 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     lines
 }
 
-/// What all models choose, if it is the same.
+/// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
+    let not_learnt = own.iter().all(|of| of.reliance() == Grade::NotLearnt);
+    if not_learnt && own.iter().all(|of| of.hardly_varies()) {
+        return Some(format!(
+            "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
+             model chooses: nothing to deploy on this evidence."
+        ));
+    }
+    if not_learnt {
+        return Some(format!(
+            "{sensor}: no value learns it, whichever model chooses: do not deploy on this evidence."
+        ));
+    }
     let (first, others) = own.split_first()?;
     let same = |of: &&Verdict| of.chosen == first.chosen && of.field == first.field;
-    let Verdict { field, chosen, .. } = first;
-    let cost = regret(first).map_or_else(String::new, |cost| format!(": {} regret", percent(cost)));
-    others
-        .iter()
-        .all(same)
-        .then(|| format!("{sensor}: all models choose {field} = {chosen}{cost}."))
+    let alike = |of: &&Verdict| of.reliance() == first.reliance();
+    if !others.iter().all(same) || !others.iter().all(alike) {
+        return None;
+    }
+    let choice = first.assigned();
+    let poor = first.reliance() == Grade::Poor;
+    let warning = if poor { " Do not deploy it on this evidence." } else { "" };
+    Some(format!("{sensor}: all models choose {choice}{}.{warning}", standing(first)))
+}
+
+/// " (2 % regret, fair)": what a choice costs, and how far it can be relied on.
+fn standing(verdict: &Verdict) -> String {
+    let Some(regret) = regret(verdict) else { return String::new() };
+    let word = verdict.reliance().word();
+    if verdict.has_costs() {
+        format!(" ({} regret, {word})", percent(regret))
+    } else {
+        format!(" ({word})")
+    }
 }
 
 /// What each model chooses, and which choice held-out data likes best.
 fn differing(sensor: &str, own: &[&Verdict]) -> String {
     let choice = |verdict: &&Verdict| {
-        let Verdict { model, field, chosen, .. } = verdict;
-        let cost = regret(verdict)
-            .map_or_else(String::new, |regret| format!(" ({} regret)", percent(regret)));
-        format!("{model} chooses {field} = {chosen}{cost}")
+        format!("{} chooses {}{}", verdict.model, verdict.assigned(), standing(verdict))
     };
     let all: Vec<String> = own.iter().map(choice).collect();
     let all = listed(&all);
     let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
-    let Some(smallest) = smallest else { return format!("{sensor}: {all}.") };
+    let told = own.iter().any(|verdict| verdict.has_costs());
+    let Some(smallest) = smallest.filter(|_| told) else { return format!("{sensor}: {all}.") };
     let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
     let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
     if best.len() == own.len() {
@@ -105,6 +131,10 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
     }
 }
 
+fn sensors(verdicts: &[&Verdict]) -> String {
+    listed(&verdicts.iter().map(|of| of.sensor.clone()).collect::<Vec<_>>())
+}
+
 fn regret(verdict: &Verdict) -> Option<f64> {
     verdict.regret()
 }
@@ -113,8 +143,9 @@ fn regret(verdict: &Verdict) -> Option<f64> {
 fn choices(verdicts: &[&Verdict]) -> String {
     let choice = |(place, verdict): (usize, &&Verdict)| {
         let named = place > 0 && verdicts[place - 1].field == verdict.field;
-        let name = if named { String::new() } else { format!("{} = ", verdict.field) };
-        format!("{name}{} for {}", verdict.chosen, verdict.sensor)
+        let all = assigned(&verdict.field, &verdict.chosen);
+        let value = if named { verdict.chosen.to_string() } else { all };
+        format!("{value} for {}", verdict.sensor)
     };
     listed(&verdicts.iter().enumerate().map(choice).collect::<Vec<_>>())
 }
@@ -155,4 +186,70 @@ fn costs(verdicts: &[&Verdict]) -> Option<String> {
     }
     text.push('.');
     Some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Agreement, Told, sentence::tests::verdict};
+    use super::*;
+
+    fn of_model(model: &str, change: impl Fn(&mut Verdict, &mut Agreement)) -> Verdict {
+        let mut verdict = Verdict { model: model.to_owned(), ..verdict() };
+        let mut online = verdict.online.take().unwrap();
+        change(&mut verdict, &mut online);
+        Verdict { online: Some(online), ..verdict }
+    }
+
+    #[test]
+    fn what_no_model_learns_is_not_recommended() {
+        let not_learnt = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::NotLearnt;
+            online.chosen_skill = Some(-0.1);
+            online.best_error = 0.9;
+        };
+        let own = [of_model("a", not_learnt), of_model("b", not_learnt)];
+        assert_eq!(
+            choices_of_models(&own),
+            [
+                "PIT300: no value learns it, whichever model chooses: do not deploy on this evidence."
+            ]
+        );
+    }
+
+    #[test]
+    fn what_hardly_varies_is_told_from_what_is_not_learnt() {
+        let quiet = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::NotLearnt;
+            online.best_error = 0.2;
+        };
+        let told = choices_of_models(&[of_model("a", quiet), of_model("b", quiet)]);
+        assert!(told[0].starts_with("PIT300 hardly varies in the held-out windows"), "{told:?}");
+    }
+
+    #[test]
+    fn choices_stand_beside_how_far_they_can_be_relied_on() {
+        let good = |_: &mut Verdict, _: &mut Agreement| {};
+        let own = [of_model("a", good), of_model("b", good)];
+        assert_eq!(
+            choices_of_models(&own),
+            ["PIT300: all models choose learning_rate = 1e-4 (2.5 % regret, good)."]
+        );
+        let unskilled = |_: &mut Verdict, online: &mut Agreement| online.chosen_skill = Some(-0.1);
+        let own = [of_model("a", unskilled), of_model("b", unskilled)];
+        assert_eq!(
+            choices_of_models(&own),
+            [
+                "PIT300: all models choose learning_rate = 1e-4 (2.5 % regret, poor). Do not deploy it on this evidence."
+            ]
+        );
+        let own = [of_model("a", good), of_model("b", unskilled)];
+        let told = choices_of_models(&own);
+        assert!(told[0].contains("(2.5 % regret, good) and b chooses"), "{told:?}");
+        let alike = |_: &mut Verdict, online: &mut Agreement| online.values = Told::Alike;
+        let own = [of_model("a", alike), of_model("b", alike)];
+        assert_eq!(
+            choices_of_models(&own),
+            ["PIT300: all models choose learning_rate = 1e-4 (not checked)."]
+        );
+    }
 }

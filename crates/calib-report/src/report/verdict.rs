@@ -19,6 +19,8 @@ pub struct Verdict {
     pub grade: Grade,
     /// How it was chosen.
     pub reason: Reason,
+    /// Whether what it was chosen from prefers any value to another.
+    pub evidence: Told,
     /// All values that share the smallest worst rank, in grid order.
     pub tie_set: Vec<Setting>,
     /// The worst rank of the choice; 1 = best in every member.
@@ -33,8 +35,26 @@ pub struct Verdict {
     pub online: Option<Agreement>,
     /// Other ways to choose, and what they would have cost.
     pub alternatives: Vec<Alternative>,
-    /// What else is worth knowing about this verdict.
+    /// What the reader must know before relying on this verdict: [`super::caveats`].
     pub notes: Vec<String>,
+}
+
+/// Whether errors tell the values of the grid apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Told {
+    /// Some value has a smaller error than another.
+    Apart,
+    /// All values have the same error.
+    Alike,
+}
+
+/// What streams a choice by logarithms is made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sources {
+    /// Those of the members alone.
+    Members,
+    /// Those of the replayed log as well.
+    MembersAndLog,
 }
 
 /// What a choice is the best by.
@@ -55,11 +75,20 @@ pub enum Reason {
     Pooled {
         /// Streams.
         streams: usize,
+        /// What they are of.
+        sources: Sources,
+    },
+    /// The same over the windows of the replayed log alone.
+    LogReplay {
+        /// Windows.
+        streams: usize,
     },
     /// The default is left only for a value that is better by more than a standard error over so many streams.
     OneStandardError {
         /// Streams.
         streams: usize,
+        /// What they are of.
+        sources: Sources,
     },
 }
 
@@ -72,6 +101,10 @@ pub struct Agreement {
     pub windows: usize,
     /// Runs over all of them.
     pub runs: usize,
+    /// Whether the errors of different values differ.
+    pub values: Told,
+    /// Whether the sensor has one value throughout every window, so that there was nothing to predict.
+    pub stands_still: bool,
     /// Mean Online score of the choice; infinite if it diverged.
     pub chosen_error: f64,
     /// 1 − RMSE / standard deviation of the returns; 0 is the error of predicting the mean.
@@ -174,28 +207,5 @@ impl Verdict {
     /// The regret of another way to choose, where it is known.
     pub(crate) fn regret_of(&self, way: Way) -> Option<f64> {
         Some(self.alternative(way)?.regret?.value)
-    }
-}
-
-impl Grade {
-    /// The grade in a few words.
-    pub const fn label(self) -> &'static str {
-        match self {
-            Self::Good => "Good: as good as choosing by the deployment itself",
-            Self::Fair => "Fair: not worse than the default",
-            Self::Poor => "Poor: do not rely on it",
-            Self::NotLearnt => "Not learnt: no value beats predicting the mean",
-            Self::Unchecked => "Not checked on held-out data",
-        }
-    }
-
-    /// Its name in the style sheet.
-    pub(crate) const fn class(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Fair => "fair",
-            Self::Poor | Self::NotLearnt => "poor",
-            Self::Unchecked => "unchecked",
-        }
     }
 }

@@ -1,5 +1,7 @@
+use std::collections::{BTreeMap, BTreeSet};
+
 use calib_agent::Part;
-use calib_stats::{Summary, summarise};
+use calib_stats::{Summary, cluster_means, summarise};
 use serde::{Deserialize, Serialize};
 
 use crate::{Candidate, EnvironmentId, ErrorScale, RunRow, SweepError, UnitResult};
@@ -11,9 +13,12 @@ pub struct EnvironmentScores {
     pub environment: EnvironmentId,
     /// Different streams: rollouts, windows of the log, or windows of the held-out range.
     pub streams: usize,
+    /// Groups of streams that share no rows: windows of the log that overlap are one, everything else is alone.
+    pub independent: usize,
     /// Runs over them.
     pub runs: usize,
-    /// NRMSE, one a candidate: over streams where there are several, each the mean of its runs, else over runs.
+    /// NRMSE, one a candidate: over independent groups of streams, each the mean of its streams, which are the means of their runs;
+    /// where there is one stream, over runs.
     pub candidates: Vec<Summary>,
     /// Skill, one a candidate: 1 − (mean RMSE) / (mean standard deviation of the returns); 0 is the error of predicting the mean
     /// of each run's returns. None if a run diverged, or the returns are constant.
@@ -27,6 +32,8 @@ pub(super) struct Stream {
     pub(super) start_row: u32,
     /// Steps that are scored.
     pub(super) scored_steps: usize,
+    /// Number of the group of streams with which it shares rows.
+    group: usize,
     /// NRMSE `[run][candidate]`; +∞ where a value diverged, none where it was dropped before the run.
     pub(super) runs: Vec<Vec<Option<f64>>>,
 }
@@ -57,7 +64,7 @@ pub(super) struct Errors {
 impl Errors {
     /// Of the results in one environment, in the order of their runs.
     ///
-    /// Runs share a stream if they begin at the same row of held-out data; rollouts and windows of the log are streams of their own.
+    /// Runs share a stream if they begin at the same row of recorded data; every rollout is a stream of its own.
     pub(super) fn new(
         environment: EnvironmentId,
         results: &[&UnitResult],
@@ -66,6 +73,7 @@ impl Errors {
     ) -> Result<Self, SweepError> {
         let own = results.iter().filter(|result| result.unit.environment == environment);
         let (mut streams, mut totals) = (Vec::<Stream>::new(), vec![(0.0, 0.0); candidates.len()]);
+        let mut steps = 0;
         for result in own {
             let mut run = vec![None; candidates.len()];
             let mut scored_steps = 0;
@@ -80,26 +88,29 @@ impl Errors {
                 totals[row.candidate].1 += score.map_or(0.0, |score| score.return_std);
             }
             let place = streams.iter().position(|stream| {
-                environment == EnvironmentId::Online && stream.start_row == result.start_row
+                is_recorded(environment) && stream.start_row == result.start_row
             });
             match place {
                 Some(place) => streams[place].runs.push(run),
                 None => streams.push(Stream {
                     start_row: result.start_row,
                     scored_steps,
+                    group: streams.len(),
                     runs: vec![run],
                 }),
             }
+            steps = steps.max(result.rows.iter().map(|row| row.steps).max().unwrap_or(0));
         }
-        streams.sort_by_key(|stream| match environment {
-            EnvironmentId::Online => stream.start_row,
-            _ => 0,
-        });
+        match environment {
+            EnvironmentId::Online => streams.sort_by_key(|stream| stream.start_row),
+            EnvironmentId::LogReplay => group(&mut streams, steps),
+            EnvironmentId::Member(_) => {}
+        }
         Ok(Self { environment, streams, totals })
     }
 
-    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online, and one unit with all rollouts for a member. What a
-    /// dropped value did not make is +∞: it cannot be chosen.
+    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online, windows of the log that overlap as one unit, and one
+    /// unit with all rollouts for a member. What a dropped value did not make is +∞: it cannot be chosen.
     pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
         let run = |run: &Vec<Option<f64>>| -> Vec<f64> {
             run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
@@ -107,25 +118,37 @@ impl Errors {
         let runs = |stream: &Stream| stream.runs.iter().map(run).collect::<Vec<_>>();
         match self.environment {
             EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
-            EnvironmentId::Online | EnvironmentId::LogReplay => {
-                self.streams.iter().map(runs).collect()
+            EnvironmentId::Online => self.streams.iter().map(runs).collect(),
+            EnvironmentId::LogReplay => {
+                let mut units: BTreeMap<usize, Vec<Vec<f64>>> = BTreeMap::new();
+                for stream in &self.streams {
+                    units.entry(stream.group).or_default().extend(runs(stream));
+                }
+                units.into_values().collect()
             }
         }
     }
 
-    /// Mean error of each candidate over the runs that it made, stream by stream.
-    pub(super) fn of_streams(&self, candidate: usize) -> Vec<f64> {
+    /// Mean error of a candidate over the streams that it was trained on, group by group.
+    fn of_groups(&self, candidate: usize) -> Result<Vec<f64>, SweepError> {
         let of = |stream: &Stream| {
             let made = stream.runs.iter().any(|run| run[candidate].is_some());
-            made.then(|| stream.mean(candidate))
+            made.then(|| (stream.group, stream.mean(candidate)))
         };
-        self.streams.iter().filter_map(of).collect()
+        let (groups, errors): (Vec<usize>, Vec<f64>) = self.streams.iter().filter_map(of).unzip();
+        let means = cluster_means(&groups, &errors)?;
+        Ok(means.into_iter().map(|(_, mean)| mean).collect())
     }
 
-    /// Mean error of each candidate over the streams that it was trained on.
+    /// Mean error of each candidate over independent groups of the streams that it was trained on.
     pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
-        let mean = |candidate: usize| Ok(calib_stats::mean(&self.of_streams(candidate))?);
+        let mean = |candidate: usize| Ok(calib_stats::mean(&self.of_groups(candidate)?)?);
         (0..self.totals.len()).map(mean).collect()
+    }
+
+    /// Groups of streams that share no rows.
+    fn groups(&self) -> usize {
+        self.streams.iter().map(|stream| stream.group).collect::<BTreeSet<_>>().len()
     }
 
     /// What is shown of them.
@@ -133,7 +156,7 @@ impl Errors {
         let summary = |candidate: usize| -> Result<Summary, SweepError> {
             let each = match &self.streams[..] {
                 [one] => one.runs.iter().filter_map(|run| run[candidate]).collect(),
-                _ => self.of_streams(candidate),
+                _ => self.of_groups(candidate)?,
             };
             Ok(summarise(&each)?)
         };
@@ -142,10 +165,33 @@ impl Errors {
         Ok(EnvironmentScores {
             environment: self.environment,
             streams: self.streams.len(),
+            independent: self.groups(),
             runs: self.streams.iter().map(|stream| stream.runs.len()).sum(),
             candidates: (0..self.totals.len()).map(summary).collect::<Result<_, _>>()?,
             skill: self.totals.iter().map(skill).collect(),
         })
+    }
+}
+
+/// Whether streams are rows of recorded data one after the other, so that two which begin at the same row are the same.
+const fn is_recorded(environment: EnvironmentId) -> bool {
+    matches!(environment, EnvironmentId::Online | EnvironmentId::LogReplay)
+}
+
+/// Put windows of the log into groups: in the order of rows, one that begins less than `steps` rows after the first of a group belongs to
+/// it. The last of a group may reach into the next one by less than a window.
+fn group(streams: &mut [Stream], steps: usize) {
+    let mut order: Vec<usize> = (0..streams.len()).collect();
+    order.sort_by_key(|&stream| streams[stream].start_row);
+    let mut begin: Option<(usize, usize)> = None;
+    for stream in order {
+        let start = streams[stream].start_row as usize;
+        begin = match begin {
+            Some((first, number)) if start < first + steps => Some((first, number)),
+            Some((_, number)) => Some((start, number + 1)),
+            None => Some((start, 0)),
+        };
+        streams[stream].group = begin.map_or(0, |(_, number)| number);
     }
 }
 

@@ -1,15 +1,15 @@
 use calib_core::Seed;
 use calib_stats::{
-    ChoiceOfResamples, Drawn, Estimate, Interval, Nested, Statistics, StatsError, hierarchical,
+    ChoiceOfResamples, Drawn, Estimate, Losses, Nested, StatsError, hierarchical, top_k_hit,
 };
 
 use super::{
-    Agreement, Baseline, BaselineRegret, Grade, Judging, RuleChoice, SensorVerdict, Share, Truth,
-    WindowTruth,
+    Agreement, Baseline, BaselineRegret, Dropped, Grade, Judging, LOWER, RuleChoice, SensorVerdict,
+    Share, Truth, WindowTruth,
     dropped::dropped,
     errors::Errors,
-    rule::{Chooser, Evidence, Rule},
-    truth::{another_window, correlations, is_among_best, least, losses, mean_losses},
+    rule::{Chooser, Evidence, Rule, Standing},
+    truth::{correlations, least},
     warnings,
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
@@ -39,26 +39,30 @@ pub fn verdict(
     let evidence = Evidence { members: &members, log: log.as_ref() };
     let chosen = chooser.choose(judging.rule, evidence)?;
     let selection = chooser.selection(evidence)?;
-    let resampled = Resampled::new(&runs, &chooser, chosen, judging, sensor)?;
+    let windows = runs.online.as_ref().map_or_else(Vec::new, |of| of.whole().means());
+    let losses = Losses::new(&windows)?;
     let rule = |rule| -> Result<RuleChoice, SweepError> {
         let chosen = chooser.choose(rule, evidence)?;
-        Ok(RuleChoice { rule, chosen, regret: resampled.regret(chosen) })
+        Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
     };
     let ranking = chooser.scores(judging.rule, evidence)?;
-    let truth = Truthful { all: &all, candidates, judging, resampled: &resampled };
+    let standing = Standing::of(judging.rule, chosen, &ranking, &selection);
+    let truth = Truthful { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
+    let stability = shares(&redrawn(&runs, &chooser, judging, sensor)?);
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
         part: judging.part,
         rule: judging.rule,
         chosen,
-        grade: Grade::of(truth.as_ref()),
-        stability: shares(resampled.choices.as_ref()),
+        grade: Grade::of(standing, truth.as_ref()),
+        scores: ranking,
+        stability,
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
         warnings: warnings::all(
             &own,
             candidates,
-            (&selection, judging, chosen),
+            (&selection, judging, chosen, standing),
             &dropped,
             truth.as_ref(),
         ),
@@ -116,97 +120,27 @@ impl Runs {
     }
 }
 
-/// Regrets of all values, of all runs and over resamples; and what is chosen from resamples.
-struct Resampled {
-    /// Losses of all windows; empty without held-out data.
-    losses: Vec<Vec<f64>>,
-    /// Mean losses over them; none if every value diverged, or nothing was held out.
-    mean_losses: Option<Vec<f64>>,
-    /// Of the regret of each value, then of the mean regret, then of the error of the choice by the default's.
-    intervals: Vec<Option<Interval>>,
-    choices: Option<ChoiceOfResamples>,
-}
-
-impl Resampled {
-    fn new(
-        runs: &Runs,
-        chooser: &Chooser<'_>,
-        chosen: usize,
-        judging: &Judging<'_>,
-        sensor: &str,
-    ) -> Result<Self, StatsError> {
-        let seed: Seed = judging.seed.child("resamples").child(sensor);
-        let mut rng = seed.rng();
-        let inputs: Vec<&Nested> = [Some(&runs.members), runs.log.as_ref(), runs.online.as_ref()]
-            .into_iter()
-            .flatten()
-            .collect();
-        let has_log = runs.log.is_some();
-        let statistic = |drawn: &[Drawn<'_>]| -> Result<Statistics, StatsError> {
-            let evidence = Evidence { members: &drawn[0], log: has_log.then(|| &drawn[1]) };
-            let windows = runs.online.as_ref().and(drawn.last());
-            let losses = windows.and_then(|of| mean_losses(&losses(&of.means())));
-            Ok(Statistics {
-                numbers: numbers(losses.as_deref(), chooser, chosen),
-                choices: vec![Some(chooser.choose(judging.rule, evidence)?)],
-            })
-        };
-        let all = hierarchical(&inputs, judging.resamples, |below| rng.below(below), statistic)?;
-        let losses = runs.online.as_ref().map_or_else(Vec::new, |of| losses(&of.whole().means()));
-        let finite = |interval: &Interval| interval.low.is_finite() && interval.high.is_finite();
-        Ok(Self {
-            mean_losses: mean_losses(&losses),
-            losses,
-            intervals: all.numbers.iter().map(|of| of.interval.filter(finite)).collect(),
-            choices: all.choices.into_iter().next(),
-        })
-    }
-
-    fn estimate(&self, place: usize, value: f64) -> Estimate {
-        let interval = self.intervals.get(place).copied().flatten();
-        Estimate { value, interval: interval.filter(|_| value.is_finite()) }
-    }
-
-    /// Regret of a value.
-    fn regret(&self, value: usize) -> Option<Estimate> {
-        Some(self.estimate(value, self.mean_losses.as_ref()?[value].exp_m1()))
-    }
-
-    /// Mean regret over all values.
-    fn random(&self) -> Option<Estimate> {
-        let losses = self.mean_losses.as_ref()?;
-        Some(self.estimate(losses.len(), mean_regret(losses)))
-    }
-
-    /// Error of the choice by the default's.
-    fn against(&self, default: usize, chosen: usize) -> Option<Estimate> {
-        let losses = self.mean_losses.as_ref()?;
-        let quotient = quotient(losses, default, chosen)?;
-        Some(self.estimate(losses.len() + 1, quotient))
-    }
-}
-
-/// What is estimated of a resample: [`Resampled::intervals`].
-fn numbers(losses: Option<&[f64]>, chooser: &Chooser<'_>, chosen: usize) -> Vec<Option<f64>> {
-    let Some(losses) = losses else { return vec![None; chooser.values + 2] };
-    let regrets = losses.iter().map(|loss| Some(loss.exp_m1()));
-    let against = chooser.default.and_then(|default| quotient(losses, default, chosen));
-    regrets.chain([Some(mean_regret(losses)), against]).collect()
-}
-
-fn mean_regret(losses: &[f64]) -> f64 {
-    losses.iter().map(|loss| loss.exp_m1()).sum::<f64>() / losses.len() as f64
-}
-
-/// None where both diverged.
-fn quotient(losses: &[f64], default: usize, chosen: usize) -> Option<f64> {
-    let difference = losses[chosen] - losses[default];
-    (!difference.is_nan()).then(|| difference.exp())
+/// What is chosen from other draws of members, of windows of the log and of their runs.
+fn redrawn(
+    runs: &Runs,
+    chooser: &Chooser<'_>,
+    judging: &Judging<'_>,
+    sensor: &str,
+) -> Result<ChoiceOfResamples, StatsError> {
+    let seed: Seed = judging.seed.child("resamples").child(sensor);
+    let mut rng = seed.rng();
+    let inputs: Vec<&Nested> =
+        [Some(&runs.members), runs.log.as_ref()].into_iter().flatten().collect();
+    let choose = |drawn: &[Drawn<'_>]| {
+        let evidence = Evidence { members: &drawn[0], log: drawn.get(1) };
+        chooser.choose(judging.rule, evidence).map(Some)
+    };
+    hierarchical(&inputs, judging.resamples, |below| rng.below(below), choose)
 }
 
 /// How often each value is chosen, the most frequent first.
-fn shares(choices: Option<&ChoiceOfResamples>) -> Vec<Share> {
-    let counts = choices.map_or(&[][..], |of| &of.counts);
+fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
+    let counts = &choices.counts;
     let all: usize = counts.iter().sum();
     let share = |(candidate, &count): (usize, &usize)| Share {
         candidate,
@@ -223,28 +157,29 @@ struct Truthful<'a> {
     all: &'a Measured,
     candidates: &'a [Candidate],
     judging: &'a Judging<'a>,
-    resampled: &'a Resampled,
+    losses: &'a Losses,
+    dropped: &'a [Dropped],
 }
 
 impl Truthful<'_> {
     fn of(&self, online: &Errors, chosen: usize, ranking: &[f64]) -> Result<Truth, SweepError> {
-        let Self { candidates, judging, resampled, .. } = self;
+        let Self { candidates, judging, losses, .. } = self;
         let scores = online.scores()?;
-        let losses = resampled.mean_losses.as_deref();
-        let (spearman, kendall) = match losses {
-            Some(losses) => correlations(ranking, losses)?,
+        let means = losses.means();
+        let (spearman, kendall) = match &means {
+            Some(means) => correlations(ranking, means)?,
             None => (None, None),
         };
         let default = self.default().filter(|&default| default != chosen);
         let choice = Agreement {
             chosen,
             online_error: scores.candidates[chosen].mean,
-            regret: resampled.regret(chosen),
-            against_default: default.and_then(|default| resampled.against(default, chosen)),
+            regret: losses.regret(chosen),
+            against_default: default.and_then(|default| losses.quotient(chosen, default)),
             spearman,
             kendall,
-            top_k_hit: match losses {
-                Some(losses) => is_among_best(losses, chosen, judging.top_k)?,
+            top_k_hit: match &means {
+                Some(means) => top_k_hit(means, chosen, judging.top_k, LOWER)?,
                 None => false,
             },
         };
@@ -254,8 +189,8 @@ impl Truthful<'_> {
         Ok(Truth {
             horizons: scored as f64 * (1.0 - gamma),
             windows,
-            best: losses.map(least),
-            regrets: losses.map(|losses| losses.iter().map(|loss| loss.exp_m1()).collect()),
+            best: means.as_deref().map(least),
+            regrets: means.map(|means| means.iter().map(|loss| loss.exp_m1()).collect()),
             choice,
             baselines: self.baselines()?,
             scores,
@@ -268,28 +203,41 @@ impl Truthful<'_> {
 
     /// What other ways to choose cost.
     fn baselines(&self) -> Result<Vec<BaselineRegret>, SweepError> {
-        let resampled = self.resampled;
+        let losses = self.losses;
         let of_value = |baseline, value: Option<usize>| BaselineRegret {
             baseline,
             chosen: value,
-            regret: value.and_then(|value| resampled.regret(value)),
+            regret: value.and_then(|value| losses.regret(value)),
         };
         let log = self.all.log.as_ref();
-        let replayed = log.map(|log| Ok::<_, SweepError>(least(&log.means()?))).transpose()?;
-        let latest = log.and_then(|log| Some(least(&log.streams.first()?.means())));
-        let best = resampled.mean_losses.as_deref().map(least);
-        // Copies of a window would judge its own choice: what another window costs has no interval.
-        let another = another_window(&resampled.losses);
-        let another = another.map(|loss| Estimate { value: loss.exp_m1(), interval: None });
-        let of = |baseline, regret| BaselineRegret { baseline, chosen: None, regret };
+        let replayed = log.map(|log| Ok::<_, SweepError>(self.best_of_kept(&log.means()?)));
+        let latest = log.and_then(|log| Some(self.best_of_kept(&log.streams.first()?.means())));
+        let means = losses.means();
+        let best = means.as_deref().map(least);
+        let random = means
+            .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
+        // Pairs of windows are no sample, and nor are the values of a grid: neither has an interval.
+        let of = |baseline, regret: Option<f64>| {
+            let regret = regret.map(|value| Estimate { value, interval: None });
+            BaselineRegret { baseline, chosen: None, regret }
+        };
         Ok(vec![
             of_value(Baseline::Default, self.default()),
-            of_value(Baseline::LogReplay, replayed),
+            of_value(Baseline::LogReplay, replayed.transpose()?),
             of_value(Baseline::LatestWindow, latest),
-            of(Baseline::Random, resampled.random()),
+            of(Baseline::Random, random),
             of_value(Baseline::Hindsight, best),
-            of(Baseline::AnotherWindow, another),
+            of(Baseline::AnotherWindow, losses.another_window()),
         ])
+    }
+
+    /// The best of the values that were not dropped: errors of the others are of other streams.
+    fn best_of_kept(&self, errors: &[f64]) -> usize {
+        let mut errors = errors.to_vec();
+        for dropped in self.dropped {
+            errors[dropped.candidate] = f64::INFINITY;
+        }
+        least(&errors)
     }
 }
 

@@ -77,6 +77,10 @@ pub struct SensorVerdict {
     pub chosen: usize,
     /// How well held-out data supports it.
     pub grade: Grade,
+    /// How values stand by the rule, small is good: mean logarithms of errors, mean errors, mean ranks, or places by worst rank. Not in
+    /// files.
+    #[serde(skip)]
+    pub scores: Vec<f64>,
     /// What is chosen from other draws of members, runs and windows of the log, the most frequent first.
     pub stability: Vec<Share>,
     /// What each rule chooses.

@@ -1,10 +1,15 @@
-use calib_stats::{Drawn, Selection, StatsError, choose_around_default, choose_by_mean_log};
+use calib_stats::{
+    Drawn, LogChoice, Selection, StatsError, choose_around_default, choose_by_mean_log,
+};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Dropped, dropped::select_among, truth::least};
+use super::{Dropped, dropped::select_among};
 
 /// How a value is chosen from the evidence: the members' runs, and those on the replayed log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// The smallest worst rank over members (the paper). Cautious: one member in which a value is bad is enough to lose.
@@ -17,6 +22,8 @@ pub enum Rule {
     MeanLogError,
     /// The same over the runs on the replayed log as well: every stream of the log counts the same.
     Pooled,
+    /// The same over the runs on the replayed log alone; where nothing was replayed, over those of the members.
+    LogReplay,
     /// The default, unless another is better over the same streams by at least one standard error of the mean paired difference of
     /// logarithms: then the best of these by mean logarithm. See [`choose_around_default`].
     OneStandardError,
@@ -24,14 +31,20 @@ pub enum Rule {
 
 impl Rule {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::WorstRank,
         Self::MeanRank,
         Self::MeanError,
         Self::MeanLogError,
         Self::Pooled,
+        Self::LogReplay,
         Self::OneStandardError,
     ];
+
+    /// Whether values stand by the mean logarithms of their errors.
+    pub const fn is_by_logarithms(self) -> bool {
+        matches!(self, Self::MeanLogError | Self::Pooled | Self::OneStandardError)
+    }
 
     /// Its name in studies and files.
     pub const fn name(self) -> &'static str {
@@ -41,6 +54,7 @@ impl Rule {
             Self::MeanError => "mean_error",
             Self::MeanLogError => "mean_log_error",
             Self::Pooled => "pooled",
+            Self::LogReplay => "log_replay",
             Self::OneStandardError => "one_standard_error",
         }
     }
@@ -87,7 +101,11 @@ impl Chooser<'_> {
             Rule::WorstRank => Ok(self.selection(evidence)?.chosen),
             Rule::MeanRank => by_ranks(|of, value| [of.mean_ranks[value], of.mean_errors[value]]),
             Rule::MeanError => by_ranks(|of, value| [of.mean_errors[value], of.mean_ranks[value]]),
-            Rule::MeanLogError | Rule::Pooled => Ok(least(&self.scores(rule, evidence)?)),
+            Rule::MeanLogError | Rule::Pooled | Rule::LogReplay => {
+                let streams = evidence.sources(rule);
+                let LogChoice { chosen, .. } = choose_by_mean_log(&streams)?;
+                Ok(chosen.unwrap_or_else(|| least_divergent(&streams.concat())))
+            }
             Rule::OneStandardError => match self.default {
                 Some(default) => {
                     let sources = evidence.sources(rule);
@@ -108,7 +126,7 @@ impl Chooser<'_> {
             Rule::WorstRank => selection_order(&self.selection(evidence)?),
             Rule::MeanRank => self.selection(evidence)?.mean_ranks,
             Rule::MeanError => self.selection(evidence)?.mean_errors,
-            Rule::MeanLogError | Rule::Pooled | Rule::OneStandardError => {
+            Rule::MeanLogError | Rule::Pooled | Rule::LogReplay | Rule::OneStandardError => {
                 choose_by_mean_log(&evidence.sources(rule))?.mean_logs
             }
         })
@@ -119,7 +137,43 @@ impl<'a> Evidence<'_, 'a> {
     /// Errors on all streams that count for a rule by logarithms: `[source][stream][value]`.
     fn sources(&self, rule: Rule) -> Vec<Vec<&'a [f64]>> {
         let log = self.log.filter(|_| rule != Rule::MeanLogError);
-        [Some(self.members), log].into_iter().flatten().map(Drawn::runs).collect()
+        let members = Some(self.members).filter(|_| rule != Rule::LogReplay || log.is_none());
+        [members, log].into_iter().flatten().map(Drawn::runs).collect()
+    }
+}
+
+/// Of values that all diverged somewhere, the one that did so in the fewest streams; of these the one with the smallest mean
+/// logarithm in the others.
+fn least_divergent(streams: &[&[f64]]) -> usize {
+    let key = |value: usize| {
+        let logs = streams.iter().map(|errors| errors[value].ln());
+        let finite: Vec<f64> = logs.filter(|log| *log < f64::INFINITY).collect();
+        let diverged = streams.len() - finite.len();
+        [diverged as f64, finite.iter().sum::<f64>() / finite.len().max(1) as f64]
+    };
+    let values = streams.first().map_or(0, |errors| errors.len());
+    first_smallest(&(0..values).map(key).collect::<Vec<_>>())
+}
+
+/// How a choice stands in the evidence that it was made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// It never diverged.
+    Finite,
+    /// It diverged in some stream, and so did every other value.
+    Diverged,
+}
+
+impl Standing {
+    /// Of the choice of a rule that ranks values by `scores`.
+    pub(super) fn of(rule: Rule, chosen: usize, scores: &[f64], selection: &Selection) -> Self {
+        let error = match rule {
+            Rule::WorstRank | Rule::MeanRank | Rule::MeanError => selection.mean_errors[chosen],
+            Rule::MeanLogError | Rule::Pooled | Rule::LogReplay | Rule::OneStandardError => {
+                scores[chosen]
+            }
+        };
+        if error == f64::INFINITY { Self::Diverged } else { Self::Finite }
     }
 }
 

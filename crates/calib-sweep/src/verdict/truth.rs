@@ -1,8 +1,8 @@
-use calib_stats::{Estimate, competition_ranks, kendall_tau_b, spearman};
+use calib_stats::{Estimate, kendall_tau_b, spearman};
 use serde::{Deserialize, Serialize};
 
 use super::errors::EnvironmentScores;
-use crate::{LOWER, SweepError};
+use crate::SweepError;
 
 /// What held-out data says of one window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,8 +51,8 @@ pub enum Baseline {
     Random,
     /// The one value that is best over all held-out windows: nobody can know it beforehand.
     Hindsight,
-    /// The best value of one held-out window, judged on the others: what a chooser that sees the deployment itself, at another
-    /// time, would cost. What is below it is noise.
+    /// The best value of one held-out window, judged on the others: what a chooser that sees a window of the deployment
+    /// itself, at another time, would cost. One window is weak evidence: choosers that see more of the plant can do better.
     AnotherWindow,
 }
 
@@ -86,36 +86,6 @@ pub struct Truth {
     pub baselines: Vec<BaselineRegret>,
 }
 
-/// Logarithms of the errors by the smallest of their window, `[window][value]`, of the windows in which some value did not diverge.
-pub(super) fn losses(windows: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let of = |errors: &Vec<f64>| {
-        let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
-        // Errors of 0 are those of a sensor that does not move: all that are 0 are best.
-        let loss = |&error: &f64| if error == least { 0.0 } else { (error / least).ln() };
-        least.is_finite().then(|| errors.iter().map(loss).collect())
-    };
-    windows.iter().filter_map(of).collect()
-}
-
-/// Mean loss of each value over windows; none if there is none.
-pub(super) fn mean_losses(losses: &[Vec<f64>]) -> Option<Vec<f64>> {
-    let values = losses.first()?.len();
-    let mean = |value: usize| losses.iter().map(|of| of[value]).sum::<f64>() / losses.len() as f64;
-    Some((0..values).map(mean).collect())
-}
-
-/// Mean loss of the best value of one window on the others.
-pub(super) fn another_window(losses: &[Vec<f64>]) -> Option<f64> {
-    let mut others = Vec::new();
-    for (window, own) in losses.iter().enumerate() {
-        let chosen = least(own);
-        let rest = losses.iter().enumerate().filter(|&(other, _)| other != window);
-        others.extend(rest.map(|(_, of)| of[chosen]));
-    }
-    let count = others.len() as f64;
-    (!others.is_empty()).then(|| others.iter().sum::<f64>() / count)
-}
-
 /// The first of the smallest.
 pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
@@ -130,9 +100,4 @@ pub(super) fn correlations(
         return Ok((None, None));
     }
     Ok((spearman(scores, losses)?, kendall_tau_b(scores, losses)?))
-}
-
-/// Whether a choice is among the `k` best.
-pub(super) fn is_among_best(losses: &[f64], chosen: usize, k: usize) -> Result<bool, SweepError> {
-    Ok(losses[chosen].is_finite() && competition_ranks(losses, LOWER)?[chosen] <= k)
 }

@@ -1,7 +1,7 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, Judging, Rule, told_apart, truth::Truth};
+use super::{Dropped, Judging, Rule, rule::Standing, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -11,7 +11,7 @@ const FEW_HORIZONS: f64 = 50.0;
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, judging, chosen): (&Selection, &Judging<'_>, usize),
+    (selection, judging, chosen, standing): (&Selection, &Judging<'_>, usize, Standing),
     dropped: &[Dropped],
     truth: Option<&Truth>,
 ) -> Vec<String> {
@@ -45,9 +45,14 @@ pub(super) fn all(
     {
         warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
     }
-    if selection.mean_errors[chosen].is_infinite() {
-        warnings.push("every value diverged in some member: none can be recommended".to_owned());
+    if standing == Standing::Diverged {
+        let label = candidates[chosen].label();
+        warnings.push(format!(
+            "every value diverged in some stream that the choice is made from: none can be recommended; {label} is the first \
+             by the rule among those that are left"
+        ));
     }
+    warnings.extend(truth.and_then(lost_windows));
     warnings.extend(told_dropped(dropped, candidates));
     if candidates.iter().any(|candidate| candidate.agent.gamma != candidates[0].agent.gamma) {
         warnings.push(
@@ -62,7 +67,8 @@ fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
         Part::WholeRun => "",
         Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
     };
-    (truth.horizons < FEW_HORIZONS).then(|| {
+    // 500 · (1 − 0.9) is a little less than 50 in binary.
+    (truth.horizons < FEW_HORIZONS - 1e-6).then(|| {
         let runs: usize = truth.windows.iter().map(|window| window.runs).sum();
         format!(
             "only {:.1} horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
@@ -70,6 +76,17 @@ fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
              range that is long enough for it{whole}",
             truth.horizons,
             truth.windows.len(),
+        )
+    })
+}
+
+/// Windows that judge nothing.
+fn lost_windows(truth: &Truth) -> Option<String> {
+    let lost = truth.windows.iter().filter(|window| window.best.is_none()).count();
+    (lost > 0).then(|| {
+        format!(
+            "every value diverged in {lost} of {} held-out windows: regrets are of the others",
+            truth.windows.len()
         )
     })
 }

@@ -5,17 +5,20 @@ use calib_stats::Summary;
 use super::{ErrorCurve, ErrorSource, RankCurve, Sensitivity};
 use crate::chart::{Colour, Dash, Marker, Point, Series, Side};
 
+/// How much wider a curve of ranks is than the one that is drawn after it.
+const WIDER: f64 = 2.2;
+
 impl Sensitivity {
     /// Scores, then worst ranks; points from left to right, whatever the order of the grid.
     pub(super) fn curves(&self, positions: &[f64]) -> Vec<Series> {
         let mut order: Vec<usize> = (0..positions.len()).collect();
         order.sort_by(|&a, &b| positions[a].total_cmp(&positions[b]));
-        let mut models = 0;
-        let scores = self.errors.iter().map(|curve| {
-            models += usize::from(curve.source == ErrorSource::Model);
+        let scores = self.errors.iter().enumerate().map(|(index, curve)| {
+            let before = &self.errors[..index];
+            let alike = before.iter().filter(|of| of.source == curve.source).count();
             let point =
                 |&place: &usize| score_point(positions[place], curve.summaries[place].as_ref());
-            score_series(curve, models, order.iter().map(point).collect())
+            score_series(curve, alike, order.iter().map(point).collect())
         });
         let mut curves: Vec<Series> = scores.collect();
         let side = if self.errors.is_empty() { Side::Left } else { Side::Right };
@@ -25,27 +28,39 @@ impl Sensitivity {
                 y: curve.worst_ranks[place] as f64,
                 interval: None,
             };
-            rank_series(curve, index, side, order.iter().map(point).collect())
+            let after = self.worst_ranks.len() - 1 - index;
+            rank_series(curve, [index, after], side, order.iter().map(point).collect())
         }));
         curves
     }
 }
 
-fn score_series(curve: &ErrorCurve, models: usize, points: Vec<Point>) -> Series {
+/// `alike` is the number of curves from the same kind of environment before it.
+fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series {
     let (colour, dash, width, marker) = match curve.source {
         ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Marker::Circle),
         ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Marker::TriangleDown),
         // The first colours after Online's are those of the ensembles.
-        ErrorSource::Model => (Colour::Curve(2 + models), Dash::Solid, 1.8, Marker::Triangle),
+        ErrorSource::Model => (Colour::Curve(3 + alike), Dash::Solid, 1.8, Marker::Triangle),
+        // The colour of the ensemble's ranks.
+        ErrorSource::Evidence => (Colour::Curve(1 + alike), Dash::Solid, 1.8, Marker::Triangle),
     };
     let (label, marker) = (curve.label.clone(), Some(marker));
     Series { label, side: Side::Left, colour, dash, width, marker, points }
 }
 
-fn rank_series(curve: &RankCurve, index: usize, side: Side, points: Vec<Point>) -> Series {
+/// Ranks are whole, so that curves often lie on each other: those drawn before others are wider, and seen beside them.
+fn rank_series(
+    curve: &RankCurve,
+    [index, after]: [usize; 2],
+    side: Side,
+    points: Vec<Point>,
+) -> Series {
     let marker = Some([Marker::Square, Marker::Diamond, Marker::Circle][index % 3]);
     let (label, colour) = (curve.label.clone(), Colour::Curve(1 + index));
-    Series { label, side, colour, dash: Dash::Dashed, width: 1.8, marker, points }
+    let width = 1.8 + WIDER * after.min(3) as f64;
+    let dash = if index.is_multiple_of(2) { Dash::Dashed } else { Dash::Dotted };
+    Series { label, side, colour, dash, width, marker, points }
 }
 
 fn score_point(x: f64, summary: Option<&Summary>) -> Point {

@@ -28,7 +28,7 @@ impl Score {
 /// One sensitivity figure, for one sensor.
 ///
 /// ```
-/// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Score, Sensitivity, Setting};
+/// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Samples, Score, Sensitivity, Setting};
 /// use calib_stats::summarise;
 ///
 /// let online = [[0.31, 0.33], [0.20, 0.22], [0.41, 0.38]];
@@ -40,6 +40,7 @@ impl Score {
 ///     errors: vec![ErrorCurve {
 ///         label: "Online".to_owned(),
 ///         source: ErrorSource::Online,
+///         over: Samples::Runs,
 ///         summaries: online.iter().map(|runs| summarise(runs).ok()).collect(),
 ///     }],
 ///     worst_ranks: vec![RankCurve { label: "kNN".to_owned(), worst_ranks: vec![2, 1, 3] }],
@@ -76,7 +77,9 @@ pub struct ErrorCurve {
     pub label: String,
     /// Which environment it comes from.
     pub source: ErrorSource,
-    /// Summary over runs, one for each value of the grid; `None` where nothing was run.
+    /// What it is a mean over.
+    pub over: Samples,
+    /// Summary over these, one for each value of the grid; `None` where nothing was run.
     pub summaries: Vec<Option<Summary>>,
 }
 
@@ -89,6 +92,30 @@ pub enum ErrorSource {
     LogReplay,
     /// A calibration model that is no ensemble.
     Model,
+    /// What a choice by mean errors was made from: one curve an ensemble, in the order of `worst_ranks`.
+    Evidence,
+}
+
+/// What a mean error is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// Runs.
+    Runs,
+    /// Windows, each the mean of its runs.
+    Windows,
+    /// Streams of members and of the replayed log, as a choice counts them.
+    Streams,
+}
+
+impl Samples {
+    /// What they are called.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Runs => "runs",
+            Self::Windows => "windows",
+            Self::Streams => "streams",
+        }
+    }
 }
 
 /// Worst rank against hyperparameter in one ensemble.

@@ -1,7 +1,7 @@
 use calib_stats::Interval;
 
 use super::*;
-use crate::TopK;
+use crate::{Sources, Told, TopK};
 
 fn estimate(value: f64, low: f64, high: f64) -> Estimate {
     Estimate { value, interval: Some(Interval { low, high }) }
@@ -12,7 +12,7 @@ fn alternative(way: Way, value: Option<f64>, regret: f64) -> Alternative {
     Alternative { way, value: value.map(Setting::from), regret }
 }
 
-fn verdict() -> Verdict {
+pub(in crate::report) fn verdict() -> Verdict {
     Verdict {
         sensor: "PIT300".to_owned(),
         field: "learning_rate".to_owned(),
@@ -20,6 +20,7 @@ fn verdict() -> Verdict {
         chosen: Setting::from(1e-4),
         grade: Grade::Good,
         reason: Reason::WorstRank,
+        evidence: Told::Apart,
         tie_set: [3e-5, 1e-4, 3e-4].map(Setting::from).to_vec(),
         worst_rank: 2,
         values: 9,
@@ -29,6 +30,8 @@ fn verdict() -> Verdict {
             part: "whole runs".to_owned(),
             windows: 4,
             runs: 8,
+            values: Told::Apart,
+            stands_still: false,
             chosen_error: 0.423,
             chosen_skill: Some(0.55),
             best: Setting::from(3e-4),
@@ -70,18 +73,18 @@ Its skill is 0.55: 55 % less error than predicting the mean return. The best val
 It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
 Log replay's choice (3e-4) would have had a regret of 1 %.
 The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
 The ranking of all values agrees closely with Online's (Spearman 0.93, Kendall 0.83). The choice is among the 3 best Online.
 ");
 }
 
 #[test]
 fn a_pooled_choice() {
-    let verdict =
-        Verdict { reason: Reason::Pooled { streams: 25 }, stability: vec![], ..verdict() };
+    let reason = Reason::Pooled { streams: 25, sources: Sources::MembersAndLog };
+    let verdict = Verdict { reason, stability: vec![], ..verdict() };
     insta::assert_snapshot!(text(&verdict).lines().take(3).collect::<Vec<_>>().join("\n"), @r"
 Use learning_rate = 1e-4 for PIT300.
-Over 25 streams, of kNN and of the replayed log, its mean logarithm of the error is the smallest.
+Over 25 streams of kNN and of the replayed log, its mean logarithm of the error is the smallest.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 ");
 }
@@ -89,7 +92,7 @@ kNN ranks it never below 2nd of 9 values in its 5 members.
 #[test]
 fn a_default_that_stays() {
     let mut verdict = Verdict {
-        reason: Reason::OneStandardError { streams: 25 },
+        reason: Reason::OneStandardError { streams: 25, sources: Sources::MembersAndLog },
         chosen: Setting::from(1e-3),
         ..verdict()
     };
@@ -140,7 +143,7 @@ On held-out data (whole runs of 4 windows, 8 runs) it diverged; the best value w
 The default (1e-3) would have diverged.
 Log replay's choice (3e-4) would have had a regret of 1 %.
 The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; any value costs 120 % on average.
+Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
 The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
 ");
 }
@@ -170,6 +173,14 @@ fn nothing_learnt_is_said() {
     (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
     assert_eq!(
         verdict.headline(),
+        "PIT300 hardly varies in the held-out windows, and no value of learning_rate predicts it better than their own means \
+         would: nothing to deploy on this evidence."
+    );
+    assert!(verdict.plain().contains("livelier data"), "{}", verdict.plain());
+    let mut worse = verdict.clone();
+    worse.online.as_mut().unwrap().best_error = 1.1;
+    assert_eq!(
+        worse.headline(),
         "No value of learning_rate learns PIT300: do not deploy on this evidence."
     );
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
@@ -188,19 +199,16 @@ fn everything_diverged() {
     verdict.alternatives =
         vec![Alternative { way: Way::LogReplay, value: Some(Setting::from(1e-4)), regret: None }];
     insta::assert_snapshot!(text(&verdict), @r"
-Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
+No value of learning_rate can be deployed for PIT300: every one diverged.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
 70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so there is no best one.
-Log replay's choice is the same value.
-How much of that regret is the luck of a window cannot be told: too few windows can be compared.
-Agreement with Online's ranking is undefined, because one of the two ranks all values alike.
 ");
 }
 
 #[test]
-fn one_window_has_no_floor() {
+fn one_window_cannot_be_compared() {
     let mut verdict = Verdict { grade: Grade::Fair, ..verdict() };
     verdict.online.as_mut().unwrap().windows = 1;
     verdict.alternatives.retain(|of| of.way != Way::AnotherWindow);
@@ -214,4 +222,108 @@ fn ordinals() {
         [1, 2, 3, 4, 11, 12, 13, 21, 112].map(ordinal).join(" "),
         "1st 2nd 3rd 4th 11th 12th 13th 21st 112th"
     );
+}
+
+#[test]
+fn a_choice_that_did_not_learn_is_named_and_not_explained() {
+    let mut verdict = Verdict { grade: Grade::NotLearnt, ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    (online.chosen_error, online.best_error) = (0.95, 0.9);
+    (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
+    insta::assert_snapshot!(text(&verdict), @r"
+No value of learning_rate learns PIT300: do not deploy on this evidence.
+The choice of kNN is learning_rate = 1e-4.
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: 0 % to 5 %); the best value over all windows is 3e-4 (NRMSE 0.9 against 0.95).
+Its skill is -0.10: it predicts no better than the mean return. The best value's is -0.02.
+");
+}
+
+#[test]
+fn a_choice_without_skill_is_not_recommended() {
+    let mut verdict = verdict();
+    let online = verdict.online.as_mut().unwrap();
+    (online.chosen_skill, online.best_skill) = (Some(-0.17), Some(0.02));
+    assert_eq!(verdict.reliance(), Grade::Poor);
+    assert_eq!(
+        verdict.headline(),
+        "Do not deploy learning_rate = 1e-4 for PIT300 on this evidence."
+    );
+    insta::assert_snapshot!(verdict.plain(), @"On held-out data it predicts no better than the mean return; the best value, 3e-4, has 2 % less error than that. Keeping the default, 1e-3, would have cost 28 %.");
+}
+
+#[test]
+fn errors_that_are_all_alike_praise_no_value() {
+    let mut verdict = verdict();
+    let online = verdict.online.as_mut().unwrap();
+    online.values = Told::Alike;
+    online.regret = Some(estimate(0.0, 0.0, 0.0));
+    insta::assert_snapshot!(text(&verdict), @r"
+Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
+Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+");
+    assert_eq!(verdict.badge(), "Not checked: held-out data does not tell the values apart");
+    verdict.evidence = Told::Alike;
+    insta::assert_snapshot!(text(&verdict), @r"
+No value of learning_rate stands out for PIT300: all did alike.
+Nothing was chosen: all 9 values did alike in every run that counts, so that 1e-4 stands for any of them.
+On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
+Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+");
+    assert_eq!(verdict.badge(), "Not told apart: all values did alike");
+}
+
+#[test]
+fn a_sensor_that_stands_still_checks_nothing() {
+    let mut verdict = Verdict { grade: Grade::NotLearnt, ..verdict() };
+    verdict.online.as_mut().unwrap().stands_still = true;
+    insta::assert_snapshot!(text(&verdict).lines().chain([verdict.plain().as_str()]).collect::<Vec<_>>().join("\n"), @r"
+Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
+kNN ranks it never below 2nd of 9 values in its 5 members.
+It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) PIT300 stands still: there is nothing to predict, so no error says anything.
+It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by a held-out range in which it moves.
+");
+}
+
+#[test]
+fn one_value_is_no_choice() {
+    let verdict = Verdict { values: 1, worst_rank: 1, ..verdict() };
+    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    assert!(
+        reasons.starts_with("There is no other value to choose from.\nOn held-out"),
+        "{reasons}"
+    );
+    assert!(!reasons.contains("best of"), "{reasons}");
+}
+
+#[test]
+fn a_share_below_all_is_not_called_all() {
+    let stability = vec![(Setting::from(1e-4), 0.9995), (Setting::from(1e-2), 0.0005)];
+    let told = Verdict { stability, ..verdict() }.stability_sentence().unwrap();
+    assert!(told.starts_with("Nearly all other draws"), "{told}");
+}
+
+#[test]
+fn several_fields_are_named_once() {
+    let verdict = Verdict {
+        field: "gamma, learning_rate".to_owned(),
+        chosen: Setting::from("gamma = 0.8, learning_rate = 0.1"),
+        ..verdict()
+    };
+    assert_eq!(verdict.headline(), "Use gamma = 0.8, learning_rate = 0.1 for PIT300.");
+    let mut not_learnt = Verdict { grade: Grade::NotLearnt, ..verdict };
+    not_learnt.online.as_mut().unwrap().best_error = 0.9;
+    assert!(not_learnt.headline().starts_with("No value of gamma and learning_rate learns PIT300"));
+}
+
+#[test]
+fn streams_of_a_log_that_was_not_replayed_are_not_told() {
+    let reason = Reason::Pooled { streams: 10, sources: Sources::Members };
+    let told = Verdict { reason, ..verdict() }.reason_sentence();
+    assert_eq!(told, "Over 10 streams of kNN, its mean logarithm of the error is the smallest.");
 }

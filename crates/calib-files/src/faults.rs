@@ -1,0 +1,101 @@
+//! Failures on purpose: the n-th operation on the disk fails, the disk is full from there on, or the process ends there.
+//!
+//! Every operation that changes a disk is announced here before it is done. Unless a fault is armed this is one load.
+
+use std::{
+    fs::File,
+    io::{self, Write as _},
+    path::Path,
+    sync::{
+        Mutex, OnceLock, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+/// What is done to a disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Operation {
+    MakeFolder,
+    Create,
+    Reserve,
+    Write,
+    Sync,
+    Rename,
+    Remove,
+}
+
+impl Operation {
+    /// Whether it takes room.
+    fn grows(self) -> bool {
+        matches!(self, Self::MakeFolder | Self::Create | Self::Reserve | Self::Write)
+    }
+}
+
+/// What is to go wrong. Operations are counted from 1.
+#[derive(Debug)]
+pub enum Fault {
+    /// This operation fails, the others do not.
+    Fail(u64),
+    /// From this operation on nothing that takes room succeeds.
+    Full(u64),
+    /// The process ends before this operation, or half-way through it: no destructor runs.
+    Kill(u64),
+    /// Nothing; the operations are written to this file, a line each.
+    List(File),
+}
+
+#[derive(Debug)]
+enum Armed {
+    Fail(u64),
+    Full(u64),
+    Kill(u64),
+    List(Mutex<File>),
+}
+
+static ARMED: OnceLock<Armed> = OnceLock::new();
+static REACHED: AtomicU64 = AtomicU64::new(0);
+
+/// Let this go wrong in this process. A second fault is ignored.
+pub fn arm(fault: Fault) {
+    let armed = match fault {
+        Fault::Fail(at) => Armed::Fail(at),
+        Fault::Full(at) => Armed::Full(at),
+        Fault::Kill(at) => Armed::Kill(at),
+        Fault::List(file) => Armed::List(Mutex::new(file)),
+    };
+    let _ = ARMED.set(armed);
+}
+
+/// Announce an operation on `path`: an error if it is to fail.
+pub(crate) fn reach(operation: Operation, path: &Path) -> io::Result<()> {
+    reach_or_half(operation, path, || ())
+}
+
+/// As [`reach`], of an operation that can be done by half: `half` is done before it fails, or the process ends.
+pub(crate) fn reach_or_half(
+    operation: Operation,
+    path: &Path,
+    half: impl FnOnce(),
+) -> io::Result<()> {
+    let Some(armed) = ARMED.get() else { return Ok(()) };
+    let number = REACHED.fetch_add(1, Ordering::Relaxed) + 1;
+    match armed {
+        Armed::Fail(at) if number == *at => {
+            half();
+            Err(io::Error::other("a failure on purpose"))
+        }
+        Armed::Full(at) if number >= *at && operation.grows() => {
+            half();
+            Err(io::ErrorKind::StorageFull.into())
+        }
+        Armed::Kill(at) if number == *at => {
+            half();
+            std::process::abort()
+        }
+        Armed::List(list) => {
+            let mut list = list.lock().unwrap_or_else(PoisonError::into_inner);
+            writeln!(list, "{operation:?} {}", path.display())
+        }
+        _ => Ok(()),
+    }
+}

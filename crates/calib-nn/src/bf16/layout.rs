@@ -1,0 +1,281 @@
+//! Where pairs of bfloat16 numbers lie, so that a product reads both operands in order.
+//!
+//! The inner index of a product is cut into pairs, in the same way for both operands:
+//!
+//! - features (the columns of inputs and activations) in blocks of 32. The first half of a block is paired with the second,
+//!   number i with number i + 16, so that pairs are made of whole vectors. A last, shorter block of m is halved at ⌈m / 2⌉;
+//! - rows of a batch in neighbours, 2p and 2p + 1.
+//!
+//! What is missing of a last pair is 0.
+
+use pulp::{Simd, WithSimd};
+
+use super::number::{join, without_small};
+
+/// Columns of a panel: two vectors of AVX-512.
+pub(super) const PANEL: usize = 32;
+
+/// Pairs of a whole block of features.
+pub(super) const HALF: usize = PANEL / 2;
+
+/// Pairs of so many features.
+pub(super) fn feature_pairs(count: usize) -> usize {
+    count / PANEL * HALF + (count % PANEL).div_ceil(2)
+}
+
+/// Pairs of the block of features that begins at `first`, of `count` in all.
+pub(super) fn half_of_block(first: usize, count: usize) -> usize {
+    PANEL.min(count - first).div_ceil(2)
+}
+
+/// A matrix by rows, in pairs of features: the left operand of products over its columns.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    pairs: Vec<[u32; HALF]>,
+    columns: usize,
+}
+
+impl Rows {
+    /// Zeros.
+    pub(super) fn new(rows: usize, columns: usize) -> Self {
+        Self { pairs: vec![[0; HALF]; rows * columns.div_ceil(PANEL)], columns }
+    }
+
+    /// Number of features.
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Blocks from one row to the next.
+    pub(super) fn stride(&self) -> usize {
+        self.columns.div_ceil(PANEL)
+    }
+
+    /// The rows from this one on, block after block.
+    pub(super) fn from(&self, row: usize) -> &[[u32; HALF]] {
+        &self.pairs[row * self.stride()..]
+    }
+
+    /// One block of a row.
+    pub(super) fn block_mut(&mut self, row: usize, block: usize) -> &mut [u32; HALF] {
+        let stride = self.stride();
+        &mut self.pairs[row * stride + block]
+    }
+
+    /// Set the first rows to these values.
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn fill<S: Simd>(&mut self, simd: S, values: &[f32]) {
+        let (columns, stride) = (self.columns, self.stride());
+        for (row, values) in self.pairs.chunks_exact_mut(stride).zip(values.chunks_exact(columns)) {
+            for (pairs, values) in row.iter_mut().zip(values.chunks(PANEL)) {
+                *pairs = block_of(simd, values);
+            }
+        }
+    }
+}
+
+/// The pairs of a block of features.
+#[expect(clippy::inline_always, reason = "as what calls it")]
+#[inline(always)]
+fn block_of<S: Simd>(simd: S, values: &[f32]) -> [u32; HALF] {
+    let half = values.len().div_ceil(2);
+    match values.as_array::<PANEL>() {
+        Some(whole) => joined(simd, halves(whole)),
+        None => joined(simd, [&part(&values[..half]), &part(&values[half..])]),
+    }
+}
+
+#[expect(clippy::inline_always, reason = "as what calls it")]
+#[inline(always)]
+pub(super) fn halves(block: &[f32; PANEL]) -> [&[f32; HALF]; 2] {
+    let (halves, _) = block.as_chunks::<HALF>();
+    [&halves[0], &halves[1]]
+}
+
+/// `values`, at most half a panel, and zeros.
+pub(super) fn part(values: &[f32]) -> [f32; HALF] {
+    let mut part = [0.0; HALF];
+    part[..values.len()].copy_from_slice(values);
+    part
+}
+
+/// `values`, at most a panel, themselves where they are one, or copied to `room`, which holds zeros.
+#[expect(clippy::inline_always, reason = "as what calls it")]
+#[inline(always)]
+fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] {
+    if let Some(whole) = values.as_array::<PANEL>() {
+        return whole;
+    }
+    room[..values.len()].copy_from_slice(values);
+    room
+}
+
+/// Pairs of first and second numbers.
+#[expect(clippy::inline_always, reason = "as what calls it")]
+#[inline(always)]
+fn joined<S: Simd>(simd: S, [first, second]: [&[f32; HALF]; 2]) -> [u32; HALF] {
+    let mut pairs = [0; HALF];
+    let (first, second) = (S::as_simd_f32s(first).0, S::as_simd_f32s(second).0);
+    let vectors = const { HALF / S::F32_LANES };
+    let to = S::as_mut_simd_u32s(&mut pairs).0;
+    for vector in 0..vectors {
+        let first = without_small(simd, first[vector]);
+        to[vector] = join(simd, first, without_small(simd, second[vector]));
+    }
+    pairs
+}
+
+/// How the rows of [`Panels`] are paired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pairing {
+    /// They are features.
+    Features,
+    /// They are rows of a batch.
+    Neighbours,
+}
+
+impl Pairing {
+    fn pairs(self, rows: usize) -> usize {
+        match self {
+            Self::Features => feature_pairs(rows),
+            Self::Neighbours => rows.div_ceil(2),
+        }
+    }
+
+    /// The two rows of a pair, of so many; the second may be missing.
+    fn rows(self, pair: usize, rows: usize) -> (usize, Option<usize>) {
+        let (first, second) = match self {
+            Self::Features => {
+                let block = pair / HALF * PANEL;
+                let first = block + pair % HALF;
+                (first, first + half_of_block(block, rows))
+            }
+            Self::Neighbours => (2 * pair, 2 * pair + 1),
+        };
+        (first, (second < rows).then_some(second))
+    }
+}
+
+/// A matrix by panels of [`PANEL`] columns, in pairs of rows.
+///
+/// It is an operand of products over its rows: on the right with its columns, on the left with its columns for rows.
+#[derive(Clone, Debug)]
+pub(super) struct Panels {
+    /// `[panels][pairs][PANEL]`.
+    blocks: Vec<[u32; PANEL]>,
+    pairing: Pairing,
+    /// Pairs of a column.
+    pairs: usize,
+}
+
+impl Panels {
+    /// Zeros, with room for so many rows and columns.
+    pub(super) fn new(pairing: Pairing, rows: usize, columns: usize) -> Self {
+        let pairs = pairing.pairs(rows);
+        Self { blocks: vec![[0; PANEL]; columns.div_ceil(PANEL) * pairs], pairing, pairs }
+    }
+
+    /// Take in so many rows from now on, at most as many as there is room for. What was there is lost.
+    pub(super) fn set_rows(&mut self, rows: usize) {
+        self.pairs = self.pairing.pairs(rows);
+    }
+
+    /// One panel, pair after pair.
+    pub(super) fn panel(&self, panel: usize) -> &[[u32; PANEL]] {
+        &self.blocks[panel * self.pairs..][..self.pairs]
+    }
+
+    /// One panel, pair after pair.
+    pub(super) fn panel_mut(&mut self, panel: usize) -> &mut [[u32; PANEL]] {
+        &mut self.blocks[panel * self.pairs..][..self.pairs]
+    }
+
+    /// Set to rows of `columns` values each.
+    #[expect(clippy::inline_always, reason = "as that of rows")]
+    #[inline(always)]
+    fn fill<S: Simd>(&mut self, simd: S, values: &[f32], columns: usize) {
+        let rows = values.len() / columns;
+        self.set_rows(rows);
+        let pairing = self.pairing;
+        let zeros = [0.0; PANEL];
+        for panel in 0..columns.div_ceil(PANEL) {
+            let first = panel * PANEL;
+            let width = PANEL.min(columns - first);
+            for (pair, block) in self.panel_mut(panel).iter_mut().enumerate() {
+                let (upper, lower) = pairing.rows(pair, rows);
+                let part = |row: usize| &values[row * columns + first..][..width];
+                let (mut above, mut below) = (zeros, zeros);
+                let upper = whole(part(upper), &mut above);
+                let lower = lower.map_or(&zeros, |lower| whole(part(lower), &mut below));
+                let ([u0, u1], [l0, l1]) = (halves(upper), halves(lower));
+                let (to, _) = block.as_chunks_mut::<HALF>();
+                to[0] = joined(simd, [u0, l0]);
+                to[1] = joined(simd, [u1, l1]);
+            }
+        }
+    }
+
+    /// Set to the transpose of rows of `columns` features each: columns become rows.
+    #[expect(clippy::inline_always, reason = "as that of rows")]
+    #[inline(always)]
+    fn fill_transposed<S: Simd>(&mut self, simd: S, values: &[f32], columns: usize) {
+        self.set_rows(columns);
+        for (panel, rows) in values.chunks(PANEL * columns).enumerate() {
+            for (number, blocks) in self.panel_mut(panel).chunks_mut(HALF).enumerate() {
+                let mut square = [[0; HALF]; PANEL];
+                let last = columns.min((number + 1) * PANEL);
+                for (pairs, row) in square.iter_mut().zip(rows.chunks_exact(columns)) {
+                    *pairs = block_of(simd, &row[number * PANEL..last]);
+                }
+                for (place, block) in blocks.iter_mut().enumerate() {
+                    for (to, pairs) in block.iter_mut().zip(&square) {
+                        *to = pairs[place];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Something that is set to rounded values.
+pub(super) enum Fill<'a> {
+    /// The first rows.
+    Rows(&'a mut Rows),
+    /// All rows, of so many columns.
+    Panels(&'a mut Panels, usize),
+    /// The transpose of such rows.
+    Transposed(&'a mut Panels, usize),
+}
+
+impl Fill<'_> {
+    /// Round and lay out.
+    pub(super) fn with(self, values: &[f32]) {
+        pulp::Arch::new().dispatch(Filling { to: self, values });
+    }
+}
+
+struct Filling<'a> {
+    to: Fill<'a>,
+    values: &'a [f32],
+}
+
+impl WithSimd for Filling<'_> {
+    type Output = ();
+
+    #[expect(clippy::inline_always, reason = "as what it calls")]
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match self.to {
+            Fill::Rows(rows) => rows.fill(simd, self.values),
+            Fill::Panels(panels, columns) => panels.fill(simd, self.values, columns),
+            Fill::Transposed(panels, columns) => panels.fill_transposed(simd, self.values, columns),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

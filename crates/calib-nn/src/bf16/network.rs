@@ -1,0 +1,232 @@
+use std::ops::Range;
+
+use pulp::Scalar;
+
+use super::{
+    layout::{Fill, HALF, PANEL, Pairing, Panels, Rows},
+    number::{bias, join, without_small},
+    product::{LeftOperand, Processor, Product},
+    steps::{Activations, Errors, Gradient},
+    workspace::{Bf16Batch, Bf16Workspace, Buffers},
+};
+use crate::{Layer, Mlp};
+
+/// The weights of an [`Mlp`] with hidden layers and one output, rounded to bfloat16 and laid out for its products.
+///
+/// The network itself keeps its parameters in single precision; after each change of them [`Bf16Network::set`] rounds
+/// them anew. Outputs and gradients are single precision. The output of a row does not depend on other
+/// rows, the gradient of a batch only on the rows that it covers.
+#[derive(Clone, Debug)]
+pub struct Bf16Network {
+    processor: Processor,
+    hidden: Vec<HiddenLayer>,
+    output: OutputLayer,
+}
+
+#[derive(Clone, Debug)]
+struct HiddenLayer {
+    inputs: usize,
+    outputs: usize,
+    weights: Panels,
+    /// The transpose; of the first layer, whose inputs have no errors, nothing.
+    transposed: Panels,
+    /// Filled up with zeros to whole panels.
+    bias: Vec<[f32; PANEL]>,
+    /// Where the gradients lie.
+    places: Layer,
+}
+
+#[derive(Clone, Debug)]
+struct OutputLayer {
+    /// One row.
+    weights: Rows,
+    /// The transpose, of one column.
+    transposed: Panels,
+    bias: f32,
+    places: Layer,
+}
+
+impl Bf16Network {
+    /// The rounded weights of `network`.
+    ///
+    /// # Panics
+    /// If it has no hidden layer, or more than one output.
+    pub fn new(network: &Mlp) -> Self {
+        Self::on(Processor::detect(), network)
+    }
+
+    /// The same, with the products of a processor without instructions for them: slower, and the same bytes.
+    ///
+    /// # Panics
+    /// As [`Bf16Network::new`].
+    pub fn portable(network: &Mlp) -> Self {
+        Self::on(Processor::Portable(pulp::Arch::new()), network)
+    }
+
+    pub(super) fn on(processor: Processor, network: &Mlp) -> Self {
+        let Some((output, hidden)) = network.layers().split_last() else {
+            unreachable!("a network has layers");
+        };
+        assert!(!hidden.is_empty() && output.outputs == 1, "hidden layers, and one output");
+        let layer = |(number, layer): (usize, &Layer)| HiddenLayer {
+            inputs: layer.inputs,
+            outputs: layer.outputs,
+            weights: Panels::new(Pairing::Features, layer.inputs, layer.outputs),
+            transposed: match number {
+                0 => Panels::new(Pairing::Features, 0, 0),
+                _ => Panels::new(Pairing::Features, layer.outputs, layer.inputs),
+            },
+            bias: vec![[0.0; PANEL]; layer.outputs.div_ceil(PANEL)],
+            places: layer.clone(),
+        };
+        let mut rounded = Self {
+            processor,
+            hidden: hidden.iter().enumerate().map(layer).collect(),
+            output: OutputLayer {
+                weights: Rows::new(1, output.inputs),
+                transposed: Panels::new(Pairing::Features, 1, output.inputs),
+                bias: 0.0,
+                places: output.clone(),
+            },
+        };
+        rounded.set(network);
+        rounded
+    }
+
+    /// Round the parameters of `network`, which has the shape of the first one.
+    pub fn set(&mut self, network: &Mlp) {
+        let parameters = network.parameters();
+        for (number, layer) in self.hidden.iter_mut().enumerate() {
+            let weights = &parameters[layer.places.weights.clone()];
+            Fill::Panels(&mut layer.weights, layer.outputs).with(weights);
+            if number > 0 {
+                Fill::Transposed(&mut layer.transposed, layer.outputs).with(weights);
+            }
+            let values = &parameters[layer.places.bias.clone()];
+            for (to, &value) in layer.bias.as_flattened_mut().iter_mut().zip(values) {
+                *to = bias(value);
+            }
+        }
+        let OutputLayer { weights, transposed, bias: of_output, places } = &mut self.output;
+        let values = &parameters[places.weights.clone()];
+        Fill::Rows(weights).with(values);
+        Fill::Panels(transposed, values.len()).with(values);
+        *of_output = bias(parameters[places.bias.start]);
+    }
+
+    /// The outputs for `rows` of a batch, single precision.
+    ///
+    /// If they begin with the first row, the next [`Bf16Network::backward`] can learn from the batch.
+    ///
+    /// # Panics
+    /// If there are fewer rows in the batch, or more than the workspace was made for.
+    pub fn forward<'w>(
+        &self,
+        batch: &Bf16Batch,
+        rows: Range<usize>,
+        workspace: &'w mut Bf16Workspace,
+    ) -> &'w [f32] {
+        let (count, capacity) = (rows.len(), workspace.capacity());
+        assert!(rows.end <= batch.len(), "a batch of {} rows has rows {rows:?}", batch.len());
+        assert!(count <= capacity, "the workspace holds {capacity} rows, got {count}");
+        let learnt = if rows.start == 0 { batch.learnt().min(count) } else { 0 };
+        let Bf16Workspace { hidden, values, .. } = workspace;
+        for (number, layer) in self.hidden.iter().enumerate() {
+            let (before, after) = hidden.split_at_mut(number);
+            let left = match before.last() {
+                None => LeftOperand::Rows(&batch.rows, rows.start),
+                Some(before) => LeftOperand::Rows(&before.activations, 0),
+            };
+            let Buffers { activations, learnt: panels, .. } = &mut after[0];
+            panels.set_rows(learnt);
+            let finish = &mut Activations { bias: &layer.bias, rows: activations, panels, learnt };
+            let (right, columns) = (&layer.weights, layer.outputs);
+            self.processor.run(Product { left, rows: count, right, columns, finish });
+        }
+        let activations = &hidden[hidden.len() - 1].activations;
+        for (row, value) in values[..count].iter_mut().enumerate() {
+            let sum = self.processor.dot(row_of(activations, row), row_of(&self.output.weights, 0));
+            *value = sum + self.output.bias;
+        }
+        &values[..count]
+    }
+
+    /// Gradients of all parameters, in their order, given the gradient of a loss with respect to the outputs of the rows
+    /// that are learnt from, of the latest [`Bf16Network::forward`] with this workspace.
+    ///
+    /// Those of biases are sums of errors that are not rounded.
+    ///
+    /// # Panics
+    /// If there is not one value for each row that is learnt from.
+    pub fn backward<'w>(
+        &self,
+        batch: &Bf16Batch,
+        output_gradient: &[f32],
+        workspace: &'w mut Bf16Workspace,
+    ) -> &'w [f32] {
+        let count = output_gradient.len();
+        assert_eq!(count, batch.learnt(), "a gradient for each row that is learnt from");
+        let Bf16Workspace { hidden, output_pairs, output_rows, gradients, .. } = workspace;
+        for (to, two) in output_pairs.iter_mut().zip(output_gradient.chunks(2)) {
+            let second = two.get(1).map_or(0.0, |&second| without_small(Scalar, second));
+            *to = join(Scalar, without_small(Scalar, two[0]), second);
+        }
+        Fill::Rows(output_rows).with(output_gradient);
+        let OutputLayer { transposed, places, .. } = &self.output;
+        gradients[places.bias.start] = output_gradient.iter().sum();
+        let last = &hidden[hidden.len() - 1];
+        self.processor.run(Product {
+            left: LeftOperand::Row(output_pairs),
+            rows: 1,
+            right: &last.learnt,
+            columns: places.inputs,
+            finish: &mut Gradient {
+                values: &mut gradients[places.weights.clone()],
+                columns: places.inputs,
+            },
+        });
+        let mut left = LeftOperand::Rows(output_rows, 0);
+        let mut right = transposed;
+        let mut buffers = &mut hidden[..];
+        for layer in self.hidden.iter().rev() {
+            let Some((own, before)) = buffers.split_last_mut() else {
+                unreachable!("buffers of every hidden layer");
+            };
+            let Buffers { activations, error_rows, error_panels, .. } = own;
+            error_panels.set_rows(count);
+            let finish = &mut Errors {
+                activations,
+                bias_gradient: &mut gradients[layer.places.bias.clone()],
+                panels: error_panels,
+                rows: error_rows,
+            };
+            self.processor.run(Product {
+                left,
+                rows: count,
+                right,
+                columns: layer.outputs,
+                finish,
+            });
+            let inputs = before.last().map_or(&batch.panels, |before| &before.learnt);
+            let values = &mut gradients[layer.places.weights.clone()];
+            self.processor.run(Product {
+                left: LeftOperand::Columns(inputs),
+                rows: layer.inputs,
+                right: error_panels,
+                columns: layer.outputs,
+                finish: &mut Gradient { values, columns: layer.outputs },
+            });
+            (left, right) = (LeftOperand::Rows(error_rows, 0), &layer.transposed);
+            buffers = before;
+        }
+        gradients
+    }
+}
+
+/// All pairs of one row.
+fn row_of(rows: &Rows, row: usize) -> &[[u32; HALF]] {
+    &rows.from(row)[..rows.stride()]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,246 @@
+use calib_core::Seed;
+use proptest::prelude::*;
+
+use super::*;
+use crate::Workspace;
+
+fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Seed::new(seed).rng();
+    (0..count).map(|_| rng.uniform(-1.0, 1.0) as f32).collect()
+}
+
+/// −1, 0 and 1, most of them 0: products of a few such layers are small integers, which bfloat16 numbers hold.
+fn signs(count: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Seed::new(seed).rng();
+    (0..count).map(|_| [0.0, 0.0, 1.0, -1.0][rng.below(4)]).collect()
+}
+
+/// Outputs for all rows and the gradient of the first `learnt`.
+fn pass(
+    processor: Processor,
+    network: &Mlp,
+    input: &[f32],
+    output_gradient: &[f32],
+) -> (Vec<f32>, Vec<f32>) {
+    let (rows, learnt) = (input.len() / network.inputs(), output_gradient.len());
+    let mut batch = Bf16Batch::new(network.inputs(), rows + 2, learnt + 2);
+    let mut workspace = Bf16Workspace::new(network, rows + 2, learnt + 2);
+    let rounded = Bf16Network::on(processor, network);
+    batch.set(input, learnt);
+    let outputs = rounded.forward(&batch, 0..rows, &mut workspace).to_vec();
+    let gradients = rounded.backward(&batch, output_gradient, &mut workspace).to_vec();
+    (outputs, gradients)
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+/// The same in single precision.
+fn single(network: &Mlp, input: &[f32], output_gradient: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    let mut workspace = Workspace::new(network, input.len() / network.inputs());
+    let outputs = network.forward(input, &mut workspace).to_vec();
+    (outputs, network.backward(input, output_gradient, &mut workspace).to_vec())
+}
+
+/// 1 − the cosine of the angle between two vectors.
+fn apart(left: &[f32], right: &[f32]) -> f64 {
+    let dot = |a: &[f32], b: &[f32]| -> f64 {
+        a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
+    };
+    1.0 - dot(left, right) / (dot(left, left) * dot(right, right)).sqrt()
+}
+
+proptest! {
+    #[test]
+    fn all_processors_give_the_same_bytes(
+        inputs in 1_usize..70,
+        hidden in prop::collection::vec(1_usize..70, 1..4),
+        learnt in 1_usize..40,
+        further in 0_usize..40,
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let network = Mlp::new(&sizes, Seed::new(1));
+        let (input, output_gradient) = (numbers((learnt + further) * inputs, 2), numbers(learnt, 3));
+        let mut all = Processor::all().into_iter();
+        let mut of = |processor| pass(processor, &network, &input, &output_gradient);
+        let first = all.next().map(&mut of).expect("a processor");
+        for processor in all {
+            let other = of(processor);
+            prop_assert_eq!(bits(&other.0), bits(&first.0));
+            prop_assert_eq!(bits(&other.1), bits(&first.1));
+        }
+    }
+
+    #[test]
+    fn what_bfloat16_holds_is_computed_exactly(
+        inputs in 1_usize..10,
+        hidden in prop::collection::vec(1_usize..10, 1..3),
+        learnt in 1_usize..12,
+        further in 0_usize..9,
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let parameters = signs(Mlp::new(&sizes, Seed::new(1)).parameter_count(), 4);
+        let network = Mlp::from_parameters(&sizes, parameters).expect("as many");
+        let (input, output_gradient) = (signs((learnt + further) * inputs, 5), signs(learnt, 6));
+        let got = pass(Processor::detect(), &network, &input, &output_gradient);
+        prop_assert_eq!(got, single(&network, &input, &output_gradient));
+    }
+}
+
+/// What rounding to eight significant bits changes at most, relatively.
+const ROUNDING: f64 = 1.0 / 256.0;
+
+/// How far the output for `input` may be from that of exact arithmetic: rounded operands, and sums of single precision, layer by layer.
+fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
+    // Values, and how far from them what is computed may be.
+    let mut values: Vec<(f64, f64)> = input.iter().map(|&value| (f64::from(value), 0.0)).collect();
+    for (number, layer) in network.layers().iter().enumerate() {
+        let weights = &network.parameters()[layer.weights.clone()];
+        let bias = &network.parameters()[layer.bias.clone()];
+        let sums = (layer.inputs + 2) as f64 * f64::from(f32::EPSILON);
+        let unit = |output: usize| {
+            let bias = f64::from(bias[output]);
+            let (mut value, mut apart, mut size) = (bias, 0.0, bias.abs());
+            for (l, &(x, off)) in values.iter().enumerate() {
+                let w = f64::from(weights[l * layer.outputs + output]);
+                let largest = w.abs() * (x.abs() + off) * (1.0 + ROUNDING).powi(2);
+                value += w * x;
+                apart += largest - (w * x).abs();
+                size += largest;
+            }
+            // Magnitudes below 2⁻⁵⁵ count as 0.
+            let apart = apart + sums * size + 1e-15 * layer.inputs as f64;
+            (if number + 1 < network.layers().len() { value.max(0.0) } else { value }, apart)
+        };
+        values = (0..layer.outputs).map(unit).collect();
+    }
+    values[0]
+}
+
+proptest! {
+    #[test]
+    fn outputs_are_as_near_as_their_operands(
+        inputs in 1_usize..80,
+        hidden in prop::collection::vec(1_usize..80, 1..4),
+        seed in any::<u64>(),
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let network = Mlp::new(&sizes, Seed::new(seed));
+        let input = numbers(5 * inputs, seed ^ 2);
+        let (outputs, _) = pass(Processor::detect(), &network, &input, &[1.0]);
+        for (&output, input) in outputs.iter().zip(input.chunks(inputs)) {
+            let (exact, apart) = bound(&network, input);
+            prop_assert!((f64::from(output) - exact).abs() <= apart, "{output} {exact} {apart}");
+        }
+    }
+
+    /// Nothing cancels, and all units are active: each value is a sum of products of 2L rounded numbers at most.
+    #[test]
+    fn gradients_of_positive_numbers_are_as_near_as_their_operands(
+        inputs in 1_usize..80,
+        hidden in prop::collection::vec(1_usize..80, 1..4),
+        learnt in 1_usize..40,
+        seed in any::<u64>(),
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let positive = |count, seed| numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect::<Vec<_>>();
+        let parameters = positive(Mlp::new(&sizes, Seed::new(1)).parameter_count(), seed);
+        let network = Mlp::from_parameters(&sizes, parameters).expect("as many");
+        let (input, output_gradient) = (positive(learnt * inputs, seed ^ 5), positive(learnt, seed ^ 6));
+        let (outputs, gradients) = pass(Processor::detect(), &network, &input, &output_gradient);
+        let (expected, expected_gradients) = single(&network, &input, &output_gradient);
+        let layers = network.layers().len() as i32;
+        let apart = (1.0 + ROUNDING).powi(2 * layers) - 1.0 + 1e-3;
+        let got = outputs.iter().chain(&gradients);
+        for (&got, &expected) in got.zip(expected.iter().chain(&expected_gradients)) {
+            let ratio = f64::from(got) / f64::from(expected);
+            prop_assert!((ratio - 1.0).abs() <= apart, "{got} {expected}");
+        }
+    }
+}
+
+#[test]
+fn it_is_close_to_single_precision() {
+    let network = Mlp::new(&[142, 256, 256, 1], Seed::new(1));
+    let (input, output_gradient) = (numbers(513 * 142, 2), numbers(256, 3));
+    let (outputs, gradients) = pass(Processor::detect(), &network, &input, &output_gradient);
+    let (expected, expected_gradients) = single(&network, &input, &output_gradient);
+    for (got, expected) in outputs.iter().zip(&expected) {
+        assert!((got - expected).abs() < 4e-3, "{got} {expected}");
+    }
+    assert!(outputs != expected, "rounded");
+    for layer in network.layers() {
+        for part in [layer.weights.clone(), layer.bias.clone()] {
+            let apart = apart(&gradients[part.clone()], &expected_gradients[part]);
+            // Where a sum is nearly 0 a unit may be active in one of them only, and so its error is there or not.
+            assert!(apart < 4e-3, "{layer:?}: {apart}");
+        }
+    }
+}
+
+#[test]
+fn a_row_does_not_depend_on_its_company() {
+    let network = Mlp::new(&[21, 40, 33, 1], Seed::new(1));
+    let input = numbers(29 * 21, 2);
+    let rounded = Bf16Network::new(&network);
+    let mut workspace = Bf16Workspace::new(&network, 29, 29);
+    let mut batch = Bf16Batch::new(21, 29, 29);
+    batch.set(&input, 11);
+    let all = rounded.forward(&batch, 0..29, &mut workspace).to_vec();
+    assert_eq!(rounded.forward(&batch, 7..20, &mut workspace), &all[7..20]);
+    let gradient = {
+        rounded.forward(&batch, 0..29, &mut workspace);
+        rounded.backward(&batch, &numbers(11, 3), &mut workspace).to_vec()
+    };
+    batch.set(&input[..11 * 21], 11);
+    assert_eq!(rounded.forward(&batch, 0..11, &mut workspace), &all[..11]);
+    assert_eq!(rounded.backward(&batch, &numbers(11, 3), &mut workspace), gradient);
+    for row in 0..29 {
+        batch.set(&input[row * 21..][..21], 0);
+        assert_eq!(rounded.forward(&batch, 0..1, &mut workspace), &all[row..=row]);
+    }
+}
+
+#[test]
+fn the_portable_network_is_the_same() {
+    let network = Mlp::new(&[21, 40, 33, 1], Seed::new(1));
+    let mut batch = Bf16Batch::new(21, 9, 0);
+    batch.set(&numbers(9 * 21, 2), 0);
+    let mut workspace = Bf16Workspace::new(&network, 9, 0);
+    let outputs = Bf16Network::new(&network).forward(&batch, 0..9, &mut workspace).to_vec();
+    assert_eq!(Bf16Network::portable(&network).forward(&batch, 0..9, &mut workspace), outputs);
+}
+
+#[test]
+fn new_parameters_are_taken_over() {
+    let [before, after] = [1, 2].map(|seed| Mlp::new(&[5, 36, 7, 1], Seed::new(seed)));
+    let mut rounded = Bf16Network::new(&before);
+    rounded.set(&after);
+    let input = numbers(10, 2);
+    let mut batch = Bf16Batch::new(5, 2, 0);
+    batch.set(&input, 0);
+    let mut workspace = Bf16Workspace::new(&after, 2, 0);
+    let got = rounded.forward(&batch, 0..2, &mut workspace).to_vec();
+    assert_eq!(got, Bf16Network::new(&after).forward(&batch, 0..2, &mut workspace));
+}
+
+#[test]
+fn a_diverged_network_predicts_nan() {
+    let mut network = Mlp::new(&[2, 4, 4, 1], Seed::new(1));
+    network.parameters_mut().fill(f32::NAN);
+    for processor in Processor::all() {
+        let (outputs, _) = pass(processor, &network, &[1.0, 1.0], &[1.0]);
+        assert!(outputs[0].is_nan());
+    }
+}
+
+#[test]
+#[should_panic(expected = "a gradient for each row that is learnt from")]
+fn a_gradient_covers_what_is_learnt_from() {
+    let network = Mlp::new(&[2, 3, 1], Seed::new(1));
+    let rounded = Bf16Network::new(&network);
+    let mut batch = Bf16Batch::new(2, 4, 2);
+    batch.set(&[0.0; 8], 2);
+    rounded.backward(&batch, &[0.0; 3], &mut Bf16Workspace::new(&network, 4, 4));
+}

@@ -1,0 +1,28 @@
+//! What training takes, before it takes it.
+
+/// Copies of the parameters in training: parameters, gradient and two moments; the best so far; a checkpoint while it is
+/// written, as values and as bytes.
+const COPIES: u128 = 4 + 1 + 6;
+
+/// Bytes that training a network with layers of these sizes takes on mini-batches of `rows`: copies of the parameters, and
+/// of each layer its values and gradients. At most, and without what is learnt from.
+pub fn training_bytes(sizes: &[usize], rows: usize) -> u64 {
+    let wide = |size: &usize| *size as u128;
+    let parameters: u128 = sizes.windows(2).map(|pair| wide(&pair[1]) * (wide(&pair[0]) + 1)).sum();
+    let widest = sizes.iter().map(wide).max().unwrap_or(0);
+    let values = wide(&rows) * (sizes.iter().map(wide).sum::<u128>() + 2 * widest);
+    u64::try_from(4 * (COPIES * parameters + values)).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_and_batches_count() {
+        // 3 · 5 + 5 + 5 · 2 + 2 = 32 parameters; 4 rows of 3 + 5 + 2 values and two of 5.
+        assert_eq!(training_bytes(&[3, 5, 2], 4), 4 * (11 * 32 + 4 * 20));
+        assert_eq!(training_bytes(&[usize::MAX; 3], usize::MAX), u64::MAX);
+        assert_eq!(training_bytes(&[], 4), 0);
+    }
+}

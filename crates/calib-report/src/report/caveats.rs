@@ -1,0 +1,97 @@
+//! What the reader must know before relying on verdicts, each thing once.
+
+use super::sentence::listed;
+use super::{Told, Verdict};
+
+/// What stands in the way of verdicts: their notes, and held-out data that tells nothing apart. What holds of all of them is said once,
+/// and of some with their sensors; and models, where other models of the sensor are not concerned.
+pub fn caveats(verdicts: &[Verdict]) -> Vec<String> {
+    let mut told: Vec<(String, Vec<&Verdict>)> = Vec::new();
+    for verdict in verdicts {
+        for caveat in verdict.caveats() {
+            match told.iter_mut().find(|(text, _)| *text == caveat) {
+                Some((_, of)) => of.push(verdict),
+                None => told.push((caveat, vec![verdict])),
+            }
+        }
+    }
+    told.into_iter().map(|(text, of)| placed(text, &of, verdicts)).collect()
+}
+
+/// A caveat with what it is about, unless it is about everything.
+fn placed(text: String, of: &[&Verdict], all: &[Verdict]) -> String {
+    if of.len() == all.len() {
+        return text;
+    }
+    let mut about: Vec<String> = Vec::new();
+    for verdict in of {
+        let sensor = &verdict.sensor;
+        let whole =
+            |verdicts: usize| verdicts == all.iter().filter(|of| of.sensor == *sensor).count();
+        let name = if whole(of.iter().filter(|of| of.sensor == *sensor).count()) {
+            sensor.clone()
+        } else {
+            format!("{sensor}, {}", verdict.model)
+        };
+        if !about.contains(&name) {
+            about.push(name);
+        }
+    }
+    let separated = about.iter().any(|name| name.contains(", "));
+    let about = if separated { about.join("; ") } else { listed(&about) };
+    format!("{about}: {text}")
+}
+
+impl Verdict {
+    fn caveats(&self) -> Vec<String> {
+        let alike = self.online.as_ref().filter(|of| of.values == Told::Alike && self.values > 1);
+        let alike = alike.filter(|of| !of.stands_still && of.regret.is_some());
+        let alike = alike.map(|_| {
+            "on held-out data all values have the same error, so nothing there says which is better, as when the steps that are scored \
+             end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
+                .to_owned()
+        });
+        alike.into_iter().chain(self.notes.iter().cloned()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sentence::tests::verdict;
+    use super::*;
+
+    fn noted(sensor: &str, model: &str, notes: &[&str]) -> Verdict {
+        Verdict {
+            sensor: sensor.to_owned(),
+            model: model.to_owned(),
+            notes: notes.iter().copied().map(ToOwned::to_owned).collect(),
+            ..verdict()
+        }
+    }
+
+    #[test]
+    fn what_holds_of_all_is_said_once() {
+        let verdicts = [
+            noted("A", "kNN", &["few horizons", "runs diverged"]),
+            noted("A", "nn", &["few horizons", "runs diverged"]),
+            noted("B", "kNN", &["few horizons", "no update"]),
+            noted("B", "nn", &["few horizons"]),
+        ];
+        assert_eq!(caveats(&verdicts), ["few horizons", "A: runs diverged", "B, kNN: no update"]);
+        let sensors =
+            ["A", "B", "C"].map(|of| noted(of, "kNN", if of == "C" { &[] } else { &["tie"] }));
+        assert_eq!(caveats(&sensors), ["A and B: tie"]);
+    }
+
+    #[test]
+    fn held_out_data_that_tells_nothing_is_a_caveat() {
+        let mut alike = verdict();
+        assert_eq!(caveats(std::slice::from_ref(&alike)), [""; 0]);
+        alike.online.as_mut().unwrap().values = Told::Alike;
+        let told = caveats(std::slice::from_ref(&alike));
+        assert!(told[0].contains("the same error"), "{told:?}");
+        // Where the sensor stands still, that is said instead.
+        alike.online.as_mut().unwrap().stands_still = true;
+        assert_eq!(caveats(&[alike]), [""; 0]);
+    }
+}

@@ -1,0 +1,60 @@
+use crate::{
+    Study,
+    error::{Problem, refuse, require},
+};
+
+/// More runs or rollouts than anybody asks for.
+const MANY_RUNS: usize = 100_000;
+
+/// More steps than anybody asks for: three years at 1 Hz.
+const MANY_STEPS: usize = 100_000_000;
+
+impl Study {
+    /// Check what the types alone do not.
+    pub(crate) fn check(&self) -> Result<(), Problem> {
+        self.data.check()?;
+        self.check_simulate()?;
+        self.check_deployments()?;
+        self.preprocess.check()?;
+        self.representation.check().map_err(|of| Problem::from(of).within("representation"))?;
+        self.model.check().map_err(|of| Problem::from(of).within("model"))?;
+        self.dynamics.check().map_err(|of| Problem::from(of).within("dynamics"))?;
+        self.agent.check().map_err(|of| Problem::from(of).within("agent"))?;
+        self.pretrain.check()?;
+        // The upper ends are far beyond use; they turn a slip of the finger into a message.
+        let counts = [
+            ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
+            ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
+            ("sweep.network_runs", self.sweep.runs_of_network(), 1, MANY_RUNS),
+            ("sweep.online_runs", self.sweep.online_runs, 1, MANY_RUNS),
+            ("sweep.online_windows", self.sweep.online_windows, 1, MANY_RUNS),
+            ("sweep.log_replay_runs", self.sweep.log_replay_runs, 0, MANY_RUNS),
+            ("sweep.curve_points", self.sweep.curve_points, 0, MANY_RUNS),
+            ("pretrain.epochs", self.pretrain.epochs, 0, MANY_RUNS),
+            ("rollout.steps", self.rollout.steps, 1, MANY_STEPS),
+            ("rollout.rollouts", self.rollout.rollouts, 1, MANY_RUNS),
+            ("rollout.recent_window", self.rollout.recent_window.unwrap_or(1), 1, usize::MAX),
+            ("evaluate.top_k", self.evaluate.top_k, 1, MANY_RUNS),
+            ("evaluate.resamples", self.evaluate.resamples, 0, MANY_RUNS),
+        ];
+        for (key, got, least, most) in counts {
+            require!(
+                (least..=most).contains(&got),
+                "{key} must be from {least} to {most}, got {got}"
+            );
+        }
+        require!(
+            self.rollout.steps.saturating_mul(self.rollout.rollouts) <= MANY_STEPS,
+            "rollout.steps x rollout.rollouts must be at most {MANY_STEPS}, got {} x {}",
+            self.rollout.steps,
+            self.rollout.rollouts
+        );
+        let sensors = &self.sweep.sensors;
+        if let Some(twice) =
+            (1..sensors.len()).find(|&place| sensors[..place].contains(&sensors[place]))
+        {
+            refuse!("sweep.sensors names {} twice; remove one", sensors[twice]);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,88 @@
+use std::path::{Path, PathBuf};
+
+use calib_data::DataConfig;
+
+use crate::{Job, StudyError};
+
+impl Job {
+    /// The `[data]` section to read with: `${NAME}` is replaced by what `variable` says of the environment, and relative
+    /// paths start from the study file. The study itself keeps what was written, so that results do not depend on where
+    /// it is run from.
+    ///
+    /// # Errors
+    /// A path that is empty, or names a variable that is not set.
+    pub fn data_to_read(
+        &self,
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<DataConfig, StudyError> {
+        let study = self.layout().study();
+        let refused =
+            |message: String| StudyError::Given { study: study.display().to_string(), message };
+        let mut data = self.study().data.clone();
+        for path in &mut data.path.0 {
+            if path.is_empty() {
+                return Err(refused("data.path is empty".to_owned()));
+            }
+            *path = expand(path, &variable).map_err(|reason| match reason {
+                Reason::Unclosed => refused(format!("data.path = \"{path}\": `${{` without `}}`")),
+                Reason::Unset(name) => {
+                    StudyError::UnsetVariable { study: study.to_owned(), path: path.clone(), name }
+                }
+            })?;
+        }
+        data.resolve(self.folder());
+        Ok(data)
+    }
+
+    /// A path that the study gives, from the folder that the study lies in.
+    pub fn beside(&self, path: impl AsRef<Path>) -> PathBuf {
+        self.folder().join(path)
+    }
+
+    /// The folder that the study lies in. Empty for a bare file name, so that paths below it stay as short as they were
+    /// written.
+    fn folder(&self) -> &Path {
+        self.layout().study().parent().unwrap_or(Path::new(""))
+    }
+}
+
+/// Why a path cannot be expanded.
+enum Reason {
+    Unclosed,
+    /// This variable is not set.
+    Unset(String),
+}
+
+fn expand(text: &str, variable: &impl Fn(&str) -> Option<String>) -> Result<String, Reason> {
+    let Some(start) = text.find("${") else { return Ok(text.to_owned()) };
+    let length = text[start..].find('}').ok_or(Reason::Unclosed)?;
+    let name = &text[start + 2..start + length];
+    let value = variable(name).ok_or_else(|| Reason::Unset(name.to_owned()))?;
+    let rest = expand(&text[start + length + 1..], variable)?;
+    Ok(format!("{}{value}{rest}", &text[..start]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Request;
+
+    fn read(path: &str) -> Result<Vec<String>, String> {
+        let text = format!("[data]\npath = \"{path}\"\n");
+        let job = Job::of_text(Request::new("folder/study.toml"), text).expect("valid");
+        assert_eq!(job.study().data.path.0, [path], "the study keeps what was written");
+        let known = |name: &str| (name == "PLANT").then(|| "/plant".to_owned());
+        job.data_to_read(known).map(|data| data.path.0).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn data_is_found_from_the_study_file_and_the_environment() {
+        assert_eq!(read("logs"), Ok(vec!["folder/logs".to_owned()]));
+        assert_eq!(read("${PLANT}/${PLANT}"), Ok(vec!["/plant//plant".to_owned()]));
+        let unset = read("${OTHER}/x").expect_err("not set");
+        assert!(unset.contains("the environment variable OTHER is not set"), "{unset}");
+        let unclosed = read("${PLANT").expect_err("no end");
+        assert!(unclosed.ends_with("`${` without `}`"), "{unclosed}");
+        assert!(read("").expect_err("empty").contains("data.path is empty"));
+    }
+}

@@ -1,0 +1,214 @@
+//! What a result follows from: the one notion of "the same" that every step asks.
+
+use std::{collections::BTreeMap, fmt};
+
+use calib_dynamics::DynamicsConfig;
+use calib_knn::{IndexKind, ModelConfig, ModelKind, WeightsKind};
+use calib_represent::RepresentationKind;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::Study;
+
+/// What is made of a study and kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Made {
+    /// A representation of the states.
+    Representation,
+    /// The calibration model.
+    Model,
+    /// Pre-trained agents.
+    Pretrained,
+    /// Rollouts of the model.
+    Rollouts,
+    /// Runs of a sweep.
+    Sweep,
+}
+
+/// The keys of a study that a result follows from, each with its value. What changes no byte of it is not among them: the
+/// folder that the log lies in (the log is known by its fingerprint), the search structure, what another kind of model uses.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Inputs(BTreeMap<String, Value>);
+
+/// A key that a result follows from, and that has another value now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Such as `agent.gamma`.
+    pub key: String,
+    /// What the result was made with; nothing if the study did not have the key.
+    pub made: Option<Value>,
+    /// What the study says now.
+    pub now: Option<Value>,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let told = |value: &Option<Value>| {
+            value.as_ref().map_or_else(|| "nothing".to_owned(), ToString::to_string)
+        };
+        write!(f, "{} = {}, now {}", self.key, told(&self.made), told(&self.now))
+    }
+}
+
+impl Study {
+    /// What a result follows from.
+    pub fn inputs(&self, made: Made) -> Inputs {
+        let mut inputs = Inputs::default();
+        match made {
+            Made::Representation => inputs.represented(self),
+            Made::Model => inputs.modelled(self),
+            Made::Pretrained => inputs.pretrained(self),
+            Made::Rollouts => inputs.rolled_out(self),
+            Made::Sweep => inputs.swept(self),
+        }
+        inputs
+    }
+
+    /// The keys in which a result that was made of the study `made` would be another one now.
+    pub fn differences(&self, result: Made, made: &Self) -> Vec<Difference> {
+        self.inputs(result).differences(&made.inputs(result))
+    }
+}
+
+impl Inputs {
+    /// Where these differ from those that something was `made` with, in the order of the keys.
+    fn differences(&self, made: &Self) -> Vec<Difference> {
+        let keys: std::collections::BTreeSet<&String> =
+            self.0.keys().chain(made.0.keys()).collect();
+        let difference = |key: &String| {
+            let (made, now) = (made.0.get(key).cloned(), self.0.get(key).cloned());
+            (made != now).then(|| Difference { key: key.clone(), made, now })
+        };
+        keys.into_iter().filter_map(difference).collect()
+    }
+
+    /// Every key of a section, or of the table at `key`.
+    fn add(&mut self, key: &str, section: &impl Serialize) {
+        // A study that was read can be written.
+        let value = serde_json::to_value(section).unwrap_or_default();
+        self.flatten(key.to_owned(), value);
+    }
+
+    fn flatten(&mut self, key: String, value: Value) {
+        match value {
+            Value::Object(keys) => {
+                for (name, value) in keys {
+                    self.flatten(format!("{key}.{name}"), value);
+                }
+            }
+            Value::Null => {}
+            value => {
+                self.0.insert(key, value);
+            }
+        }
+    }
+
+    fn remove(&mut self, keys: &[&str]) {
+        let inside = |key: &str, of: &str| {
+            key.strip_prefix(of).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        self.0.retain(|key, _| !keys.iter().any(|of| inside(key, of)));
+    }
+
+    /// The states that everything is learnt from.
+    fn training(&mut self, study: &Study) {
+        self.add("data", &study.data);
+        self.remove(&["data.path", "data.held_out"]);
+        if study.data.train.is_some() {
+            self.remove(&["data.train_fraction"]);
+        }
+        self.add("preprocess", &study.preprocess);
+        self.add("model.period", &study.model.period);
+        if study.pretrain.is_on() {
+            self.add("pretrain.period", &study.pretrain.period);
+            if study.pretrain.period.is_none() && study.model.period.is_none() {
+                self.add("pretrain.fraction", &study.pretrain.fraction);
+            }
+        }
+    }
+
+    fn represented(&mut self, study: &Study) {
+        self.training(study);
+        self.add("representation", &study.representation);
+        self.add("seed", &study.seed);
+    }
+
+    fn modelled(&mut self, study: &Study) {
+        self.training(study);
+        self.add("model.kind", &study.model.kind);
+        if !study.is_parametric() {
+            self.add("model", &ModelConfig { index: IndexKind::Auto, ..*study.model });
+            if study.model.weights != WeightsKind::Softmax {
+                self.remove(&["model.temperature"]);
+            }
+            if study.representation.kind != RepresentationKind::None {
+                self.represented(study);
+            }
+            return;
+        }
+        // What its kind does not use is left out.
+        let unused = DynamicsConfig::default();
+        match study.model.kind {
+            ModelKind::Torchscript => self.add("dynamics.path", &study.dynamics.path),
+            kind => {
+                self.add("dynamics", &DynamicsConfig { path: None, ..study.dynamics.clone() });
+                self.add("seed", &study.seed);
+                if kind == ModelKind::Nn {
+                    self.add("dynamics.sequence_length", &unused.sequence_length);
+                    self.add("dynamics.sequence_stride", &unused.sequence_stride);
+                }
+            }
+        }
+    }
+
+    fn pretrained(&mut self, study: &Study) {
+        self.training(study);
+        let pretrain = &study.pretrain;
+        self.add("agent", &pretrain.agent(&study.agent));
+        self.remove(&["agent.learning_rate"]);
+        self.add("pretrain", pretrain);
+        // How fine-tuning begins; and what was taken from elsewhere is known by what it is.
+        self.remove(&["pretrain.moments", "pretrain.checkpoint"]);
+        if pretrain.period.is_some() || study.model.period.is_some() {
+            self.remove(&["pretrain.fraction"]);
+        }
+        self.add("seed", &study.seed);
+    }
+
+    fn rolled_out(&mut self, study: &Study) {
+        self.modelled(study);
+        self.add("rollout", &study.rollout);
+        self.add("sweep.sensors", &study.sweep.sensors);
+        self.add("seed", &study.seed);
+        if study.starts_follow_from_deployment() {
+            self.held_out(study);
+        }
+    }
+
+    fn swept(&mut self, study: &Study) {
+        self.modelled(study);
+        self.held_out(study);
+        self.add("agent", &study.agent);
+        self.add("sweep", &study.sweep);
+        // As `rollout.start` here, whichever of both says so.
+        self.remove(&["sweep.start"]);
+        self.add("rollout", &study.sweep_starts());
+        // Only the starts of rollouts: their lengths and numbers are the sweep's own.
+        self.remove(&["rollout.steps", "rollout.rollouts", "rollout.dtw_steps"]);
+        if study.pretrain.is_on() {
+            self.add("pretrain", &study.pretrain);
+            if study.pretrain.period.is_some() || study.model.period.is_some() {
+                self.remove(&["pretrain.fraction"]);
+            }
+        }
+        self.add("seed", &study.seed);
+    }
+
+    /// What stands for the deployment.
+    fn held_out(&mut self, study: &Study) {
+        self.add("data.held_out", &study.data.held_out);
+    }
+}
+
+#[cfg(test)]
+mod tests;

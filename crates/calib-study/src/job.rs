@@ -1,0 +1,154 @@
+use std::sync::Arc;
+
+use crate::{
+    Layout, Policy, Request, Rollouts, Study, StudyError, profiles::Results, written::Written,
+};
+
+/// A study that was resolved: the file as it was read once, the model and deployment that are chosen of it, where
+/// results lie, and what may be done about them. Every step of a command has it from the one before.
+#[derive(Clone, Debug)]
+pub struct Job {
+    pub(crate) written: Arc<Written>,
+    pub(crate) study: Arc<Study>,
+    pub(crate) layout: Layout,
+    pub(crate) model: Option<String>,
+    pub(crate) deployment: Option<String>,
+}
+
+impl Job {
+    /// Read the study file that `request` names, lay what it asks for over it, check every section, and say where results
+    /// lie.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a key that does not exist, a value that is not valid: each with its place.
+    pub fn resolve(request: Request) -> Result<Self, StudyError> {
+        Self::of(Written::read(request)?)
+    }
+
+    /// As [`Job::resolve`], of a `text` that stands in the file, or is going to.
+    ///
+    /// # Errors
+    /// A key that does not exist, or a value that is not valid.
+    pub fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
+        Self::of(Written::of_text(request, text)?)
+    }
+
+    fn of(written: Written) -> Result<Self, StudyError> {
+        let Request { model, deployment, .. } = written.request.clone();
+        Self::choose_of(Arc::new(written), model, deployment)
+    }
+
+    fn choose_of(
+        written: Arc<Written>,
+        model: Option<String>,
+        deployment: Option<String>,
+    ) -> Result<Self, StudyError> {
+        let study = written.study(model.as_deref(), deployment.as_deref())?;
+        let layout = layout(&written, &study, model.as_deref(), deployment.as_deref());
+        Ok(Self { written, study: Arc::new(study), layout, model, deployment })
+    }
+
+    /// Another choice of the same study; `None` is all of it.
+    ///
+    /// # Errors
+    /// A name that the study does not have, or a value that is not valid there.
+    pub fn choose(
+        &self,
+        model: Option<&str>,
+        deployment: Option<&str>,
+    ) -> Result<Self, StudyError> {
+        let owned = |name: Option<&str>| name.map(str::to_owned);
+        Self::choose_of(Arc::clone(&self.written), owned(model), owned(deployment))
+    }
+
+    /// The same under another policy.
+    #[must_use]
+    pub fn under(&self, policy: Policy) -> Self {
+        let mut written = Written::clone(&self.written);
+        written.request.policy = policy;
+        Self { written: Arc::new(written), ..self.clone() }
+    }
+
+    /// The study of the model and deployment that are chosen.
+    pub fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// The study as it was written, with all its models and deployments.
+    ///
+    /// # Errors
+    /// A value that is valid only with a model or deployment.
+    pub fn whole(&self) -> Result<Study, StudyError> {
+        self.written.study(None, None)
+    }
+
+    /// Where results lie.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// What may be done about them.
+    pub fn policy(&self) -> Policy {
+        self.written.request.policy
+    }
+
+    /// The profile that was laid over the study.
+    pub fn profile(&self) -> Option<&str> {
+        self.written.request.profile.as_deref()
+    }
+
+    /// The model that is chosen, of several.
+    pub fn model(&self) -> Option<&str> {
+        self.model.as_deref()
+    }
+
+    /// The deployment that is chosen, of several.
+    pub fn deployment(&self) -> Option<&str> {
+        self.deployment.as_deref()
+    }
+
+    /// What the study is called in reports: its title, or the name of its file.
+    pub fn title(&self) -> String {
+        let title = self.study.evaluate.title.clone();
+        title.unwrap_or_else(|| file_stem(&self.written.request).unwrap_or_default())
+    }
+}
+
+fn file_stem(request: &Request) -> Option<String> {
+    request.study.file_stem().map(|stem| stem.to_string_lossy().into_owned())
+}
+
+/// Where the results of a model and a deployment lie.
+fn layout(
+    written: &Written,
+    study: &Study,
+    model: Option<&str>,
+    deployment: Option<&str>,
+) -> Layout {
+    let Written { request, results, .. } = written;
+    let folder = request.study.parent().unwrap_or(std::path::Path::new(""));
+    let stem = || file_stem(request).unwrap_or_else(|| "study".to_owned());
+    let own = study.output.clone().unwrap_or_else(|| format!("{}-results", stem()).into());
+    let root = match (&request.output, &request.profile, results) {
+        (Some(output), ..) => output.clone(),
+        (None, Some(name), Results::InOwnFolder) => folder.join(own).join(name),
+        (None, ..) => folder.join(own),
+    };
+    let layout = Layout::new(request.study.clone(), root);
+    let layout = match model {
+        Some(name) => layout.of_model(name),
+        None => layout,
+    };
+    let rollouts = if study.starts_follow_from_deployment() {
+        Rollouts::OfDeployment
+    } else {
+        Rollouts::OfModel
+    };
+    match deployment {
+        Some(name) => layout.of_deployment(name, rollouts),
+        None => layout,
+    }
+}
+
+#[cfg(test)]
+mod tests;

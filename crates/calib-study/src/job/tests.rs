@@ -1,0 +1,125 @@
+use std::{fs, path::Path};
+
+use super::*;
+
+fn job(text: &str, overrides: &[&str]) -> Result<Job, StudyError> {
+    let set = overrides.iter().map(|&text| text.to_owned()).collect();
+    let request = Request { set, ..Request::new("study.toml") };
+    Job::of_text(request, text.to_owned())
+}
+
+fn refused(text: &str, overrides: &[&str]) -> String {
+    job(text, overrides).expect_err("invalid").to_string()
+}
+
+#[test]
+fn overrides_win_and_may_be_any_toml_or_text() {
+    let text = "seed = 1\n[data]\npath = \"logs\"\n[agent]\ngamma = 0.5\n";
+    let set = ["agent.gamma=0.9", "sweep.sensors=[\"A\"]", "agent.optimiser=sgd", "seed=7"];
+    let job = job(text, &set).expect("valid");
+    let study = job.study();
+    assert_eq!(study.seed, 7);
+    assert!((study.agent.gamma - 0.9).abs() < 1e-12);
+    assert_eq!(study.sweep.sensors, ["A"]);
+    assert_eq!(job.layout().root(), Path::new("study-results"));
+}
+
+#[test]
+fn a_job_is_what_the_file_was() {
+    let place = tempfile::tempdir().expect("a directory");
+    let path = place.path().join("study.toml");
+    fs::write(&path, "seed = 1\n[models.a]\nmodel.members = 3\n").expect("writable");
+    let job = Job::resolve(Request::new(&path)).expect("valid");
+    fs::write(&path, "seed = 2\n").expect("writable");
+    let part = job.choose(Some("a"), None).expect("valid");
+    assert_eq!((part.study().seed, part.study().model.members), (1, 3));
+    assert_eq!(job.whole().expect("valid").models.len(), 1);
+    fs::remove_file(&path).expect("there");
+    assert!(job.models().is_ok());
+    assert!(matches!(Job::resolve(Request::new(&path)), Err(StudyError::Unreadable { .. })));
+}
+
+#[test]
+fn results_lie_where_they_are_asked_for() {
+    let text = "output = \"there\"\n[profiles.tiny]\nseed = 2\n[profiles.own]\noutput = \"own\"\n";
+    let root = |change: fn(&mut Request)| {
+        let mut request = Request::new("folder/s.toml");
+        change(&mut request);
+        let job = Job::of_text(request, text.to_owned()).expect("valid");
+        job.layout().root().display().to_string()
+    };
+    assert_eq!(root(|_| ()), "folder/there");
+    assert_eq!(root(|of| of.profile = Some("tiny".to_owned())), "folder/there/tiny");
+    assert_eq!(root(|of| of.profile = Some("own".to_owned())), "folder/own");
+    assert_eq!(root(|of| of.output = Some("x".into())), "x");
+}
+
+#[test]
+fn mistakes_name_file_line_and_nearest_key() {
+    let key = refused("[agent]\nlearning_rat = 0.1\n", &[]);
+    assert!(
+        key.starts_with(
+            "study.toml:2:1: unknown key `learning_rat`; did you mean `learning_rate`?"
+        ),
+        "{key}"
+    );
+    let section = refused("[agnt]\n", &[]);
+    assert!(section.contains("did you mean `agent`"), "{section}");
+    let set = refused("", &["agent.gama=0.9"]);
+    assert!(
+        set.starts_with("study.toml with --set agent.gama=0.9: agent: unknown key")
+            && set.contains("did you mean `gamma`"),
+        "{set}"
+    );
+    assert!(refused("", &["gamma"]).contains("expected section.key=value"));
+    assert!(refused("[agent\n", &[]).starts_with("study.toml:1:"));
+    let infinite = refused("", &["model.temperature=inf"]);
+    assert!(infinite.contains("model.temperature = inf: expected a finite number"), "{infinite}");
+    let list = refused("[sweep.grid]\ngamma = [0.5, nan]\n", &[]);
+    assert!(list.contains("sweep.grid.gamma = NaN"), "{list}");
+}
+
+#[test]
+fn values_that_types_cannot_refuse_have_a_place_too() {
+    let at = |text: &str, set: &[&str]| {
+        let error = job(text, set).expect_err("invalid");
+        error.place().map(|place| (place.line, place.column, place.excerpt()))
+    };
+    let text = "seed = 1\n[agent]\n  gamma = 2.0\n";
+    let excerpt = "  |\n3 |   gamma = 2.0\n  |   ^^^^^".to_owned();
+    assert_eq!(at(text, &[]), Some((3, 3, excerpt)));
+    assert_eq!(at(text, &["agent.gamma=3.0"]), None, "what is wrong is not what stands there");
+    assert_eq!(at("[sweep]\nsteps = 1\n", &["seed=3"]).map(|of| of.0), Some(2));
+    let profile = "[agent]\ngamma = 0.5\n[profiles.p]\nagent.gama = 2.0\n";
+    assert_eq!(at(profile, &[]).map(|of| (of.0, of.1)), Some((4, 7)));
+    let types = at("[agent]\ngamma = \"x\"\n", &[]).expect("a place");
+    assert_eq!((types.0, types.1), (2, 9));
+}
+
+#[test]
+fn what_is_expected_is_said_in_words() {
+    let told = |value: &str| refused(&format!("[agent]\n{value}\n"), &[]);
+    assert_eq!(told("gamma = \"x\""), "study.toml:2:9: expected a number, got the text \"x\"");
+    assert_eq!(
+        told("batch_size = -1"),
+        "study.toml:2:14: expected a whole number from 0 up, got -1"
+    );
+    assert_eq!(
+        told("batch_size = 1.5"),
+        "study.toml:2:14: expected a whole number from 0 up, got 1.5"
+    );
+    assert_eq!(
+        told("batch_size = true"),
+        "study.toml:2:14: expected a whole number from 0 up, got true"
+    );
+    let given = refused("", &["agent.gamma=x"]);
+    assert_eq!(
+        given,
+        "study.toml with --set agent.gamma=x: agent.gamma: expected a number, got the text \"x\""
+    );
+    assert_eq!(refused("agent = 3\n", &[]), "study.toml:1:9: expected a section, got 3");
+    assert_eq!(
+        refused("[sweep]\nsensors = \"A\"\n", &[]),
+        "study.toml:2:11: expected a list, got the text \"A\""
+    );
+}

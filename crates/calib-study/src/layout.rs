@@ -1,0 +1,173 @@
+use std::path::{Path, PathBuf};
+
+/// Where the files of a study lie.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    study: PathBuf,
+    /// Of the study, or of one of its models.
+    root: PathBuf,
+    model: Option<String>,
+    deployment: Option<(String, Rollouts)>,
+}
+
+/// Whose rollouts a deployment has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rollouts {
+    /// Its own, because start states follow from it.
+    OfDeployment,
+    /// Those of the model, which are the same for every deployment.
+    OfModel,
+}
+
+impl Layout {
+    /// The layout below `root` of the results of the file `study`.
+    pub fn new(study: PathBuf, root: PathBuf) -> Self {
+        Self { study, root, model: None, deployment: None }
+    }
+
+    /// The layout of one of several models of the study.
+    #[must_use]
+    pub fn of_model(self, name: &str) -> Self {
+        let root = self.root.join("models").join(name);
+        Self { root, model: Some(name.to_owned()), ..self }
+    }
+
+    /// The layout of one of several deployments of the study, or of one of its models.
+    #[must_use]
+    pub fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
+        Self { deployment: Some((name.to_owned(), rollouts)), ..self }
+    }
+
+    /// What is called `name` in the results of the study's other models.
+    pub fn of_other_models(&self, name: &str) -> Vec<PathBuf> {
+        let roots = folders(&self.of_study().join("models")).into_iter();
+        let mut all: Vec<PathBuf> =
+            roots.filter(|root| *root != self.root).map(|root| root.join(name)).collect();
+        all.sort();
+        all
+    }
+
+    /// The sweeps of the study's other models and deployments, as far as there are any.
+    pub fn other_sweeps(&self) -> Vec<PathBuf> {
+        let study = self.of_study();
+        let roots: Vec<PathBuf> =
+            [study.to_owned()].into_iter().chain(folders(&study.join("models"))).collect();
+        let mut sweeps: Vec<PathBuf> = roots
+            .into_iter()
+            .flat_map(|root| folders(&root.join("deployments")).into_iter().chain([root]))
+            .map(|root| root.join("sweep"))
+            .filter(|sweep| *sweep != self.sweep() && sweep.is_dir())
+            .collect();
+        sweeps.sort();
+        sweeps
+    }
+
+    /// Whose rollouts the deployment has, of several.
+    pub(crate) fn rollouts(&self) -> Option<Rollouts> {
+        self.deployment.as_ref().map(|(_, rollouts)| *rollouts)
+    }
+
+    /// The directory of all results of the study, all models and deployments.
+    fn of_study(&self) -> &Path {
+        match self.model {
+            Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
+            None => &self.root,
+        }
+    }
+
+    /// The directory of what follows from the deployment.
+    fn of_deployed(&self) -> PathBuf {
+        match &self.deployment {
+            Some((name, _)) => self.root.join("deployments").join(name),
+            None => self.root.clone(),
+        }
+    }
+
+    /// The study file.
+    pub fn study(&self) -> &Path {
+        &self.study
+    }
+
+    /// The directory of all results.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Representations of the states.
+    pub fn representation(&self) -> PathBuf {
+        self.root.join("representation")
+    }
+
+    /// The calibration model.
+    pub fn model(&self) -> PathBuf {
+        self.root.join("model")
+    }
+
+    /// Rollouts of the model.
+    pub fn rollout(&self) -> PathBuf {
+        match &self.deployment {
+            Some((_, Rollouts::OfDeployment)) => self.of_deployed().join("rollout"),
+            Some((_, Rollouts::OfModel)) | None => self.root.join("rollout"),
+        }
+    }
+
+    /// Pre-trained agents; the models of a study share them.
+    pub fn pretrain(&self) -> PathBuf {
+        self.of_study().join("pretrain")
+    }
+
+    /// Runs of the sweep.
+    pub fn sweep(&self) -> PathBuf {
+        self.of_deployed().join("sweep")
+    }
+
+    /// Verdict and figures.
+    pub fn evaluate(&self) -> PathBuf {
+        self.of_deployed().join("evaluate")
+    }
+
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.of_deployed().join("report.html")
+    }
+}
+
+/// The folders in `directory`, none if it does not exist.
+fn folders(directory: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deployment_has_results_of_its_own_but_no_model() {
+        let study = Layout::new("s.toml".into(), "r".into());
+        let paths = study.clone().of_model("m").of_deployment("april", Rollouts::OfDeployment);
+        assert_eq!(paths.model(), Path::new("r/models/m/model"));
+        assert_eq!(paths.pretrain(), Path::new("r/pretrain"));
+        assert_eq!(paths.rollout(), Path::new("r/models/m/deployments/april/rollout"));
+        assert_eq!(paths.report(), Path::new("r/models/m/deployments/april/report.html"));
+        let shared = study.of_deployment("april", Rollouts::OfModel);
+        assert_eq!(shared.rollout(), Path::new("r/rollout"));
+        assert_eq!(shared.sweep(), Path::new("r/deployments/april/sweep"));
+    }
+
+    #[test]
+    fn sweeps_of_all_other_parts_are_found() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let root = directory.path();
+        let sweeps =
+            ["sweep", "deployments/a/sweep", "models/m/sweep", "models/m/deployments/a/sweep"];
+        for sweep in sweeps {
+            std::fs::create_dir_all(root.join(sweep)).expect("writable");
+        }
+        let study = Layout::new("s.toml".into(), root.to_owned());
+        let paths = study.of_model("m").of_deployment("a", Rollouts::OfModel);
+        let others =
+            ["deployments/a/sweep", "models/m/sweep", "sweep"].map(|sweep| root.join(sweep));
+        assert_eq!(paths.other_sweeps(), others);
+    }
+}

@@ -1,0 +1,70 @@
+//! A study: one TOML file that says what to compute, resolved once and checked before anything runs.
+//!
+//! - [`Study`]: every section of the file as the package that uses it knows it.
+//! - [`Job`]: a study with the choice of a profile, a model and a deployment, with what is laid over it, where its results
+//!   lie ([`Layout`]), and what may be done about those that are there ([`Policy`]). The file is read **once**, by
+//!   [`Job::resolve`]: whoever edits it meanwhile changes the next command, not this one.
+//! - [`Job::parts`]: the same of each model and deployment. [`Job::command`]: what to type to go on with this one.
+//! - [`StudyError`]: what is wrong, where it stands, what was expected, and the nearest key.
+//! - [`schema`]: every key with its type, default and meaning, for editors.
+//! - [`Study::inputs`]: what a result follows from, so that one that is there is known to be of another study, and in which keys.
+//! - [`Protocol`]: the plants and tasks of several studies, drawn from one seed.
+//!
+//! ```
+//! use calib_study::{Job, Request};
+//!
+//! let text = "[sweep]\nsensors = [\"PIT300\"]\nsteps = 6000\n";
+//! let mut request = Request::new("plant.toml");
+//! request.set.push("agent.gamma=0.9".to_owned());
+//! let job = Job::of_text(request, text.to_owned())?;
+//! assert_eq!(job.study().sweep.steps, 6000);
+//! assert_eq!(job.layout().sweep(), std::path::Path::new("plant-results/sweep"));
+//! assert_eq!(job.command("sweep"), "calib sweep plant.toml --set 'agent.gamma=0.9'");
+//!
+//! let error = Job::of_text(Request::new("plant.toml"), text.replace("steps", "step")).expect_err("no such key");
+//! assert!(error.to_string().starts_with("plant.toml:3:1: unknown key `step`; did you mean `steps`?"));
+//! # Ok::<(), calib_study::StudyError>(())
+//! ```
+
+mod check;
+mod data_path;
+mod deployments;
+mod error;
+mod hint;
+mod inputs;
+mod job;
+mod layout;
+mod message;
+mod model_section;
+mod models;
+mod overlay;
+mod overrides;
+mod partition;
+mod parts;
+mod pretrain;
+mod profiles;
+mod protocol;
+mod request;
+mod schema;
+mod simulate;
+mod source;
+mod study;
+mod toml_json;
+mod written;
+
+pub use error::StudyError;
+pub use hint::shell_words;
+pub use inputs::{Difference, Inputs, Made};
+pub use job::Job;
+pub use layout::{Layout, Rollouts};
+pub use model_section::ModelSection;
+pub use overrides::of_data;
+pub use partition::Partition;
+pub use parts::Each;
+pub use pretrain::{MomentsRule, PretrainConfig};
+pub use protocol::{Drawn, Protocol};
+pub use request::{Existing, Policy, Request, Writes};
+pub use schema::schema;
+pub use simulate::SimulateConfig;
+pub use source::Place;
+pub use study::{EvaluateConfig, Study};

@@ -1,0 +1,111 @@
+//! serde's messages, told as a person would.
+
+/// Rewrite "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
+pub(crate) fn friendly(message: &str) -> String {
+    let Some(rest) = message.strip_prefix("unknown field `") else {
+        return friendly_variant(message);
+    };
+    let Some((key, rest)) = rest.split_once('`') else { return message.to_owned() };
+    let valid = quoted(rest);
+    if valid.is_empty() {
+        return format!("unknown key `{key}`; no keys are known here");
+    }
+    let nearest = nearest(key, &valid)
+        .map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
+    format!("unknown key `{key}`{nearest} (known keys: {})", valid.join(", "))
+}
+
+fn friendly_variant(message: &str) -> String {
+    if message == "duplicate key" {
+        return "the key is there twice; remove one of them".to_owned();
+    }
+    let Some(rest) = message.strip_prefix("unknown variant `") else {
+        return friendly_type(message).unwrap_or_else(|| message.to_owned());
+    };
+    let Some((value, rest)) = rest.split_once('`') else { return message.to_owned() };
+    let valid = quoted(rest);
+    let nearest = nearest(value, &valid)
+        .map_or_else(String::new, |nearest| format!("; did you mean \"{nearest}\"?"));
+    let valid: Vec<String> = valid.iter().map(|value| format!("\"{value}\"")).collect();
+    format!("unknown value \"{value}\"{nearest} (known values: {})", valid.join(", "))
+}
+
+/// Rewrite "invalid type: string "x", expected f64" in the words of whoever writes a study.
+fn friendly_type(message: &str) -> Option<String> {
+    let rest =
+        ["invalid type: ", "invalid value: "].iter().find_map(|of| message.strip_prefix(of))?;
+    let (got, expected) = rest.rsplit_once(", expected ")?;
+    Some(format!("expected {}, got {}", in_words(expected), value(got)))
+}
+
+/// What a type is for whoever writes a study.
+fn in_words(expected: &str) -> &str {
+    match expected {
+        "f32" | "f64" => "a number",
+        "usize" | "u8" | "u16" | "u32" | "u64" => "a whole number from 0 up",
+        "isize" | "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a string" | "path string" => "text",
+        "a sequence" => "a list",
+        "a map" => "a section",
+        of if of.starts_with("struct ") => "a section",
+        of => of,
+    }
+}
+
+/// What stands there, without the name of its type.
+fn value(got: &str) -> String {
+    match got {
+        "sequence" => "a list".to_owned(),
+        "map" => "a section".to_owned(),
+        of => match of.strip_prefix("string ") {
+            Some(text) => format!("the text {text}"),
+            None => of.split('`').nth(1).unwrap_or(of).to_owned(),
+        },
+    }
+}
+
+/// The words between backticks.
+fn quoted(text: &str) -> Vec<&str> {
+    text.split('`').skip(1).step_by(2).collect()
+}
+
+/// The most similar word, if it is similar at all.
+fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
+    let similarity =
+        |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
+    valid
+        .iter()
+        .copied()
+        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
+        .filter(|best| similarity(best) > 0.7)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_key_is_named() {
+        let message = "unknown field `learning_rat`, expected one of `learning_rate`, `gamma`";
+        let told = friendly(message);
+        assert!(
+            told.starts_with("unknown key `learning_rat`; did you mean `learning_rate`?"),
+            "{told}"
+        );
+        let far = friendly("unknown field `zzz`, expected `gamma` or `beta1`");
+        assert_eq!(far, "unknown key `zzz` (known keys: gamma, beta1)");
+        assert_eq!(friendly("invalid type: string"), "invalid type: string");
+        let text = friendly("invalid type: string \"a, expected b\", expected f64");
+        assert_eq!(text, "expected a number, got the text \"a, expected b\"");
+        assert_eq!(
+            friendly("invalid type: map, expected a string"),
+            "expected text, got a section"
+        );
+        let value = friendly("unknown variant `adm`, expected `adam` or `sgd`");
+        assert_eq!(
+            value,
+            "unknown value \"adm\"; did you mean \"adam\"? (known values: \"adam\", \"sgd\")"
+        );
+    }
+}

@@ -1,0 +1,163 @@
+//! Several models in one study: `[models.NAME]` says how each differs from the rest of the file.
+
+use toml::{Table, Value};
+
+use crate::{
+    Study,
+    error::{Problem, refuse, require},
+    overlay::{self, check_names, lay_over, take},
+};
+
+/// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
+/// their results could not stand beside each other.
+pub(crate) const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
+
+/// The key under which they lie.
+const KEY: &str = "models";
+
+/// The key that says which of them are compared.
+const COMPARED: &str = "compare";
+
+/// Names of the models that are compared, in alphabetical order.
+pub(crate) fn names(table: &Table) -> Vec<String> {
+    let all = overlay::names(table, KEY);
+    match compared(table) {
+        Some(compared) => {
+            all.into_iter().filter(|name| compared.contains(&name.as_str())).collect()
+        }
+        None => all,
+    }
+}
+
+impl Study {
+    /// Names of the models that are compared, in alphabetical order; none where one was chosen.
+    pub fn compared_models(&self) -> Vec<String> {
+        let is_compared =
+            |name: &&String| self.compare.as_ref().is_none_or(|compared| compared.contains(name));
+        self.models.keys().filter(is_compared).cloned().collect()
+    }
+}
+
+/// What `compare` lists, if it is given.
+fn compared(table: &Table) -> Option<Vec<&str>> {
+    Some(table.get(COMPARED)?.as_array()?.iter().filter_map(Value::as_str).collect())
+}
+
+/// Leave the one model called `name` in the study; without a name they stay beside it.
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<(), Problem> {
+    let Some(name) = name else { return Ok(()) };
+    let own = take(table, KEY, "--model", name)?;
+    table.remove(COMPARED);
+    lay_over(table, own);
+    Ok(())
+}
+
+/// Whether every name can be that of a directory, and the models differ only in what makes a model.
+pub(crate) fn check(table: &Table) -> Result<(), Problem> {
+    let all = overlay::names(table, KEY);
+    check_names(KEY, &all)?;
+    if let Some(compared) = compared(table) {
+        require!(!compared.is_empty(), "{COMPARED} lists no model; name some, or leave it out");
+        if let Some(unknown) = compared.into_iter().find(|name| !all.iter().any(|of| of == name)) {
+            refuse!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
+        }
+    }
+    let shares_pretraining = is_pretrained_before_the_model(table);
+    let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
+    for (name, own) in models {
+        require!(
+            !shares_pretraining || value(own.as_table(), "model", "period").is_none(),
+            "[{KEY}.{name}] has a model.period of its own, and what precedes it would be for pre-training, which all \
+             models share; give pretrain.period"
+        );
+        let keys = own.as_table().into_iter().flat_map(Table::keys);
+        if let Some(key) = keys.into_iter().find(|key| !SECTIONS.contains(&key.as_str())) {
+            refuse!(
+                "[{KEY}.{name}]: {key} cannot differ from model to model, only {} can; \
+                 set {key} for the whole study, or give this model a study of its own",
+                SECTIONS.join(", ")
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Whether agents learn from whatever precedes `model.period`.
+fn is_pretrained_before_the_model(table: &Table) -> bool {
+    let of = |key| value(Some(table), "pretrain", key);
+    let trained = of("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
+    (trained || of("checkpoint").is_some()) && of("period").is_none()
+}
+
+fn value<'a>(table: Option<&'a Table>, section: &str, key: &str) -> Option<&'a Value> {
+    table?.get(section)?.as_table()?.get(key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_share_what_agents_learnt_from() {
+        let text =
+            "[pretrain]\nepochs = 3\n[models.a]\n[models.b.model.period]\nstart = 2022-03-01\n";
+        let table: Table = toml::from_str(text).expect("TOML");
+        let refused = check(&table).expect_err("refused").to_string();
+        assert!(refused.contains("[models.b]") && refused.contains("pretrain.period"), "{refused}");
+        let period = "epochs = 3\nperiod = { end = 2022-03-01 }";
+        check(&toml::from_str(&text.replace("epochs = 3", period)).expect("TOML")).expect("given");
+        check(&toml::from_str(&text.replace("= 3", "= 0")).expect("TOML")).expect("off");
+    }
+
+    fn table() -> Table {
+        let text = "seed = 1\n[model]\nmembers = 3\nneighbors = 2\n\
+             [models.b]\nmodel.neighbors = 5\n[models.a.representation]\nkind = \"laplacian\"\n";
+        toml::from_str(text).expect("TOML")
+    }
+
+    #[test]
+    fn a_model_is_the_study_with_its_own_keys() {
+        assert_eq!(names(&table()), ["a", "b"]);
+        let mut study = table();
+        choose(&mut study, Some("b")).expect("exists");
+        let expected = "seed = 1\n[model]\nmembers = 3\nneighbors = 5\n";
+        assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
+        let mut study = table();
+        choose(&mut study, None).expect("none");
+        assert_eq!(study, table(), "all models stay");
+    }
+
+    #[test]
+    fn models_that_do_not_exist_are_told_from_those_that_do() {
+        let error = choose(&mut table(), Some("c")).expect_err("unknown").to_string();
+        assert_eq!(error, "--model c: the study's models are a, b");
+        let error = choose(&mut Table::new(), Some("c")).expect_err("unknown").to_string();
+        assert!(error.contains("has no [models.c]"), "{error}");
+        assert!(check_names(KEY, &["a-1_B".to_owned()]).is_ok());
+        assert!(check_names(KEY, &["a/b".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn some_of_the_models_can_be_compared() {
+        let mut study = table();
+        study.insert("compare".to_owned(), Value::Array(vec!["b".into()]));
+        check(&study).expect("valid");
+        assert_eq!(names(&study), ["b"]);
+        choose(&mut study, Some("a")).expect("the other one can still be chosen");
+        assert!(!study.contains_key("compare"));
+        let mut study = table();
+        study.insert("compare".to_owned(), Value::Array(vec!["b".into(), "c".into()]));
+        let error = check(&study).expect_err("unknown").to_string();
+        assert_eq!(error, "compare lists c, and the study's models are a, b");
+    }
+
+    #[test]
+    fn models_differ_in_nothing_but_the_model() {
+        check(&table()).expect("model and representation");
+        let mut study = table();
+        let model = study["models"]["a"].as_table_mut().expect("a table");
+        model.insert("sweep".to_owned(), Value::Table(Table::new()));
+        let error = check(&study).expect_err("sweeps must agree").to_string();
+        assert!(error.starts_with("[models.a]: sweep cannot differ"), "{error}");
+    }
+}

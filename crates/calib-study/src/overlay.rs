@@ -1,0 +1,64 @@
+//! Parts of a study that replace others: `[models.NAME]`, `[profiles.NAME]`.
+
+use toml::{Table, Value};
+
+use crate::error::{Problem, refuse};
+
+/// Every key of `own` replaces that of `table`; sections are laid over each other.
+pub(crate) fn lay_over(table: &mut Table, own: Table) {
+    for (key, value) in own {
+        match (table.get_mut(&key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => lay_over(below, above),
+            (_, value) => {
+                table.insert(key, value);
+            }
+        }
+    }
+}
+
+/// Names in the section `key`, in alphabetical order.
+pub(crate) fn names(table: &Table, key: &str) -> Vec<String> {
+    let section = table.get(key).and_then(Value::as_table);
+    let mut names: Vec<String> = section.map_or_else(Vec::new, |of| of.keys().cloned().collect());
+    names.sort();
+    names
+}
+
+/// Take what the section `key` says of `name`, which was chosen by `option`; the section is removed.
+pub(crate) fn take(
+    table: &mut Table,
+    key: &str,
+    option: &str,
+    name: &str,
+) -> Result<Table, Problem> {
+    let names = names(table, key);
+    match table.remove(key) {
+        Some(Value::Table(mut section)) if section.contains_key(name) => {
+            match section.remove(name) {
+                Some(Value::Table(own)) => Ok(own),
+                _ => refuse!("[{key}] {name} is a value, not a section"),
+            }
+        }
+        _ if names.is_empty() => {
+            refuse!(
+                "{option} {name}: the study has no [{key}.{name}], nor any other [{key}] section"
+            )
+        }
+        _ => refuse!("{option} {name}: the study's {key} are {}", names.join(", ")),
+    }
+}
+
+/// Whether every name in the section `key` can be that of a directory.
+pub(crate) fn check_names<'a>(
+    key: &str,
+    names: impl IntoIterator<Item = &'a String>,
+) -> Result<(), Problem> {
+    let fine = |name: &&String| {
+        !name.is_empty()
+            && name.chars().all(|of| of.is_ascii_alphanumeric() || of == '-' || of == '_')
+    };
+    match names.into_iter().find(|name| !fine(name)) {
+        Some(name) => refuse!("[{key}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,72 @@
+//! What is laid over a study, key by key: `--set section.key=value`.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use crate::{
+    Study, StudyError,
+    error::{Problem, refuse, require},
+    written::typed,
+};
+
+/// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
+///
+/// # Errors
+/// A key that does not exist, or a value that is not valid.
+pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
+    let given =
+        || overrides.iter().map(|text| format!("--set {text}")).collect::<Vec<_>>().join(" ");
+    let study = || {
+        let mut table = Table::new();
+        overrides.iter().try_for_each(|text| apply(&mut table, text))?;
+        let mut study = typed(table).map_err(|problem| problem.after(&given()))?;
+        study.data.path = path.to_owned().into();
+        study.check()?;
+        Ok(study)
+    };
+    study().map_err(|problem: Problem| StudyError::Value(problem.to_string()))
+}
+
+/// The key of `section.key=value`.
+pub(crate) fn key(text: &str) -> &str {
+    text.split('=').next().unwrap_or_default().trim()
+}
+
+/// Apply one `section.key=value`; the value is TOML, or else plain text.
+pub(crate) fn apply(table: &mut Table, text: &str) -> Result<(), Problem> {
+    let expected = "expected section.key=value, such as agent.gamma=0.9";
+    let (keys, value) =
+        text.split_once('=').ok_or_else(|| Problem::new(format!("--set {text}: {expected}")))?;
+    let value = value.trim();
+    let parsed = toml::from_str::<Table>(&format!("value = {value}"))
+        .ok()
+        .and_then(|mut parsed| parsed.remove("value"))
+        .map_or_else(|| plain_text(text, value), Ok)?;
+    let keys: Vec<&str> = keys.trim().split('.').map(str::trim).collect();
+    let (last, sections) =
+        keys.split_last().ok_or_else(|| Problem::new(format!("--set {text}: {expected}")))?;
+    if keys.iter().any(|key| key.is_empty()) {
+        refuse!("--set {text}: {expected}");
+    }
+    let mut place = table;
+    for section in sections {
+        let entry = place.entry(*section).or_insert_with(|| Value::Table(Table::new()));
+        let Value::Table(inner) = entry else {
+            refuse!("--set {text}: `{section}` is a value, not a section");
+        };
+        place = inner;
+    }
+    place.insert((*last).to_owned(), parsed);
+    Ok(())
+}
+
+/// A value that is not TOML is plain text, unless it was clearly meant to be TOML.
+fn plain_text(text: &str, value: &str) -> Result<Value, Problem> {
+    require!(
+        !value.starts_with(['[', '{', '"', '\''])
+            && !value.starts_with(|first: char| first.is_ascii_digit()),
+        "--set {text}: `{value}` is not a TOML value: a number, \"text\", [list], {{ table }} or date"
+    );
+    Ok(Value::String(value.to_owned()))
+}

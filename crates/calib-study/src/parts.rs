@@ -1,0 +1,194 @@
+//! The models and deployments of a study, each as a job of its own.
+
+use crate::{Job, StudyError, error::Problem};
+
+/// What a command does something for, once each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Each {
+    /// Each model.
+    Model,
+    /// Each model, and each deployment where its start states follow from the deployment.
+    Rollouts,
+    /// Each deployment of each model.
+    Deployment,
+}
+
+impl Job {
+    /// Each of the models that the study compares, with the deployment that is chosen; the job itself where a model is
+    /// chosen, or there is only one, which has no name.
+    ///
+    /// # Errors
+    /// A value that is not valid in a model.
+    pub fn models(&self) -> Result<Vec<Self>, StudyError> {
+        let names = match self.model {
+            Some(_) => Vec::new(),
+            None => crate::models::names(&self.written.table),
+        };
+        if names.is_empty() {
+            return Ok(vec![self.clone()]);
+        }
+        names.iter().map(|name| self.choose(Some(name), self.deployment())).collect()
+    }
+
+    /// The jobs that a command is to go through: the job itself, if it has no several.
+    ///
+    /// # Errors
+    /// A value that is not valid in one of them, or a deployment where there are none.
+    pub fn parts(&self, each: Each) -> Result<Vec<Self>, StudyError> {
+        match each {
+            Each::Model => {
+                self.refuse_deployment()?;
+                self.models()
+            }
+            Each::Deployment => self.of_deployments(),
+            Each::Rollouts => once_where_shared(self.of_deployments()?),
+        }
+    }
+
+    fn of_deployments(&self) -> Result<Vec<Self>, StudyError> {
+        let models = self.models()?;
+        let names = match self.deployment {
+            Some(_) => Vec::new(),
+            None => self.whole()?.deployment_names(),
+        };
+        if names.is_empty() {
+            return Ok(models);
+        }
+        let of_model = |model: &Self| {
+            names.iter().map(|name| model.choose(model.model(), Some(name))).collect::<Vec<_>>()
+        };
+        models.iter().flat_map(of_model).collect()
+    }
+
+    /// Nothing that comes before rollouts knows of deployments.
+    ///
+    /// # Errors
+    /// If a deployment is chosen.
+    pub fn refuse_deployment(&self) -> Result<(), StudyError> {
+        match self.deployment {
+            None => Ok(()),
+            Some(_) => Err(StudyError::Value(
+                "--deployment is for rollout, sweep and evaluate: what this command makes is the same for every \
+                 deployment; leave it out"
+                    .to_owned(),
+            )),
+        }
+    }
+
+    /// The same without any deployment chosen.
+    ///
+    /// # Errors
+    /// A value that is valid only in a deployment.
+    pub fn before_deployment(&self) -> Result<Self, StudyError> {
+        self.choose(self.model(), None)
+    }
+
+    /// What this part of the study is called: `model a, deployment april`.
+    pub fn name(&self) -> String {
+        let model = self.model.as_ref().map(|name| format!("model {name}"));
+        let deployment = self.deployment.as_ref().map(|name| format!("deployment {name}"));
+        model.into_iter().chain(deployment).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Whether both choose the same model and deployment, if any.
+    pub fn is_same_part(&self, other: &Self) -> bool {
+        self.model == other.model && self.deployment == other.deployment
+    }
+
+    /// What would choose one of several `parts`: `--model NAME (a, b)`.
+    pub fn missing_names(&self, parts: &[Self]) -> Vec<String> {
+        let names = |of: fn(&Self) -> Option<&str>| {
+            let mut once: Vec<&str> = Vec::new();
+            for name in parts.iter().filter_map(of) {
+                if !once.contains(&name) {
+                    once.push(name);
+                }
+            }
+            once.join(", ")
+        };
+        let model = self.model.is_none().then(|| names(Self::model));
+        let deployment = self.deployment.is_none().then(|| names(Self::deployment));
+        [("--model", model), ("--deployment", deployment)]
+            .into_iter()
+            .filter_map(|(option, names)| Some((option, names.filter(|names| !names.is_empty())?)))
+            .map(|(option, names)| format!("{option} NAME ({names})"))
+            .collect()
+    }
+}
+
+/// The first of those parts that share their rollouts, which is then all of them.
+fn once_where_shared(parts: Vec<Job>) -> Result<Vec<Job>, StudyError> {
+    let mut directories = Vec::new();
+    let mut kept = Vec::new();
+    for part in parts {
+        let directory = part.layout().rollout();
+        if !directories.contains(&directory) {
+            directories.push(directory);
+            let follow = part.study().starts_follow_from_deployment();
+            kept.push(if follow { part } else { part.before_deployment()? });
+        }
+    }
+    Ok(kept)
+}
+
+impl From<Problem> for StudyError {
+    fn from(problem: Problem) -> Self {
+        Self::Value(problem.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Request;
+
+    const STUDY: &str = "[data]\npath = \"logs\"\ntrain = { end = 2023-04-01 }\n\
+        [deployments.july]\nstart = 2023-07-01\nend = 2023-08-01\n\
+        [deployments.april]\nstart = 2023-04-01\nend = 2023-05-01\n\
+        [models.a]\nmodel.members = 4\n[models.b]\nrollout.start = \"recent\"\n";
+
+    fn names(jobs: Result<Vec<Job>, StudyError>) -> Vec<String> {
+        jobs.expect("valid").iter().map(Job::name).collect()
+    }
+
+    #[test]
+    fn parts_are_models_and_deployments_in_order() {
+        let job = Job::of_text(Request::new("s.toml"), STUDY.to_owned()).expect("valid");
+        assert_eq!(names(job.parts(Each::Model)), ["model a", "model b"]);
+        let all = [
+            "model a, deployment april",
+            "model a, deployment july",
+            "model b, deployment april",
+            "model b, deployment july",
+        ];
+        assert_eq!(names(job.parts(Each::Deployment)), all);
+        // Rollouts from random starts are the same for every deployment.
+        assert_eq!(names(job.parts(Each::Rollouts)), ["model a", all[2], all[3]]);
+        let one = job.choose(Some("b"), Some("july")).expect("valid");
+        assert_eq!(names(one.parts(Each::Deployment)), ["model b, deployment july"]);
+        assert_eq!(
+            one.layout().sweep(),
+            std::path::Path::new("s-results/models/b/deployments/july/sweep")
+        );
+        assert!(one.parts(Each::Model).is_err() && one.models().is_ok());
+        assert_eq!(
+            one.study().data.held_out.as_ref().map(ToString::to_string).as_deref(),
+            Some("2023-07-01 .. 2023-08-01")
+        );
+        let missing = job.missing_names(&job.parts(Each::Deployment).expect("valid"));
+        assert_eq!(missing, ["--model NAME (a, b)", "--deployment NAME (april, july)"]);
+    }
+
+    #[test]
+    fn a_study_without_several_is_one_part() {
+        let job = Job::of_text(Request::new("s.toml"), "[data]\npath = \"logs\"\n".to_owned());
+        let job = job.expect("valid");
+        let parts = job.parts(Each::Rollouts).expect("valid");
+        assert!(parts.len() == 1 && parts[0].is_same_part(&job) && parts[0].name().is_empty());
+        let unknown = job.choose(Some("a"), None).expect_err("no models").to_string();
+        assert_eq!(
+            unknown,
+            "s.toml: --model a: the study has no [models.a], nor any other [models] section"
+        );
+    }
+}

@@ -1,0 +1,107 @@
+use std::path::PathBuf;
+
+use calib_agent::{AgentConfig, PretrainSettings};
+use calib_data::TimeRange;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Problem, require};
+
+/// The `[pretrain]` section: agents that have learnt from the log before they are deployed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PretrainConfig {
+    /// The most passes over the training transitions (default 0: no pre-training).
+    pub epochs: usize,
+    /// Step size of pre-training (default 1e-5, as in the paper); fine-tuning has `agent.learning_rate`.
+    pub learning_rate: f64,
+    /// Share of the transitions, the last in time, that is held back for validation (default 0.1, as in the paper).
+    pub validation_fraction: f64,
+    /// Stop after this many epochs without a better validation error and keep the best (default 0: never).
+    pub patience: usize,
+    /// What fine-tuning does with the optimiser's moments.
+    pub moments: MomentsRule,
+    /// The first part of the training range's time span, for pre-training; the calibration model has the
+    /// rest (default 0.5, as in the paper).
+    pub fraction: f64,
+    /// Instead of `fraction`: the period for pre-training; what the model has otherwise is `model.period`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub period: Option<TimeRange>,
+    /// Take the agents from this `pretrain` directory of another study instead of pre-training them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<PathBuf>,
+}
+
+/// What fine-tuning does with Adam's moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MomentsRule {
+    /// They begin at zero, as with a new optimiser.
+    #[default]
+    Reset,
+    /// They go on from where pre-training left them.
+    Keep,
+}
+
+impl Default for PretrainConfig {
+    fn default() -> Self {
+        Self {
+            epochs: 0,
+            learning_rate: 1e-5,
+            validation_fraction: 0.1,
+            patience: 0,
+            moments: MomentsRule::Reset,
+            fraction: 0.5,
+            period: None,
+            checkpoint: None,
+        }
+    }
+}
+
+impl PretrainConfig {
+    /// Whether agents are pre-trained at all.
+    pub fn is_on(&self) -> bool {
+        self.epochs > 0 || self.checkpoint.is_some()
+    }
+
+    /// Epochs, early stopping and validation.
+    pub fn settings(&self) -> PretrainSettings {
+        PretrainSettings {
+            epochs: self.epochs,
+            patience: self.patience,
+            validation_fraction: self.validation_fraction,
+        }
+    }
+
+    /// The agent as it is pre-trained: that of `[agent]` with the step size of pre-training.
+    pub fn agent(&self, agent: &AgentConfig) -> AgentConfig {
+        AgentConfig { learning_rate: self.learning_rate, ..agent.clone() }
+    }
+
+    /// Check every value on its own.
+    pub(crate) fn check(&self) -> Result<(), Problem> {
+        let inside = |value: f64| value > 0.0 && value < 1.0;
+        require!(
+            (1e-45..=1e38).contains(&self.learning_rate),
+            "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {}",
+            self.learning_rate
+        );
+        require!(
+            inside(self.validation_fraction),
+            "pretrain.validation_fraction must be above 0 and below 1, got {}",
+            self.validation_fraction
+        );
+        require!(
+            inside(self.fraction),
+            "pretrain.fraction must be above 0 and below 1, got {}",
+            self.fraction
+        );
+        require!(
+            self.checkpoint.is_none() || self.epochs == 0,
+            "pretrain.checkpoint takes agents from elsewhere and pretrain.epochs = {} trains them here; \
+             give one of them",
+            self.epochs
+        );
+        Ok(())
+    }
+}

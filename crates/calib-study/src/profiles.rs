@@ -1,0 +1,163 @@
+//! The same study at another size: `[profiles.NAME]` is laid over the whole file.
+
+use toml::{Table, Value};
+
+use crate::{
+    error::{Problem, refuse, require},
+    overlay::{check_names, lay_over, names, take},
+};
+
+/// The key under which they lie.
+pub(crate) const KEY: &str = "profiles";
+
+/// The key of a profile that names the one that it is laid over.
+pub(crate) const BASE: &str = "base";
+
+/// Names that the results of a profile cannot have, because those of the study have them.
+const TAKEN: [&str; 8] = [
+    "deployments",
+    "evaluate",
+    "model",
+    "models",
+    "pretrain",
+    "representation",
+    "rollout",
+    "sweep",
+];
+
+/// Where the results of a profile go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Results {
+    /// Where those of the study go, or where the profile itself says.
+    AsWritten,
+    /// To a folder called as the profile, in that of the study.
+    InOwnFolder,
+}
+
+/// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Results, Problem> {
+    let Some(name) = name else {
+        table.remove(KEY);
+        return Ok(Results::AsWritten);
+    };
+    let own = take(&mut table.clone(), KEY, "--profile", name)?;
+    let results =
+        if own.contains_key("output") { Results::AsWritten } else { Results::InOwnFolder };
+    let whole = with_base(table, own, &mut vec![name.to_owned()])?;
+    table.remove(KEY);
+    lay_over(table, whole);
+    Ok(results)
+}
+
+/// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
+fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> Result<Table, Problem> {
+    let name = above.last().cloned().unwrap_or_default();
+    let base = match own.remove(BASE) {
+        None => return Ok(own),
+        Some(Value::String(base)) => base,
+        Some(other) => {
+            refuse!("[{KEY}.{name}] {BASE} must be the name of another profile, got {other}")
+        }
+    };
+    require!(
+        !above.contains(&base),
+        "[{KEY}.{base}] is based on itself: {}, {base}; remove one {BASE}",
+        above.join(", ")
+    );
+    let below = take(&mut table.clone(), KEY, &format!("[{KEY}.{name}] {BASE} ="), &base)?;
+    above.push(base);
+    let mut whole = with_base(table, below, above)?;
+    lay_over(&mut whole, own);
+    Ok(whole)
+}
+
+/// Whether the study is one with each of its profiles, as far as `is_study` can tell.
+pub(crate) fn check(
+    table: &Table,
+    is_study: impl Fn(Table) -> Result<(), Problem>,
+) -> Result<(), Problem> {
+    let names = names(table, KEY);
+    check_names(KEY, &names)?;
+    for name in &names {
+        require!(
+            !TAKEN.contains(&name.as_str()),
+            "[{KEY}.{name}]: the study has a folder of that name in its results; choose another name"
+        );
+        let own = table.get(KEY).and_then(|of| of.get(name)).and_then(Value::as_table);
+        if own.is_some_and(|own| own.contains_key(KEY)) {
+            refuse!("[{KEY}.{name}] has [{KEY}] of its own, and one is chosen at a time");
+        }
+        let mut study = table.clone();
+        choose(&mut study, Some(name))?;
+        is_study(study).map_err(|problem| problem.within(&format!("{KEY}.{name}")))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let text = "seed = 1\n[sweep]\nsteps = 30\nonline_runs = 9\n\
+             [profiles.tiny]\nseed = 2\nsweep.steps = 3\n[profiles.other]\noutput = \"there\"\n";
+        toml::from_str(text).expect("TOML")
+    }
+
+    #[test]
+    fn a_profile_is_the_study_with_other_keys() {
+        let mut study = table();
+        assert_eq!(choose(&mut study, Some("tiny")).expect("exists"), Results::InOwnFolder);
+        let expected = "seed = 2\n[sweep]\nsteps = 3\nonline_runs = 9\n";
+        assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
+        let mut study = table();
+        assert_eq!(choose(&mut study, Some("other")).expect("exists"), Results::AsWritten);
+        let mut study = table();
+        assert_eq!(choose(&mut study, None).expect("none"), Results::AsWritten);
+        assert!(!study.contains_key(KEY) && study["seed"].as_integer() == Some(1));
+        let error = choose(&mut table(), Some("large")).expect_err("unknown").to_string();
+        assert_eq!(error, "--profile large: the study's profiles are other, tiny");
+    }
+
+    #[test]
+    fn a_profile_may_be_based_on_another() {
+        let based = |tail: &str| -> Table {
+            let text = format!(
+                "seed = 1\n[profiles.tiny]\noutput = \"there\"\nseed = 2\nsweep = {{ steps = 3 }}\n\
+                 [profiles.tiny-change]\nbase = \"tiny\"\nsweep.online_runs = 5\n{tail}"
+            );
+            toml::from_str(&text).expect("TOML")
+        };
+        let mut study = based("");
+        let results = choose(&mut study, Some("tiny-change")).expect("exists");
+        assert_eq!(results, Results::InOwnFolder, "the folder of its base is not its own");
+        let expected = "output = \"there\"\nseed = 2\n[sweep]\nsteps = 3\nonline_runs = 5\n";
+        assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
+        let refused = |tail: &str, name: &str| {
+            choose(&mut based(tail), Some(name)).expect_err("refused").to_string()
+        };
+        assert_eq!(
+            refused("[profiles.more]\nbase = \"tny\"\n", "more"),
+            "[profiles.more] base = tny: the study's profiles are more, tiny, tiny-change"
+        );
+        assert_eq!(
+            refused("[profiles.a]\nbase = \"b\"\n[profiles.b]\nbase = \"a\"\n", "a"),
+            "[profiles.a] is based on itself: a, b, a; remove one base"
+        );
+        let number = refused("[profiles.a]\nbase = 3\n", "a");
+        assert_eq!(number, "[profiles.a] base must be the name of another profile, got 3");
+    }
+
+    #[test]
+    fn every_profile_is_checked() {
+        check(&table(), |_| Ok(())).expect("valid");
+        let error = check(&table(), |study| {
+            require!(study["seed"].as_integer() == Some(1), "another seed");
+            Ok(())
+        });
+        assert_eq!(format!("{:#}", error.expect_err("refused")), "[profiles.tiny]: another seed");
+        let taken = toml::from_str("[profiles.sweep]\nseed = 1\n").expect("TOML");
+        let error = check(&taken, |_| Ok(())).expect_err("taken").to_string();
+        assert!(error.contains("choose another name"), "{error}");
+    }
+}

@@ -1,0 +1,135 @@
+use std::{
+    fmt,
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use toml::de::{DeTable, DeValue};
+
+/// The text of a study, and where its keys stand.
+#[derive(Clone, Debug)]
+pub(crate) struct Source {
+    path: PathBuf,
+    text: String,
+    /// Every key with the bytes of its last part: `sweep.steps` → those of `steps`.
+    keys: Vec<(String, Range<usize>)>,
+}
+
+/// A place in a file, for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file.
+    pub file: PathBuf,
+    /// Counted from 1.
+    pub line: usize,
+    /// In characters, counted from 1.
+    pub column: usize,
+    /// The whole line.
+    excerpt: String,
+    /// Characters that are meant.
+    width: usize,
+}
+
+impl Place {
+    /// The line, with carets below what is meant.
+    pub fn excerpt(&self) -> String {
+        let number = self.line.to_string();
+        let margin = " ".repeat(number.len());
+        // Tabs stay tabs, so that carets stand below what they mean.
+        let blank = |of: char| if of == '\t' { '\t' } else { ' ' };
+        let before: String = self.excerpt.chars().take(self.column - 1).map(blank).collect();
+        let carets = "^".repeat(self.width.max(1));
+        format!("{margin} |\n{number} | {}\n{margin} | {before}{carets}", self.excerpt)
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file.display(), self.line, self.column)
+    }
+}
+
+impl Source {
+    pub(crate) fn new(path: &Path, text: String) -> Self {
+        let mut keys = Vec::new();
+        // Text that is no TOML has no keys, and its mistake has a place of its own.
+        if let Ok(table) = DeTable::parse(&text) {
+            collect(table.get_ref(), "", &mut keys);
+        }
+        Self { path: path.to_owned(), text, keys }
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where these bytes stand.
+    pub(crate) fn place(&self, span: Range<usize>) -> Place {
+        let start = span.start.min(self.text.len());
+        let line_start = self.text[..start].rfind('\n').map_or(0, |at| at + 1);
+        let line_end = self.text[start..].find('\n').map_or(self.text.len(), |at| start + at);
+        let meant = &self.text[start..span.end.clamp(start, line_end)];
+        Place {
+            file: self.path.clone(),
+            line: self.text[..start].matches('\n').count() + 1,
+            column: self.text[line_start..start].chars().count() + 1,
+            excerpt: self.text[line_start..line_end].trim_end().to_owned(),
+            width: meant.trim_end().chars().count(),
+        }
+    }
+
+    /// Where a key stands, if it does.
+    pub(crate) fn place_of(&self, key: &str) -> Option<Place> {
+        let (_, span) = self.keys.iter().find(|(known, _)| known == key)?;
+        Some(self.place(span.clone()))
+    }
+}
+
+fn collect(table: &DeTable<'_>, above: &str, keys: &mut Vec<(String, Range<usize>)>) {
+    for (key, value) in table {
+        let name = key.get_ref().as_ref();
+        let path = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
+        keys.push((path.clone(), key.span()));
+        if let DeValue::Table(table) = value.get_ref() {
+            collect(table, &path, keys);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(text: &str) -> Source {
+        Source::new(Path::new("study.toml"), text.to_owned())
+    }
+
+    #[test]
+    fn keys_are_found_wherever_they_are_written() {
+        let text = "seed = 1\n[agent]\ngamma = 2\n[models.a]\nmodel.members = 3\nx = { y = 4 }\n";
+        let of = source(text);
+        let at = |key: &str| of.place_of(key).map(|place| (place.line, place.column));
+        assert_eq!(at("seed"), Some((1, 1)));
+        assert_eq!(at("agent.gamma"), Some((3, 1)));
+        assert_eq!(at("models.a.model.members"), Some((5, 7)));
+        assert_eq!(at("models.a.x.y"), Some((6, 7)));
+        assert_eq!(at("agent.beta"), None);
+    }
+
+    #[test]
+    fn an_excerpt_points_at_what_is_meant() {
+        let of = source("[agent]\n\t\"gämma\" = 2.0  # too large\n");
+        let place = of.place_of("agent.gämma").expect("there");
+        assert_eq!(place.to_string(), "study.toml:2:2");
+        let excerpt = "  |\n2 | \t\"gämma\" = 2.0  # too large\n  | \t^^^^^^^";
+        assert_eq!(place.excerpt(), excerpt);
+        assert_eq!(of.place(9_999..9_999).line, 3, "beyond the end is the end");
+        assert_eq!(source("").place(0..5).excerpt(), "  |\n1 | \n  | ^");
+        let lines = source("a = [1,\n2]\n").place(4..10);
+        assert!(lines.excerpt().ends_with("  |     ^^^"), "{}", lines.excerpt());
+    }
+}

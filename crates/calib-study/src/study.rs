@@ -1,0 +1,131 @@
+use std::{collections::BTreeMap, path::PathBuf};
+
+use calib_agent::{AgentConfig, Part};
+use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
+use calib_dynamics::DynamicsConfig;
+use calib_knn::ModelKind;
+use calib_represent::{RepresentationConfig, RepresentationKind};
+use calib_rollout::{RolloutConfig, StartKind};
+use calib_sweep::{Beginning, Rule, SweepConfig};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{ModelSection, PretrainConfig, SimulateConfig, schema};
+
+/// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Study {
+    /// Root of all randomness (default 0).
+    pub seed: u64,
+    /// Where results go, relative to the study file (default: the file's name without `.toml`,
+    /// followed by `-results`).
+    pub output: Option<PathBuf>,
+    /// The plant that the log is simulated from, if it is; unused where `--set` names other data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulate: Option<SimulateConfig>,
+    /// Where the log is, and which part of it is training and which is held out.
+    pub data: DataConfig,
+    /// The same study at other sizes, by name: what replaces the rest of it; empty once one was chosen, or none.
+    #[serde(skip_serializing)]
+    #[schemars(schema_with = "schema::profiles")]
+    pub profiles: BTreeMap<String, toml::Table>,
+    /// Which of the models are compared (default: all).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compare: Option<Vec<String>>,
+    /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(schema_with = "schema::models")]
+    pub models: BTreeMap<String, toml::Table>,
+    /// Named test windows; empty where one was chosen, which is then `data.held_out`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub deployments: BTreeMap<String, TimeRange>,
+    /// What people call sensors, and what they are measured in, by name. Default: what the header of the log says.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensors: BTreeMap<String, Description>,
+    /// From log to states.
+    pub preprocess: PreprocessConfig,
+    /// What neighbours are searched in.
+    pub representation: RepresentationConfig,
+    /// The calibration model.
+    pub model: ModelSection,
+    /// Networks, where the model is one.
+    pub dynamics: DynamicsConfig,
+    /// Rollouts of the model, and the start states of sweeps.
+    pub rollout: RolloutConfig,
+    /// The agent, and so the default that a sweep compares with.
+    pub agent: AgentConfig,
+    /// Agents that have learnt from the log before they are deployed.
+    pub pretrain: PretrainConfig,
+    /// What to sweep.
+    pub sweep: SweepConfig,
+    /// How to judge.
+    pub evaluate: EvaluateConfig,
+}
+
+impl Study {
+    /// Whether the model is a network, to which `[dynamics]` applies.
+    pub fn is_parametric(&self) -> bool {
+        self.model.kind != ModelKind::Knn
+    }
+
+    /// Runs of every value in each member of the model.
+    pub fn member_runs(&self) -> usize {
+        if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
+    }
+
+    /// Whether start states of `[rollout]` follow from the deployment.
+    pub fn starts_follow_from_deployment(&self) -> bool {
+        match self.rollout.start {
+            StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => true,
+            StartKind::Random | StartKind::Rows => false,
+        }
+    }
+
+    /// Where the rollouts start that agents are trained in; nothing else of `[rollout]` decides about them.
+    pub fn sweep_starts(&self) -> RolloutConfig {
+        let own = self.sweep.start.unwrap_or(self.rollout.start);
+        RolloutConfig { start: own, ..self.rollout.starts() }
+    }
+
+    /// Which part of a run is scored.
+    pub fn part(&self) -> Part {
+        let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();
+        self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
+    }
+
+    /// What the model is called in figures and tables.
+    pub fn model_name(&self) -> &'static str {
+        match (self.model.kind, self.representation.kind) {
+            (ModelKind::Nn, _) => "NN",
+            (ModelKind::Gru, _) => "GRU",
+            (ModelKind::Torchscript, _) => "TorchScript model",
+            (ModelKind::Knn, RepresentationKind::None) => "Euclidean kNN",
+            (ModelKind::Knn, RepresentationKind::Laplacian) => "Laplacian kNN",
+            (ModelKind::Knn, RepresentationKind::Import) => "kNN in an imported representation",
+        }
+    }
+}
+
+/// The `[evaluate]` section.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EvaluateConfig {
+    /// How a value is chosen from the evidence (default: `pooled`).
+    pub rule: Rule,
+    /// Resamples of intervals (default 2000; 0 gives none).
+    pub resamples: usize,
+    /// The choice counts as a hit if it is among the best `top_k` Online (default 3).
+    pub top_k: usize,
+    /// Title of the report (default: the study file's name).
+    pub title: Option<String>,
+    /// A list of tags with their units and descriptions: a CSV file, relative to the study file (default: none).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tags: Option<PathBuf>,
+}
+
+impl Default for EvaluateConfig {
+    fn default() -> Self {
+        Self { rule: Rule::Pooled, resamples: 2000, top_k: 3, title: None, tags: None }
+    }
+}

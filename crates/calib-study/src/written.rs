@@ -1,0 +1,226 @@
+//! A study file as it was read: once a command.
+
+use std::{fs, path::Path};
+
+use calib_files::{FileError, require_regular};
+use serde::{Deserialize as _, de::DeserializeOwned};
+use toml::{Table, Value};
+
+use crate::{
+    Request, Study, StudyError,
+    error::{Problem, require},
+    message::friendly,
+    models, overrides,
+    profiles::{self, Results},
+    protocol,
+    source::Source,
+};
+
+/// What a file says with a profile and what is given beside it, all models and deployments in it.
+#[derive(Clone, Debug)]
+pub(crate) struct Written {
+    pub(crate) request: Request,
+    pub(crate) table: Table,
+    /// Where the results of the profile go.
+    pub(crate) results: Results,
+    source: Source,
+}
+
+impl Written {
+    /// The file that `request` names.
+    pub(crate) fn read(request: Request) -> Result<Self, StudyError> {
+        let text = text_of(&request.study)?;
+        Self::of_text(request, text)
+    }
+
+    /// `text`, as if it stood in the file that `request` names.
+    pub(crate) fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
+        let source = Source::new(&request.study, text);
+        // The text is read for its own sake first, because only then a mistake has a place.
+        let table = parse(&source)?;
+        let profile = request.profile.clone();
+        let mut written = Self { request, table, results: Results::AsWritten, source };
+        let checked = profiles::check(&written.table, is_study);
+        checked.map_err(|problem| written.locate(&problem))?;
+        let chosen = profiles::choose(&mut written.table, profile.as_deref());
+        written.results = chosen.map_err(|problem| written.locate(&problem))?;
+        written.lay_over().map_err(|problem| StudyError::Value(problem.to_string()))?;
+        finite(&written.table, "")
+            .and_then(|()| models::check(&written.table))
+            .map_err(|problem| written.locate(&problem))?;
+        Ok(written)
+    }
+
+    /// Lay over it what was given beside the file.
+    fn lay_over(&mut self) -> Result<(), Problem> {
+        for text in &self.request.set {
+            overrides::apply(&mut self.table, text)?;
+        }
+        // Whoever names other data means these, and not a plant to write there.
+        let names_data = |text: &String| matches!(overrides::key(text), "data" | "data.path");
+        if self.request.set.iter().any(names_data) {
+            self.table.remove("simulate");
+        }
+        Ok(())
+    }
+
+    /// The study of one model and one deployment, or of all of them.
+    pub(crate) fn study(
+        &self,
+        model: Option<&str>,
+        deployment: Option<&str>,
+    ) -> Result<Study, StudyError> {
+        let mut table = self.table.clone();
+        let study = models::choose(&mut table, model).and_then(|()| {
+            let mut study = typed(table)?;
+            study.check()?;
+            study.choose_deployment(deployment)?;
+            Ok(study)
+        });
+        study.map_err(|problem| self.locate_in(&problem, model, deployment))
+    }
+
+    /// The problem with its place, as far as it has one.
+    pub(crate) fn locate(&self, problem: &Problem) -> StudyError {
+        self.locate_in(problem, None, None)
+    }
+
+    fn locate_in(
+        &self,
+        problem: &Problem,
+        model: Option<&str>,
+        deployment: Option<&str>,
+    ) -> StudyError {
+        let message = problem.to_string();
+        let keys = problem.keys();
+        if !keys.first().is_some_and(|key| self.is_overridden(key)) {
+            let place = keys.iter().find_map(|key| self.place_of(key, model));
+            if let Some(place) = place {
+                return StudyError::Written { place: Box::new(place), message };
+            }
+        }
+        // What is wrong with an option names it.
+        let study = if message.starts_with("--") {
+            self.request.study.display().to_string()
+        } else {
+            self.with_what_was_given(model, deployment)
+        };
+        StudyError::Given { study, message }
+    }
+
+    /// Whether what the key says was given beside the file.
+    fn is_overridden(&self, key: &str) -> bool {
+        let inside = |one: &str, other: &str| {
+            one.strip_prefix(other).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        let given = self.request.set.iter().map(|text| overrides::key(text));
+        given.into_iter().any(|given| inside(key, given) || inside(given, key))
+    }
+
+    /// Where a key stands: in the model that was chosen, in the profile, or in the rest of the file.
+    fn place_of(&self, key: &str, model: Option<&str>) -> Option<crate::Place> {
+        let model = model.map(|name| format!("models.{name}.{key}"));
+        let keys: Vec<String> = model.into_iter().chain([key.to_owned()]).collect();
+        let profile = |key: &String| {
+            self.request.profile.as_ref().map(|name| format!("profiles.{name}.{key}"))
+        };
+        let of_profile: Vec<String> = keys.iter().filter_map(profile).collect();
+        of_profile.iter().chain(&keys).find_map(|key| self.source.place_of(key))
+    }
+
+    /// The file, with what was given beside it.
+    fn with_what_was_given(&self, model: Option<&str>, deployment: Option<&str>) -> String {
+        let Request { study, set, profile, .. } = &self.request;
+        let named = |option: &str, name: &str| format!("{option} {name}");
+        let given: Vec<String> = profile
+            .iter()
+            .map(|name| named("--profile", name))
+            .chain(set.iter().map(|text| named("--set", text)))
+            .chain(model.map(|name| named("--model", name)))
+            .chain(deployment.map(|name| named("--deployment", name)))
+            .collect();
+        match given.as_slice() {
+            [] => study.display().to_string(),
+            given => format!("{} with {}", study.display(), given.join(" ")),
+        }
+    }
+}
+
+/// What stands in a file.
+pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
+    let text = match require_regular(path) {
+        Err(FileError::Io { source, .. }) => Err(source),
+        _ => fs::read_to_string(path),
+    };
+    text.map_err(|source| StudyError::Unreadable { path: path.to_owned(), source })
+}
+
+/// The study file `path` as a table, with all its models and without its profiles.
+pub(crate) fn table_of(path: &Path) -> Result<Table, StudyError> {
+    Ok(Written::read(Request::new(path))?.table)
+}
+
+/// Refuse numbers that TOML has and nothing here can work with, nor JSON keep.
+fn finite(table: &Table, section: &str) -> Result<(), Problem> {
+    fn check(key: &str, value: &Value) -> Result<(), Problem> {
+        match value {
+            Value::Float(number) => {
+                require!(number.is_finite(), "{key} = {number}: expected a finite number");
+                Ok(())
+            }
+            Value::Array(values) => values.iter().try_for_each(|value| check(key, value)),
+            Value::Table(table) => finite(table, key),
+            _ => Ok(()),
+        }
+    }
+    table.iter().try_for_each(|(name, value)| {
+        let key = if section.is_empty() { name.clone() } else { format!("{section}.{name}") };
+        check(&key, value)
+    })
+}
+
+/// Whether a table has the keys and types of a study.
+fn is_study(table: Table) -> Result<(), Problem> {
+    models::check(&table)?;
+    typed(table)?;
+    Ok(())
+}
+
+/// The study that a table is.
+pub(crate) fn typed(table: Table) -> Result<Study, Problem> {
+    Study::deserialize(Value::Table(table)).map_err(|error| located(&error))
+}
+
+fn parse(source: &Source) -> Result<Table, StudyError> {
+    let table: Table = of_text(source)?;
+    if table.contains_key(protocol::KEY) {
+        let path = source.path().display();
+        return Err(StudyError::Value(format!(
+            "{path} is a protocol of several studies; run it with `calib validity {path}`"
+        )));
+    }
+    // The typed reading finds unknown keys and wrong types, with their place in the text.
+    of_text::<Study>(source)?;
+    Ok(table)
+}
+
+/// What a text says; a mistake is named with its place.
+pub(crate) fn of_text<T: DeserializeOwned>(source: &Source) -> Result<T, StudyError> {
+    toml::from_str(source.text()).map_err(|error| StudyError::Written {
+        place: Box::new(source.place(error.span().unwrap_or(0..0))),
+        message: friendly(error.message()),
+    })
+}
+
+/// An error in a table, with the key that it is about.
+fn located(error: &toml::de::Error) -> Problem {
+    let text = error.to_string();
+    let key = text.lines().find_map(|line| line.trim().strip_prefix("in `"));
+    let message = friendly(error.message());
+    let Some(section) = key.map(|key| key.trim_end_matches('`')) else {
+        return Problem::new(message);
+    };
+    let unknown = message.strip_prefix("unknown key `").and_then(|rest| rest.split('`').next());
+    let key = unknown.map_or_else(|| section.to_owned(), |key| format!("{section}.{key}"));
+    Problem::of_key(key, format!("{section}: {message}"))
+}

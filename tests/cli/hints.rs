@@ -1,0 +1,195 @@
+//! What calib says to type can be pasted, and means the same run; a run is of one study, whatever happens to its file.
+
+use std::{
+    env, fs,
+    io::{BufRead as _, BufReader, Read as _},
+    path::Path,
+    process::{Command, Output, Stdio},
+};
+
+use serde_json::Value;
+
+use crate::harness::Place;
+
+/// What follows from a run in every respect in which commands can be told to be of one.
+const GIVEN: [&str; 9] = [
+    "--profile",
+    "small",
+    "--set",
+    "agent.gamma=0.8",
+    "--set",
+    "sweep.sensors=[\"PIT300\"]",
+    "--output",
+    "it's here",
+    "--quiet",
+];
+
+/// Run what stands in backticks or behind `next:`, as a shell would.
+fn paste(place: &Place, line: &str) -> Output {
+    let binary = Path::new(env!("CARGO_BIN_EXE_calib"));
+    let folder = binary.parent().expect("in a folder").display();
+    let path = format!("{folder}:{}", env::var("PATH").unwrap_or_default());
+    let mut shell = Command::new("sh");
+    shell.args(["-c", line]).current_dir(place.path()).env("PATH", path).env_remove("CALIB_DATA");
+    shell.output().expect("sh runs")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What stands behind `next:` and `or:`.
+fn next(text: &str) -> Vec<String> {
+    let hint = |line: &str| {
+        let line = line.trim();
+        line.strip_prefix("next: ").or(line.strip_prefix("or: ")).map(str::to_owned)
+    };
+    text.lines().filter_map(hint).collect()
+}
+
+/// What an error says to run.
+fn told(text: &str) -> Option<String> {
+    let error = &text[text.find("error: ")?..];
+    error.split('`').skip(1).step_by(2).find(|of| of.starts_with("calib ")).map(str::to_owned)
+}
+
+/// Run `line`, and whatever its errors say to run first, until it ends well; what was run before it did.
+fn follow(place: &Place, line: &str) -> Vec<String> {
+    let mut before = Vec::new();
+    loop {
+        let output = paste(place, line);
+        if output.status.success() {
+            return before;
+        }
+        let text = stderr(&output);
+        let hint = told(&text).unwrap_or_else(|| panic!("{line} says nothing to run: {text}"));
+        assert!(before.len() < 20, "{line} leads in circles: {before:?}");
+        assert!(hint.contains("gamma"), "a hint without what was given: {hint}");
+        let also = follow(place, &hint);
+        before.extend(also);
+        before.push(hint);
+    }
+}
+
+fn json(place: &Place, path: &str) -> Value {
+    let text = fs::read_to_string(place.path().join(path)).expect("there");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+/// A study with a plant, a profile, two models, two deployments, pre-training and representations.
+fn everything() -> Place {
+    let place = Place::with_plant();
+    place.edit_study(
+        "train_fraction = 0.7",
+        "train = { start = 2022-11-01, end = 2022-11-03 }\n\n[deployments.early]\nstart = 2022-11-03\nend = 2022-11-03T12:00:00\n\n\
+         [deployments.late]\nstart = 2022-11-03T12:00:00\nend = 2022-11-04\n\n[models.a]\nmodel.members = 2\n\n\
+         [models.b]\nrepresentation = { kind = \"laplacian\", steps = 60, dimension = 4 }\n\n\
+         [profiles.small]\nsweep.steps = 300\nsweep.online_runs = 2\nsweep.member_runs = 1\npretrain.epochs = 2\n",
+    );
+    place
+}
+
+#[test]
+fn errors_say_what_to_run_with_all_that_was_given() {
+    let place = everything();
+    let given = "--profile small --set agent.gamma=0.8 --set 'sweep.sensors=[\"PIT300\"]' --output \"it's here\"";
+    let line = format!("calib evaluate study.toml {given} --model b --deployment late");
+    let before = follow(&place, &line);
+    let commands: Vec<&str> = before.iter().filter_map(|of| of.split(' ').nth(1)).collect();
+    for command in ["simulate", "represent", "build-model", "pretrain", "sweep"] {
+        assert!(commands.contains(&command), "{before:?}");
+    }
+    // Nothing was made anywhere else, and of nothing else.
+    assert!(!place.path().join("study-results").exists());
+    let sweep = json(&place, "it's here/models/b/deployments/late/sweep/manifest.json");
+    assert_eq!(sweep["study"]["agent"]["gamma"], 0.8);
+    assert!(!place.path().join("it's here/models/a").exists());
+    // What was made otherwise is told with the same flags.
+    let other = line.replace("gamma=0.8", "gamma=0.7");
+    let before = follow(&place, &other);
+    assert!(before.iter().all(|of| of.contains("agent.gamma=0.7")), "{before:?}");
+    assert!(before.iter().any(|of| of.starts_with("calib sweep")), "{before:?}");
+    // What is damaged too.
+    let rows = place.path().join("it's here/models/b/model/rows.parquet");
+    let whole = fs::read(&rows).expect("there");
+    fs::write(&rows, &whole[..whole.len() / 2]).expect("writable");
+    let before = follow(&place, &other.replace("calib evaluate", "calib rollout"));
+    assert_eq!(before.len(), 1, "{before:?}");
+}
+
+#[test]
+fn what_comes_next_is_of_the_same_run() {
+    let place = everything();
+    let mut first = vec!["simulate", "study.toml"];
+    first.extend(&GIVEN[..6]);
+    let hints = next(&place.calib(&first).stderr());
+    assert_eq!(hints.len(), 1, "calib run");
+    assert!(hints[0].starts_with("calib run") && hints[0].contains("small"), "{hints:?}");
+    let commands = [
+        ("represent", vec!["--model", "b"], vec!["build-model"]),
+        ("build-model", vec!["--model", "b"], vec!["rollout", "sweep"]),
+        ("pretrain", vec![], vec!["build-model", "sweep"]),
+        ("rollout", vec!["--model", "b"], vec!["sweep"]),
+        ("sweep", vec!["--model", "b", "--deployment", "late"], vec!["evaluate"]),
+    ];
+    for (command, part, expected) in commands {
+        let args = [vec![command, "study.toml"], GIVEN[..8].to_vec(), part.clone()].concat();
+        let ran = place.calib(&args);
+        ran.succeeds();
+        let hints = next(&ran.stderr());
+        let told: Vec<&str> = hints.iter().filter_map(|of| of.split(' ').nth(1)).collect();
+        assert_eq!(told, expected, "{command}: {hints:?}");
+        // Pasted before what they need is there, they say so, and of the same run.
+        for hint in &hints {
+            let dry = paste(&place, &format!("{hint} --dry-run"));
+            let text = stderr(&dry);
+            assert!(!text.contains(", now "), "{hint}: {text}");
+            assert!(dry.status.success() || told_of_the_same(&text), "{hint}: {text}");
+        }
+    }
+    let evaluated = [vec!["evaluate", "study.toml"], GIVEN.to_vec()].concat();
+    let part = ["--model", "b", "--deployment", "late"];
+    place.calib(&[evaluated, part.to_vec()].concat()).succeeds();
+    assert!(!place.path().join("study-results").exists());
+}
+
+fn told_of_the_same(text: &str) -> bool {
+    told(text).is_some_and(|hint| {
+        ["--profile small", "agent.gamma=0.8", "PIT300", "it's here"]
+            .iter()
+            .all(|of| hint.contains(of))
+    })
+}
+
+#[test]
+fn a_study_that_is_edited_during_a_run_is_not_mixed_with_itself() {
+    let place = Place::with_study();
+    let mut child = place
+        .command(&["run", "study.toml"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("calib runs");
+    let mut lines = BufReader::new(child.stderr.take().expect("piped"));
+    let mut line = String::new();
+    while lines.read_line(&mut line).expect("readable") > 0 && line.trim() != "build-model" {
+        line.clear();
+    }
+    assert_eq!(line.trim(), "build-model", "the run begins with its first step");
+    place.edit_study("gamma = 0.9", "gamma = 0.5");
+    place.edit_study("members = 3", "members = 2");
+    let mut rest = String::new();
+    lines.read_to_string(&mut rest).expect("readable");
+    let status = child.wait().expect("a status");
+    assert!(status.success(), "{rest}");
+    let of =
+        |step: &str| json(&place, &format!("study-results/{step}/manifest.json"))["study"].clone();
+    for step in ["model", "rollout", "sweep"] {
+        let study = of(step);
+        assert_eq!(study["agent"]["gamma"], 0.9, "{step}");
+        assert_eq!(study["model"]["members"], 3, "{step}");
+    }
+    // The next command is of the study as it is now, and says so.
+    let message = place.calib(&["evaluate", "study.toml"]).fails(2);
+    assert!(message.contains("run `calib sweep study.toml` again"), "{message}");
+}

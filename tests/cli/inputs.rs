@@ -1,0 +1,89 @@
+//! A result is the same as long as what it follows from is the same, and for no other reason.
+
+use std::fs;
+
+use crate::harness::Place;
+
+/// All steps of the study.
+fn run(place: &Place) {
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+}
+
+#[test]
+fn what_changes_no_byte_changes_no_key() {
+    let place = Place::with_study();
+    run(&place);
+    let before = place.content("study-results");
+    let scan = |command: &str| place.calib(&[command, "study.toml", "--set", "model.index=scan"]);
+    for command in ["build-model", "rollout"] {
+        let again = scan(command).succeeds();
+        assert!(again.starts_with("up to date"), "{command}: {again}");
+    }
+    let swept = scan("sweep");
+    assert!(swept.succeeds().starts_with("up to date"), "{}", swept.stdout());
+    let judged = scan("evaluate");
+    judged.ends(&[0, 1]);
+    assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
+    let after = place.content("study-results");
+    for (path, content) in before.iter().filter(|(path, _)| !path.ends_with("manifest.json")) {
+        assert!(after[path] == *content, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_log_is_known_by_what_it_holds() {
+    let place = Place::with_study();
+    run(&place);
+    let at = |command: &str, path: &str| {
+        place.calib(&[command, "study.toml", "--set", &format!("data.path={path}")])
+    };
+    // The same log in another folder.
+    fs::rename(place.path().join("data"), place.path().join("moved")).expect("there");
+    at("evaluate", "moved").ends(&[0, 1]);
+    for command in ["rollout", "sweep", "build-model"] {
+        let again = at(command, "moved").succeeds();
+        assert!(again.starts_with("up to date"), "{command}: {again}");
+    }
+    let judged = at("evaluate", "moved");
+    judged.ends(&[0, 1]);
+    assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
+    // Another log, in a folder that has any name.
+    let other =
+        ["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
+    place.calib(&other).succeeds();
+    for command in ["rollout", "sweep", "evaluate"] {
+        let message = at(command, "other").fails(2);
+        assert!(
+            message.contains("other data") && message.contains("'data.path=other'"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn the_keys_that_differ_are_named_with_both_values() {
+    let place = Place::with_study();
+    run(&place);
+    let of =
+        |command: &str, set: &str| place.calib(&[command, "study.toml", "--set", set]).fails(2);
+    let message = of("evaluate", "agent.gamma=0.8");
+    assert!(
+        message.contains(
+            "agent.gamma = 0.9, now 0.8; run `calib sweep study.toml --set 'agent.gamma=0.8'`"
+        ),
+        "{message}"
+    );
+    let message = of("sweep", "model.neighbors=7");
+    assert!(
+        message.contains("model.neighbors = 3, now 7; run `calib build-model study.toml --set"),
+        "{message}"
+    );
+    let message = of("rollout", "preprocess.fill_limit=6");
+    assert!(message.contains("preprocess.fill_limit = 5, now 6"), "{message}");
+    // Rollouts of other settings are told of, and not shown.
+    let note = place.calib(&["evaluate", "study.toml", "--set", "rollout.steps=399"]);
+    note.ends(&[0, 1]);
+    assert!(note.stdout().contains("with other settings"), "{}", note.stdout());
+}

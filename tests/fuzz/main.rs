@@ -1,0 +1,234 @@
+//! Parsers against bytes that nobody meant: whatever they are given, they return. What they return of a damaged file is
+//! refused, or what was written.
+//!
+//! 256 cases a parser run with the other tests. More by hand: `PROPTEST_CASES=1000000 cargo test --release --test fuzz`.
+//! Parsers that only the command line reaches (studies, profiles, manifests, units, imports) are in `tests/torture/hostile.rs`.
+
+use std::{fs, path::Path};
+
+use calib_data::{
+    DataConfig, Declared, Moment, PreprocessConfig, format_time, inspect, parse_time,
+    table::{Table, parquet_names, read_parquet, read_parquet_list},
+};
+use calib_files::{
+    Tensor, Tensors, map_npy, read_array, read_csv, read_sealed_json, read_sealed_tensors,
+    read_tensors, write_npy, write_sealed_json, write_tensors,
+};
+use calib_study::of_data;
+use proptest::{collection::vec, prelude::*, sample::Index};
+
+/// One change to some bytes.
+#[derive(Clone, Debug)]
+enum Edit {
+    Set(Index, u8),
+    Flip(Index, u8),
+    Cut(Index),
+    Insert(Index, Vec<u8>),
+    /// Four bytes that lengths and counts are read from.
+    Number(Index, u32),
+    Copy(Index, Index),
+}
+
+fn edits() -> impl Strategy<Value = Vec<Edit>> {
+    let place = any::<Index>;
+    let number =
+        prop_oneof![Just(u32::MAX), Just(0), Just(1 << 31), Just(0x7fff_ffff), any::<u32>()];
+    vec(
+        prop_oneof![
+            (place(), any::<u8>()).prop_map(|(place, byte)| Edit::Set(place, byte)),
+            (place(), 0..8_u8).prop_map(|(place, bit)| Edit::Flip(place, bit)),
+            place().prop_map(Edit::Cut),
+            (place(), vec(any::<u8>(), 1..20))
+                .prop_map(|(place, bytes)| Edit::Insert(place, bytes)),
+            (place(), number).prop_map(|(place, number)| Edit::Number(place, number)),
+            (place(), place()).prop_map(|(from, to)| Edit::Copy(from, to)),
+        ],
+        1..6,
+    )
+}
+
+fn edited(whole: &[u8], edits: &[Edit]) -> Vec<u8> {
+    let mut bytes = whole.to_vec();
+    for edit in edits {
+        if bytes.is_empty() {
+            return bytes;
+        }
+        let length = bytes.len();
+        match edit {
+            Edit::Set(place, byte) => bytes[place.index(length)] = *byte,
+            Edit::Flip(place, bit) => bytes[place.index(length)] ^= 1 << bit,
+            Edit::Cut(place) => bytes.truncate(place.index(length)),
+            Edit::Insert(place, more) => {
+                let place = place.index(length);
+                bytes.splice(place..place, more.iter().copied());
+            }
+            Edit::Number(place, number) => {
+                let place = place.index(length);
+                let end = (place + 4).min(length);
+                bytes[place..end].copy_from_slice(&number.to_le_bytes()[..end - place]);
+            }
+            Edit::Copy(from, to) => {
+                let (from, to) = (from.index(length), to.index(length));
+                let count = 16.min(length - from.max(to));
+                bytes.copy_within(from..from + count, to);
+            }
+        }
+    }
+    bytes
+}
+
+/// A folder with one file.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a directory"))
+    }
+
+    fn file(&self, name: &str) -> std::path::PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn with(name: &str, bytes: &[u8]) -> (Self, std::path::PathBuf) {
+        let place = Self::new();
+        let path = place.file(name);
+        fs::write(&path, bytes).expect("writable");
+        (place, path)
+    }
+}
+
+/// What `write` writes.
+fn written(write: impl FnOnce(&Path)) -> Vec<u8> {
+    let place = Place::new();
+    let path = place.file("whole");
+    write(&path);
+    fs::read(path).expect("readable")
+}
+
+/// Bytes of a file of the corpus: shapes that were met, or made trouble once.
+fn corpus(name: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/corpus").join(name);
+    let mut paths: Vec<_> =
+        fs::read_dir(&folder).expect("a corpus").flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).expect("readable")).collect()
+}
+
+fn tensors() -> Tensors {
+    let tensors = vec![
+        Tensor {
+            name: "a".to_owned(),
+            shape: vec![2, 3],
+            values: vec![1.0, -2.0, 0.5, 3e38, -0.0, 7.0],
+        },
+        Tensor::flat("b", vec![1.0; 9]),
+    ];
+    Tensors { tensors, metadata: [("key".to_owned(), "value \"".to_owned())].into() }
+}
+
+fn log() -> Vec<u8> {
+    written(|path| {
+        let times: Vec<_> =
+            (0..60).map(|row| calib_core::Timestamp::from_micros(row * 60_000_000)).collect();
+        let table = Table::new()
+            .with("timestamp", times)
+            .with("P", (0..60).map(|row| f64::from(row).sin()).collect::<Vec<f64>>())
+            .with(
+                "mode",
+                (0..60)
+                    .map(|row| if row % 7 == 0 { "on" } else { "off" }.to_owned())
+                    .collect::<Vec<String>>(),
+            );
+        table.write_parquet(path).expect("written");
+    })
+}
+
+proptest! {
+    #[test]
+    fn arrays(edits in edits(), which in any::<Index>()) {
+        let mut whole = corpus("npy");
+        whole.push(written(|path| write_npy(path, &[1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0], 2, 3).expect("written")));
+        let (_place, path) = Place::with("a.npy", &edited(&whole[which.index(whole.len())], &edits));
+        if let Ok(array) = read_array(&path) {
+            prop_assert_eq!(array.values.len(), array.shape.iter().product::<usize>());
+        }
+        if let Ok(mapped) = map_npy::<f32>(&path) {
+            prop_assert_eq!(mapped.as_slice().len(), mapped.rows() * mapped.columns());
+        }
+    }
+
+    #[test]
+    fn series(edits in edits(), which in any::<Index>()) {
+        let whole = corpus("csv");
+        let (_place, path) = Place::with("a.csv", &edited(&whole[which.index(whole.len())], &edits));
+        if let Ok(columns) = read_csv(&path) {
+            let lengths: Vec<usize> = columns.iter().flat_map(|column| &column.numbers).map(Vec::len).collect();
+            prop_assert!(lengths.windows(2).all(|pair| pair[0] == pair[1]));
+        }
+    }
+
+    #[test]
+    fn weights(edits in edits()) {
+        let whole = written(|path| write_tensors(path, &tensors()).expect("written"));
+        let bytes = edited(&whole, &edits);
+        let (_place, path) = Place::with("a.safetensors", &bytes);
+        if let Ok(read) = read_tensors(&path) {
+            for tensor in &read.tensors {
+                prop_assert_eq!(tensor.values.len(), tensor.shape.iter().product::<usize>());
+            }
+        }
+        if let Ok(read) = read_sealed_tensors(&path) {
+            prop_assert_eq!(read, tensors());
+        }
+    }
+
+    #[test]
+    fn sealed(edits in edits()) {
+        let value = serde_json::json!({"format": 3, "files": {"a": [1, 2.5, null]}, "name": "温\"\n"});
+        let whole = written(|path| write_sealed_json(path, &value).expect("written"));
+        let (_place, path) = Place::with("manifest.json", &edited(&whole, &edits));
+        if let Ok(read) = read_sealed_json::<serde_json::Value>(&path) {
+            prop_assert_eq!(read, value);
+        }
+    }
+
+    #[test]
+    fn logs(edits in edits(), at_end in any::<bool>()) {
+        let whole = log();
+        // Most of what can be said wrongly is said in the footer.
+        let footer = whole.len() - 8 - u32::from_le_bytes(
+            whole[whole.len() - 8..whole.len() - 4].try_into().expect("four bytes")) as usize;
+        let bytes = if at_end {
+            [&whole[..footer], &edited(&whole[footer..whole.len() - 8], &edits), &whole[whole.len() - 8..]].concat()
+        } else {
+            edited(&whole, &edits)
+        };
+        let (place, path) = Place::with("a.parquet", &bytes);
+        let data = DataConfig::at(place.0.path());
+        let _ = read_parquet(&path);
+        let _ = parquet_names(&path);
+        let _ = read_parquet_list(&path, "P");
+        // What declares more than there can be is refused before it is read.
+        if Declared::of(&data).is_ok_and(|declared| declared.least_bytes < 1 << 30) {
+            let _ = inspect(&data, &PreprocessConfig::default(), &calib_core::Silent);
+        }
+    }
+
+    #[test]
+    fn times(text in "[-+0-9TtZz:. /a-e\\[\\]]{0,40}|\\PC{0,12}") {
+        if let Some(time) = parse_time(&text) {
+            prop_assert_eq!(parse_time(&format_time(time)), Some(time), "{}", text);
+        }
+        let _ = Moment::new(&text);
+    }
+
+    #[test]
+    fn overrides(
+        key in "(agent|sweep|model|rollout|preprocess|data|representation|evaluate|pretrain|dynamics|simulate)\
+                \\.(gamma|steps|grid|members|start|traces|train|kind|rule|epochs|days)(\\.[a-z_]{0,12})?",
+        value in "[-+0-9a-z_\"'\\[\\]{}=,. :eE]{0,40}|\\PC{0,20}",
+    ) {
+        let _ = of_data(Path::new("logs"), &[format!("{key}={value}")]);
+        let _ = of_data(Path::new("logs"), &[format!("{value}={key}"), value]);
+    }
+}

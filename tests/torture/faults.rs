@@ -1,0 +1,293 @@
+//! Every operation on the disk fails once, is the first on a full disk, and is the last before a kill; afterwards the same
+//! command gives what it would have given undisturbed.
+//!
+//! A slice runs with the other tests. All operations of all commands by hand:
+//!
+//!     CALIB_FAULTS=all cargo test --release --test torture faults -- --nocapture
+
+use std::{collections::BTreeMap, fs, path::Path, path::PathBuf};
+
+use crate::{
+    campaign::{everything, neighbours, on_all_cores},
+    harness::{Place, Ran},
+};
+
+/// What goes wrong.
+const KINDS: [&str; 3] = ["fail", "full", "kill"];
+/// Operations of a command that are tried with the other tests, for each kind.
+const SLICE: usize = 4;
+
+/// A command that writes.
+struct Job {
+    args: &'static [&'static str],
+    place: fn() -> Place,
+}
+
+impl Job {
+    fn run(&self, place: &Place, fault: Option<&str>) -> Ran {
+        let mut args = self.args.to_vec();
+        args.extend(["--threads", "1", "-q"]);
+        place.calib_with(&args, &[("CALIB_FAULT", fault.unwrap_or_default())])
+    }
+
+    /// What it makes undisturbed.
+    fn whole(&self, place: &Place) -> Content {
+        self.run(place, None).ends(&[0, 1]);
+        content(place)
+    }
+
+    /// What it does to the disk, in order.
+    fn operations(&self, place: &Place) -> Vec<String> {
+        let list = tempfile::NamedTempFile::new().expect("a file");
+        self.run(place, Some(&format!("list:{}", list.path().display()))).ends(&[0, 1]);
+        let text = fs::read_to_string(list.path()).expect("readable");
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+type Content = BTreeMap<PathBuf, Vec<u8>>;
+
+/// Everything in a place, but locks and wall times, and what a kill leaves beside a file that the user named: nobody else
+/// knows whether another process still writes it.
+fn content(place: &Place) -> Content {
+    let mut content = place.content(".");
+    let is_lock = |path: &Path| path.ends_with(".lock");
+    let is_beside = |path: &Path| {
+        path.to_str().is_some_and(|name| name.starts_with(".calib-"))
+            && path.extension().is_some_and(|kind| kind == "tmp")
+    };
+    content.retain(|path, _| !is_lock(path) && !is_beside(path));
+    content
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("writable");
+    for entry in fs::read_dir(from).expect("readable").flatten() {
+        let (path, target) = (entry.path(), to.join(entry.file_name()));
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            fs::copy(&path, &target).expect("copied");
+        }
+    }
+}
+
+/// A copy of a place.
+pub(crate) fn copied(place: &Place) -> Place {
+    let other = Place::new();
+    copy(place.path(), other.path());
+    other
+}
+
+/// What one failure led to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// The command said what could not be done.
+    Refused,
+    /// What failed need not succeed: the result was whole at once.
+    Whole,
+    Killed,
+}
+
+/// Let one operation go wrong, and run the command again.
+fn try_one(job: &Job, base: &Place, whole: &Content, fault: &str) -> Result<Outcome, String> {
+    let place = copied(base);
+    let ran = job.run(&place, Some(fault));
+    let told = ran.stderr();
+    let outcome = match ran.code() {
+        -1 if fault.starts_with("kill") => Outcome::Killed,
+        0 | 1 => {
+            same(&content(&place), whole).map_err(|differs| format!("succeeded, but {differs}"))?;
+            Outcome::Whole
+        }
+        2 => {
+            let cause = ["a failure on purpose", "no storage space"];
+            let says_why =
+                told.contains("error: ") && cause.iter().any(|cause| told.contains(cause));
+            let says_where =
+                told.contains("study") || told.contains("data") || told.contains("made");
+            if !says_why || !says_where || told.contains("panicked") {
+                return Err(format!("unclear: {told}"));
+            }
+            Outcome::Refused
+        }
+        code => return Err(format!("exit code {code}: {told}")),
+    };
+    let again = job.run(&place, None);
+    if !matches!(again.code(), 0 | 1) {
+        return Err(format!("{outcome:?}, then exit code {}: {}", again.code(), again.stderr()));
+    }
+    same(&content(&place), whole).map_err(|differs| format!("{outcome:?}, then {differs}"))?;
+    Ok(outcome)
+}
+
+fn same(found: &Content, whole: &Content) -> Result<(), String> {
+    let further: Vec<_> = found.keys().filter(|path| !whole.contains_key(*path)).collect();
+    let missing: Vec<_> = whole.keys().filter(|path| !found.contains_key(*path)).collect();
+    let other: Vec<_> = whole
+        .keys()
+        .filter(|path| found.get(*path).is_some_and(|bytes| bytes != &whole[*path]))
+        .collect();
+    if further.is_empty() && missing.is_empty() && other.is_empty() {
+        return Ok(());
+    }
+    Err(format!("left over: {further:?}; missing: {missing:?}; other bytes: {other:?}"))
+}
+
+/// Try operations of a command: all of them, or some that are spread over it.
+#[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
+fn campaign(job: &Job) {
+    let base = (job.place)();
+    let whole = job.whole(&copied(&base));
+    let operations = job.operations(&copied(&base));
+    assert!(!operations.is_empty());
+    let all = std::env::var("CALIB_FAULTS").is_ok_and(|which| which == "all");
+    let wanted = if all { operations.len() } else { SLICE.min(operations.len()) };
+    // Spread over the command, and different ones for each kind.
+    let number = |kind: usize, place: usize| {
+        1 + (place * operations.len() + kind * operations.len() / KINDS.len()) / wanted
+            % operations.len()
+    };
+    let cases: Vec<(usize, usize)> = (0..KINDS.len())
+        .flat_map(|kind| (0..wanted).map(move |place| (kind, place)))
+        .map(|(kind, place)| (kind, if all { place + 1 } else { number(kind, place) }))
+        .collect();
+    let outcomes = on_all_cores(cases.len(), |case| {
+        let (kind, number) = cases[case];
+        try_one(job, &base, &whole, &format!("{}:{number}", KINDS[kind]))
+    });
+    let mut wrong = Vec::new();
+    for (kind, name) in KINDS.iter().enumerate() {
+        let of_kind = || cases.iter().zip(&outcomes).filter(|((of, _), _)| *of == kind);
+        let count = |wanted| of_kind().filter(|(_, outcome)| **outcome == Ok(wanted)).count();
+        println!(
+            "{:<40} {name}: {} of {} operations tried, {} refused, {} whole all the same, {} killed",
+            job.args.join(" "),
+            of_kind().count(),
+            operations.len(),
+            count(Outcome::Refused),
+            count(Outcome::Whole),
+            count(Outcome::Killed)
+        );
+        wrong.extend(of_kind().filter_map(|((_, number), outcome)| {
+            let error = outcome.as_ref().err()?;
+            Some(format!("{name}:{number} ({}): {error}", operations[number - 1]))
+        }));
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
+}
+
+/// A place in which a command was run before.
+fn after(place: Place, commands: &[&[&str]]) -> Place {
+    for args in commands {
+        place.calib(&[args, &["--threads", "1", "-q"][..]].concat()).ends(&[0, 1]);
+    }
+    place
+}
+
+#[test]
+fn a_study_of_neighbours() {
+    campaign(&Job { args: &["run", "study.toml"], place: neighbours });
+}
+
+#[test]
+fn a_study_of_everything() {
+    campaign(&Job { args: &["run", "study.toml"], place: everything });
+}
+
+#[test]
+fn what_is_made_anew() {
+    campaign(&Job {
+        args: &["simulate", "data", "--days", "1", "--channels", "4", "--period", "600", "--force"],
+        place: || {
+            after(
+                Place::new(),
+                &[&["simulate", "data", "--days", "2", "--channels", "3", "--period", "900"]],
+            )
+        },
+    });
+    for args in [
+        &["build-model", "study.toml", "--force", "--spill", "always"][..],
+        &["represent", "study.toml", "--force"],
+        &["pretrain", "study.toml", "--force"],
+        &["rollout", "study.toml", "--force"],
+        &["sweep", "study.toml", "--force"],
+        &["evaluate", "study.toml"],
+    ] {
+        campaign(&Job { args, place: || after(everything(), &[&["run", "study.toml"]]) });
+    }
+}
+
+#[test]
+fn what_stands_alone() {
+    campaign(&Job { args: &["man", "made"], place: Place::new });
+    campaign(&Job {
+        args: &["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "made.csv"],
+        place: || {
+            let place = Place::new();
+            place.write("a.csv", "1\n2\n3\n");
+            place.write("b.csv", "1\n3\n3\n");
+            place
+        },
+    });
+    campaign(&Job { args: &["validity", "study.toml", "--output", "made"], place: neighbours });
+}
+
+/// What changes a disk, in Rust's standard library and in those that calib uses.
+const CHANGES: [&str; 16] = [
+    "fs::write(",
+    "fs::rename(",
+    "fs::copy(",
+    "fs::hard_link(",
+    "fs::remove_file(",
+    "fs::remove_dir(",
+    "fs::remove_dir_all(",
+    "fs::create_dir(",
+    "fs::create_dir_all(",
+    "fs::set_permissions(",
+    "File::create(",
+    "File::create_new(",
+    "File::options(",
+    "OpenOptions::new(",
+    "tempfile::",
+    ".set_len(",
+];
+
+/// Sources of a folder, without their tests.
+fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
+    for entry in fs::read_dir(folder).expect("readable").flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|kind| kind == "rs") && !path.ends_with("tests.rs") {
+            let text = fs::read_to_string(&path).expect("readable");
+            let end = text.find("#[cfg(test)]\nmod tests").unwrap_or(text.len());
+            let code = text[..end].lines().filter(|line| !line.trim_start().starts_with("//"));
+            found.push((path, code.collect::<Vec<_>>().join("\n")));
+        }
+    }
+}
+
+#[test]
+fn nothing_but_calib_files_changes_a_disk() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    sources(&root.join("src"), &mut found);
+    for package in fs::read_dir(root.join("crates")).expect("readable").flatten() {
+        if package.file_name() != "calib-files" {
+            sources(&package.path().join("src"), &mut found);
+        }
+    }
+    assert!(found.len() > 300, "{} files", found.len());
+    // The list of operations that a test asks for is no result.
+    found.retain(|(path, _)| *path != root.join("src/faults.rs"));
+    let changes = |text: &str| {
+        CHANGES.iter().copied().filter(|change| text.contains(change)).collect::<Vec<_>>()
+    };
+    let elsewhere: Vec<_> = found
+        .iter()
+        .map(|(path, text)| (path, changes(text)))
+        .filter(|(_, changes)| !changes.is_empty())
+        .collect();
+    assert!(elsewhere.is_empty(), "{elsewhere:?}");
+}

@@ -1,0 +1,187 @@
+//! A command under limits: thirty seconds, four gibibytes of addresses.
+
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    process::Stdio,
+    thread,
+    time::Duration,
+};
+
+use crate::harness::Place;
+
+/// How a command may end, and how it may not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Ended {
+    /// Exit code 0 or 1.
+    Done,
+    /// Exit code 2, with a message that names what was wrong.
+    Refused(String),
+    /// Anything else, in words.
+    Wrong(String),
+}
+
+/// Seconds after which a command hangs.
+const SECONDS: u64 = 30;
+/// Addresses that a command may take.
+#[cfg(unix)]
+const BYTES: u64 = 4 << 30;
+
+/// Run a command in a place; `names` are what a refusal may call the thing that is wrong.
+pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
+    let stderr = place.path().join("stderr.txt");
+    let mut command = place.command(args);
+    command.stdout(Stdio::null()).stderr(File::create(&stderr).expect("writable"));
+    #[cfg(unix)]
+    limit(&mut command);
+    let mut child = command.spawn().expect("calib runs");
+    let mut status = None;
+    for _ in 0..SECONDS * 200 {
+        status = child.try_wait().expect("a status");
+        if status.is_some() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    let Some(status) = status else {
+        child.kill().expect("it runs");
+        child.wait().expect("a status");
+        return Ended::Wrong(format!("hangs: nothing after {SECONDS} s"));
+    };
+    let told = fs::read(&stderr).expect("readable");
+    let told = String::from_utf8_lossy(&told).replace(&*place.path().to_string_lossy(), "PLACE");
+    let begins = told.starts_with("error: ").then_some(0);
+    let begins = begins.or_else(|| told.find("\nerror: ").map(|end| end + 1));
+    let error = begins.map(|start| told[start..].trim_end().to_owned());
+    match (status.code(), error) {
+        _ if told.contains("panicked at") => Ended::Wrong(format!("panic: {told}")),
+        _ if told.contains(['\u{1b}', '\u{202e}']) => {
+            Ended::Wrong(format!("obeyed by terminals: {told}"))
+        }
+        (Some(0 | 1), _) => Ended::Done,
+        (Some(2), Some(error)) if names.iter().any(|name| error.contains(name)) => {
+            Ended::Refused(error)
+        }
+        (code, _) => Ended::Wrong(format!(
+            "{}: {told}",
+            code.map_or_else(|| status.to_string(), |code| format!("exit code {code}"))
+        )),
+    }
+}
+
+#[cfg(unix)]
+fn limit(command: &mut std::process::Command) {
+    use std::os::unix::process::CommandExt as _;
+    let limited = || {
+        let limit = libc::rlimit { rlim_cur: BYTES, rlim_max: BYTES };
+        // SAFETY: the limit is read, and nothing is kept of it.
+        #[expect(unsafe_code, reason = "limits are set in C")]
+        let set = unsafe { libc::setrlimit(libc::RLIMIT_AS, &raw const limit) };
+        if set == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
+    };
+    // SAFETY: between fork and exec nothing but `setrlimit` is called.
+    #[expect(unsafe_code, reason = "what a child does before it begins is unsafe by nature")]
+    unsafe {
+        command.pre_exec(limited);
+    }
+}
+
+/// Words by which a message says what to do, what was expected, or what there is instead.
+const REMEDIES: [&str; 42] = [
+    "expected",
+    "run `",
+    "choose",
+    "Choose",
+    "give ",
+    "remove",
+    "set ",
+    "use ",
+    "must be",
+    "leave",
+    "name ",
+    "needs",
+    "wants",
+    "from ",
+    "at least",
+    "at most",
+    "write ",
+    "again",
+    "try ",
+    "check ",
+    "Check ",
+    "above",
+    "did you mean",
+    "keys are",
+    "take ",
+    "lower",
+    "raise",
+    "shorter",
+    "longer",
+    "fewer",
+    "more",
+    "add ",
+    "move",
+    "another",
+    "less",
+    "one of",
+    "shows every",
+    "scale the",
+    "columns are",
+    "No such file",
+    "is not a readable",
+    "is not a channel",
+];
+
+/// Counts by kind, and what must not be.
+#[derive(Default)]
+pub(crate) struct Tally {
+    counts: BTreeMap<String, [usize; 3]>,
+    /// The first case of each kind of fault, and how many there are.
+    wrong: BTreeMap<String, (String, usize)>,
+    /// Messages without a word of what to do, once each.
+    helpless: BTreeMap<String, usize>,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, kind: &str, case: &str, ended: Ended) {
+        let counts = self.counts.entry(kind.to_owned()).or_default();
+        match ended {
+            Ended::Done => counts[0] += 1,
+            Ended::Refused(message) => {
+                counts[1] += 1;
+                let told = message.to_lowercase();
+                if !REMEDIES.iter().any(|remedy| told.contains(remedy)) {
+                    *self.helpless.entry(bare(&message)).or_default() += 1;
+                }
+            }
+            Ended::Wrong(how) => {
+                counts[2] += 1;
+                let told = || (format!("{kind}: {case}: {how}"), 0);
+                self.wrong.entry(bare(&how)).or_insert_with(told).1 += 1;
+            }
+        }
+    }
+
+    /// Print the table, and fail if something was wrong.
+    #[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
+    pub(crate) fn close(self, title: &str) {
+        let all = |place: usize| self.counts.values().map(|counts| counts[place]).sum::<usize>();
+        println!("{title:<40} {:>8} {:>8} {:>8}", "done", "refused", "wrong");
+        for (kind, [done, refused, wrong]) in &self.counts {
+            println!("{kind:<40} {done:>8} {refused:>8} {wrong:>8}");
+        }
+        println!("{:<40} {:>8} {:>8} {:>8}", "all", all(0), all(1), all(2));
+        for (message, count) in &self.helpless {
+            println!("says not what to do ({count}): {message}");
+        }
+        let told = |(case, count): &(String, usize)| format!("{count} such: {case}");
+        let shown: Vec<String> = self.wrong.values().map(told).collect();
+        assert!(shown.is_empty(), "{} kinds of wrong:\n{}", shown.len(), shown.join("\n\n"));
+        assert!(self.helpless.is_empty(), "{} messages do not say what to do", self.helpless.len());
+    }
+}
+
+/// A message without its numbers: what is alike is told once.
+fn bare(message: &str) -> String {
+    message.chars().filter(|letter| !letter.is_ascii_digit()).take(200).collect()
+}

@@ -1,0 +1,122 @@
+//! Odd logs: every shape of column, content, time and file, read by the commands that read logs. Nothing panics, aborts,
+//! hangs or takes more than four gibibytes, and each refusal names the file and says what to do.
+//!
+//!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_ -- --nocapture
+
+use std::fs;
+
+use crate::{
+    campaign::{Draws, STUDY, number, on_all_cores},
+    harness::Place,
+    limits::{Ended, Tally, run},
+    shapes::{FILES, Shape},
+    times::TIMES,
+    types::{CONTENTS, KINDS},
+};
+
+/// Cases with the other tests.
+const SLICE: u64 = 60;
+
+/// What is done with a log.
+const COMMANDS: [&[&str]; 8] = [
+    &["inspect", "logs"],
+    &["inspect", "logs", "--json"],
+    &["inspect", "study.toml", "--all"],
+    &["build-model", "study.toml", "--dry-run"],
+    &["build-model", "study.toml"],
+    &["run", "study.toml"],
+    &[
+        "run",
+        "study.toml",
+        "--set",
+        "preprocess.missing=\"linear\"",
+        "--set",
+        "preprocess.normalise=\"standard\"",
+    ],
+    &["dtw", "logs/a.parquet:P", "series.csv"],
+];
+
+/// One log of each shape alone, then drawn ones.
+fn shape(case: usize, draws: &mut Draws) -> Shape {
+    let plain = Shape { kind: "f64", content: "wave", times: "us", files: "one" };
+    let (kinds, contents, times, files) = (KINDS.len(), CONTENTS.len(), TIMES.len(), FILES.len());
+    match case {
+        case if case < kinds => Shape { kind: KINDS[case], ..plain },
+        case if case < kinds + contents => Shape { content: CONTENTS[case - kinds], ..plain },
+        case if case < kinds + contents + times => {
+            Shape { times: TIMES[case - kinds - contents], ..plain }
+        }
+        case if case < kinds + contents + times + files => {
+            Shape { files: FILES[case - kinds - contents - times], ..plain }
+        }
+        _ => Shape::drawn(draws),
+    }
+}
+
+fn place(shape: &Shape, draws: &mut Draws) -> Place {
+    let place = Place::new();
+    place
+        .write("study.toml", &STUDY.replace("\"PIT300\"", "\"P\"").replace("\"data\"", "\"logs\""));
+    place.write("series.csv", "1\n2\n3\n4\n");
+    fs::create_dir(place.path().join("logs")).expect("writable");
+    for (name, content) in shape.files(draws) {
+        let path = place.path().join("logs").join(name);
+        fs::create_dir_all(path.parent().expect("below logs")).expect("writable");
+        if let Some(content) = content {
+            fs::write(path, content).expect("writable");
+        }
+    }
+    place
+}
+
+#[test]
+fn odd_logs() {
+    let cases = number("CALIB_CASES", SLICE) as usize;
+    let seed = number("CALIB_SEED", 1);
+    // With the other tests the shapes alone are drawn from as well.
+    let shapes = KINDS.len() + CONTENTS.len() + TIMES.len() + FILES.len();
+    let ended = on_all_cores(cases, |case| {
+        let mut draws = Draws(seed << 32 | case as u64);
+        let which = if cases < shapes { draws.below(2 * shapes) } else { case };
+        let shape = shape(which, &mut draws);
+        let place = place(&shape, &mut draws);
+        let args = *draws.of(&COMMANDS);
+        let ended = run(
+            &place,
+            args,
+            &["log", "data.", "sweep.sensors", "query", "channel", "held-out", "values"],
+        );
+        (shape, args.join(" "), ended)
+    });
+    let mut tally = Tally::default();
+    for (case, (shape, args, ended)) in ended.into_iter().enumerate() {
+        let kind = if shape.files != "one" {
+            "files"
+        } else if shape.times != "us" {
+            "times"
+        } else if shape.kind != "f64" {
+            "types"
+        } else {
+            "contents"
+        };
+        let told = format!("case {case} of seed {seed}, {shape:?}, calib {args}");
+        tally.add(&format!("odd logs: {kind}"), &told, ended);
+    }
+    tally.close("odd logs");
+}
+
+/// What an address space too small for the log is answered with.
+#[test]
+fn a_log_of_a_hundred_million_equal_rows_is_refused() {
+    let shape = Shape { kind: "f64", content: "wave", times: "us", files: "runs of 10^8 rows" };
+    let place = place(&shape, &mut Draws(1));
+    let small = fs::metadata(place.path().join("logs/a.parquet")).expect("there").len();
+    assert!(small < 1000, "{small} bytes");
+    let Ended::Refused(told) = run(&place, &["inspect", "logs"], &["logs"]) else {
+        panic!("not refused")
+    };
+    assert!(
+        told.contains("100000000") || told.contains("100,000,000") || told.contains("memory"),
+        "{told}"
+    );
+}

@@ -1,0 +1,167 @@
+//! Odd values: every key that docs/study.md knows, set to what nobody should set it to.
+//!
+//!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_ -- --nocapture
+
+use crate::{
+    campaign::{Draws, neighbours, number, on_all_cores},
+    faults::copied,
+    limits::{Tally, run},
+};
+
+/// Cases with the other tests.
+const SLICE: u64 = 60;
+/// The keys.
+const DOCUMENT: &str = include_str!("../../docs/study.md");
+
+/// Values that are small enough to work with.
+const VALUES: [&str; 34] = [
+    "-1",
+    "0",
+    "1",
+    "2",
+    "3",
+    "-0.0",
+    "0.5",
+    "0.999999",
+    "1.0000001",
+    "5e-324",
+    "1e-310",
+    "1e-45",
+    "1e38",
+    "1e39",
+    "1e155",
+    "1e300",
+    "1.7976931348623157e308",
+    "nan",
+    "-nan",
+    "inf",
+    "-inf",
+    "true",
+    "\"\"",
+    "\"x\"",
+    "\"../../up\"",
+    "\"\\u001b[2J\"",
+    "[]",
+    "[1, 1]",
+    "[nan]",
+    "[\"PIT300\"]",
+    "{}",
+    "{ start = 2022-11-01, end = 2022-11-01T06:00:00 }",
+    "2022-11-01T01:00:00Z",
+    "{ from = 1e-3, to = 1e-1, count = 2 }",
+];
+
+/// Values that would be worked on for ever: they are only planned with.
+const LARGE: [&str; 12] = [
+    "100",
+    "1000000",
+    "100000000",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "-9223372036854775808",
+    "1e18",
+    "{ from = 1, to = 1e9, step = 1 }",
+    "{ from = 0, to = 1, count = 100000000 }",
+    "{ start = 0001-01-01, end = 9999-12-31 }",
+    "{ from = 1e-300, to = 1e300, per_decade = 1000000 }",
+];
+
+/// Section and key, as they are typed.
+fn keys() -> Vec<String> {
+    let mut section = String::new();
+    let mut keys = Vec::new();
+    for line in DOCUMENT.lines() {
+        if let Some(title) = line.strip_prefix("### ") {
+            section = match title.trim_matches(['[', ']']) {
+                "Top level" => String::new(),
+                name => format!("{name}.").replace("NAME", "near"),
+            };
+        } else if line.starts_with("## ") && line.contains("protocol") {
+            break;
+        } else if let Some(rest) = line.strip_prefix("| `")
+            && let Some((key, _)) = rest.split_once('`')
+            && key.chars().all(|letter| {
+                letter.is_ascii_lowercase() || letter == '_' || letter.is_ascii_digit()
+            })
+        {
+            keys.push(format!("{section}{key}"));
+        }
+    }
+    keys.extend(
+        [
+            "sweep.grid.learning_rate",
+            "sweep.grid.gamma",
+            "sweep.grid.batch_size",
+            "sweep.grid.traces",
+        ]
+        .map(str::to_owned),
+    );
+    keys
+}
+
+/// What is planned with any value, and done with values that are not large.
+const PLANS: [&[&str]; 4] = [
+    &["run", "study.toml", "--dry-run"],
+    &["sweep", "study.toml", "--dry-run"],
+    &["build-model", "study.toml", "--dry-run"],
+    &["inspect", "study.toml"],
+];
+const WORK: [&[&str]; 3] = [
+    &["run", "study.toml"],
+    &[
+        "run",
+        "study.toml",
+        "--set",
+        "model.kind=nn",
+        "--set",
+        "dynamics.epochs=1",
+        "--set",
+        "dynamics.hidden_units=4",
+    ],
+    &[
+        "run",
+        "study.toml",
+        "--set",
+        "agent.value_function=mlp",
+        "--set",
+        "agent.hidden_units=4",
+        "--set",
+        "pretrain.epochs=1",
+    ],
+];
+
+#[test]
+fn odd_values() {
+    let base = neighbours();
+    base.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    std::fs::remove_dir_all(base.path().join("study-results/sweep")).expect("swept");
+    let keys = keys();
+    assert!(keys.len() > 120, "{keys:?}");
+    let cases = number("CALIB_CASES", SLICE) as usize;
+    let seed = number("CALIB_SEED", 1);
+    let ended = on_all_cores(cases, |case| {
+        let mut draws = Draws(seed << 32 | 1 << 31 | case as u64);
+        let key = draws.of(&keys).clone();
+        let plan = draws.below(3) > 0;
+        let value =
+            if plan && draws.below(3) == 0 { *draws.of(&LARGE) } else { *draws.of(&VALUES) };
+        let args = if plan { *draws.of(&PLANS) } else { *draws.of(&WORK) };
+        let set = format!("{key}={value}");
+        let place = copied(&base);
+        let args = [args, &["--set", &set]].concat();
+        let last = key.rsplit('.').next().unwrap_or(&key);
+        let ended = run(&place, &args, &[last, "data", "study", "sensor"]);
+        (key, args.join(" "), ended)
+    });
+    let mut tally = Tally::default();
+    for (case, (key, args, ended)) in ended.into_iter().enumerate() {
+        let section = key.split_once('.').map_or("top", |(section, _)| section);
+        tally.add(
+            &format!("odd values: [{section}]"),
+            &format!("case {case} of seed {seed}, calib {args}"),
+            ended,
+        );
+    }
+    tally.close("odd values");
+}
