@@ -5,13 +5,14 @@ use std::{
     fs::{self, File, TryLockError},
     io,
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 use calib_files::{
-    Fingerprint, Fingerprinter, fingerprint_file, open_lock, read_sealed_json, remove_file,
-    write_atomically, write_sealed_json,
+    FileError, Fingerprint, Fingerprinter, Stamp, fingerprint_file, link_or_copy, open_lock,
+    read_sealed_json, remove_file, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -50,10 +51,23 @@ pub(super) fn fingerprints<'a>(
     names.into_iter().map(of).collect()
 }
 
+/// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
+pub(super) fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
+    static READ: Mutex<BTreeMap<Stamp, Fingerprint>> = Mutex::new(BTreeMap::new());
+    let known = || READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(stamp) = Stamp::of(path)? else { return fingerprint_file(path) };
+    if let Some(found) = known().get(&stamp) {
+        return Ok(found.clone());
+    }
+    let found = fingerprint_file(path)?;
+    known().insert(stamp, found.clone());
+    Ok(found)
+}
+
 /// Whether all files of a complete directory are still what was written.
 pub(super) fn are_whole(directory: &Path, files: &Files) -> bool {
     files.iter().all(|(name, written)| {
-        fingerprint_file(&directory.join(name)).is_ok_and(|found| found == *written)
+        fingerprint_once(&directory.join(name)).is_ok_and(|found| found == *written)
     })
 }
 
@@ -62,7 +76,7 @@ pub(super) fn are_whole(directory: &Path, files: &Files) -> bool {
 pub(super) fn check_files(directory: &Path, files: &Files, command: &str) -> anyhow::Result<()> {
     for (name, written) in files {
         let path = directory.join(name);
-        let found = fingerprint_file(&path).with_context(|| format!("run `{command}` again"))?;
+        let found = fingerprint_once(&path).with_context(|| format!("run `{command}` again"))?;
         anyhow::ensure!(
             found == *written,
             "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
@@ -103,19 +117,29 @@ impl Claim {
     /// # Errors
     /// If it cannot be written, or another process has claimed it.
     pub(super) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
-        calib_files::create_directory(directory)?;
-        let refused = || format!("cannot write to {}", directory.display());
-        let lock = open_lock(&directory.join(".lock")).with_context(refused)?;
-        match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => bail!(
+        match Self::of_nobody(directory, below)? {
+            Some(claim) => Ok(claim),
+            None => bail!(
                 "another calib is writing to {}; wait for it, or choose another --output",
                 directory.display()
             ),
-            // Some network file systems have no locks: work on without.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
+        }
+    }
+
+    /// As [`Claim::new`], of a directory that need not be written: none if another process has claimed it.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(super) fn of_nobody(directory: &Path, below: Below) -> anyhow::Result<Option<Self>> {
+        calib_files::create_directory(directory)?;
+        let refused = || format!("cannot write to {}", directory.display());
+        let lock = open_lock(&directory.join(".lock")).with_context(refused)?;
+        // Some network file systems have no locks: work on without.
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            return Ok(None);
         }
         remove_temporaries(directory, below).with_context(refused)?;
-        Ok(Self { directory: directory.to_owned(), _lock: lock })
+        Ok(Some(Self { directory: directory.to_owned(), _lock: lock }))
     }
 
     /// From here until [`complete`](Self::complete) the directory does not count as a result.
@@ -141,10 +165,7 @@ pub(super) fn adopt<'a, M: Manifest>(
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     for name in files {
-        let from = other.join(name);
-        let mut file =
-            File::open(&from).with_context(|| format!("cannot read {}", from.display()))?;
-        write_atomically(&directory.join(name), |copy| io::copy(&mut file, copy).map(|_| ()))?;
+        link_or_copy(&other.join(name), &directory.join(name))?;
     }
     claim.complete(manifest)
 }
@@ -155,11 +176,6 @@ pub(super) fn or_read_only(
     place: &Path,
     printer: &Printer,
 ) -> anyhow::Result<()> {
-    use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
-    let is_refusal = |error: &anyhow::Error| {
-        let mut causes = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>());
-        causes.any(|cause| matches!(cause.kind(), PermissionDenied | ReadOnlyFilesystem))
-    };
     match written {
         Err(error) if is_refusal(&error) => {
             let place = place.display();
@@ -168,6 +184,13 @@ pub(super) fn or_read_only(
         }
         other => other,
     }
+}
+
+/// Whether nothing may be written there.
+pub(super) fn is_refusal(error: &anyhow::Error) -> bool {
+    use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    let mut causes = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>());
+    causes.any(|cause| matches!(cause.kind(), PermissionDenied | ReadOnlyFilesystem))
 }
 
 /// What lies in the directories below a claimed one.

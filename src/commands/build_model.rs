@@ -1,4 +1,7 @@
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use anyhow::bail;
 use calib_core::{Seed, Silent, States, Transitions};
@@ -14,11 +17,12 @@ use super::{
     artefact::{self, Below, Claim, TOOL},
     build_check::{check_against_brute_force, recall_line, recall_of},
     build_network,
-    build_plan::{BuildPlan, Spilled},
+    build_plan::{BuildPlan, Spilled, Training},
     jumps,
     model_files::{self, MemberSummary, ModelManifest, model_key},
     partition::{self, span},
     plant_of_study,
+    prepared::{self, Known},
     recurrence::{self, MemberRecurrence},
     represent::{self, Representation},
 };
@@ -51,22 +55,28 @@ pub(super) fn run(
     let directory = paths.model();
     let data = plant_of_study::data(job)?;
     printer.say(&format!("build-model: reading {}", data.path.0.join(", ")));
-    let surveyed = calib_data::survey(&data, &study.preprocess, &printer.progress())?;
+    let is_dry = job.policy().is_dry();
+    let memory = options.memory.map(|size| size.0);
+    let known = if is_dry {
+        prepared::look(job, &data, memory, &printer.progress())?
+    } else {
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, &printer.progress())?))
+    };
+    let training = Training::of(&known);
     let config =
         ModelConfig { index: options.index.map_or(study.model.index, Into::into), ..*study.model };
-    let model_rows = partition::model_rows(study, &surveyed.timestamps())?;
-    let width = represent::width(study, paths, surveyed.columns());
-    let plan = BuildPlan::new(&surveyed, model_rows, &config, width, options)?;
+    let model_rows = partition::model_rows(study, &training.timestamps)?;
+    let width = represent::width(study, paths, training.columns);
+    let plan = BuildPlan::new(&training, model_rows, &config, width, options)?;
+    drop(training);
     printer.say(&plan.sentence());
-    if job.policy().is_dry() {
-        if printer.is_for_machines() {
-            printer.json(&plan)?;
-        }
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(ExitStatus::Done);
+    let Known::Prepared(prepared) = known else {
+        return planned(&plan, &directory, printer);
+    };
+    if is_dry {
+        return planned(&plan, &directory, printer);
     }
-    let partition::Parts { dataset, pretrain } =
-        partition::parts(study, surveyed.load(&printer.progress())?)?;
+    let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
     if study.model.period.is_some() && pretrain.is_none() {
         printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
     }
@@ -88,7 +98,7 @@ pub(super) fn run(
         (refresh(manifest, study, &dataset, representation.as_ref(), &directory)?, false)
     } else {
         let representation = representation.as_ref();
-        let how = How { key, config, plan, force: job.policy().redoes() };
+        let how = How { key, config, plan, states, force: job.policy().redoes() };
         (build(study, dataset, representation, &how, &directory, clock, printer)?, true)
     };
     let status = if options.verify > 0 {
@@ -110,6 +120,15 @@ pub(super) fn run(
 pub(super) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
     artefact::read::<ModelManifest>(directory)
         .filter(|found| found.key == key && artefact::are_whole(directory, &found.lasting_files()))
+}
+
+/// Say what would be built.
+fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> anyhow::Result<ExitStatus> {
+    if printer.is_for_machines() {
+        printer.json(plan)?;
+    }
+    printer.say(&format!("dry run: nothing written to {}", directory.display()));
+    Ok(ExitStatus::Done)
 }
 
 /// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
@@ -154,6 +173,8 @@ struct How {
     /// The settings, with the search structure of the command line.
     config: ModelConfig,
     plan: BuildPlan,
+    /// The file of the states, if they have one.
+    states: Option<PathBuf>,
     force: bool,
 }
 
@@ -176,7 +197,7 @@ fn build(
     // Not needed any more, and a part of the memory.
     dataset.held_out = None;
     let read = clock.elapsed();
-    model_files::write_states(directory, &dataset.train)?;
+    model_files::write_states(directory, &dataset.train, how.states.as_deref())?;
     let mut workplace = Workplace::default();
     if how.plan.spill != Spilled::Nothing {
         dataset.train = model_files::map_states(directory, &dataset.train)?;

@@ -45,7 +45,7 @@ pub(super) fn run(
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
     printer.say(&format!("build-model: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
-    let dataset = partition::load(job, printer)?.dataset;
+    let partition::Parts { dataset, states, .. } = partition::load(job, printer)?;
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let key = train_model::key(&dataset.fingerprint, job)?;
     train_model::announce(study, &dataset, printer);
@@ -60,7 +60,7 @@ pub(super) fn run(
     } else if let Some(reason) = cannot_train {
         return Err(reason);
     } else {
-        build(job, options, &dataset, key, (clock, printer))?
+        build(job, options, (&dataset, states.as_deref()), key, (clock, printer))?
     };
     if printer.is_for_machines() {
         printer.json(&manifest)?;
@@ -79,7 +79,7 @@ pub(super) fn run(
 fn build(
     job: &Job,
     options: &BuildOptions,
-    dataset: &Dataset,
+    (dataset, states): (&Dataset, Option<&Path>),
     key: String,
     (clock, printer): (Stopwatch, &Printer),
 ) -> anyhow::Result<ModelManifest> {
@@ -97,7 +97,7 @@ fn build(
         Some(train_model::train(study, dataset, &key, directory, options.device, printer)?)
     };
     let trained = clock.elapsed();
-    model_files::write_states(directory, &dataset.train)?;
+    model_files::write_states(directory, &dataset.train, states)?;
     model_files::write(directory, dataset, None)?;
     let transitions = Transitions::new(dataset.train.segments().clone()).len();
     let manifest = ModelManifest {

@@ -3,21 +3,47 @@
 use std::ops::Range;
 
 use anyhow::bail;
-use calib_core::{Segment, Segments, Transitions};
-use calib_data::Surveyed;
+use calib_core::{Segment, Segments, Timestamp, Transitions};
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
 use serde::Serialize;
 
-use super::represent::Width;
+use super::{prepared::Known, represent::Width};
 use crate::{
     cli::{BuildOptions, Index, Spill},
     memory,
     output::{bytes, count, counted},
 };
 
-/// What reading a log takes beside the states: a batch of channels, and for each row of the log its time and flags.
-const READING: u64 = 320 << 20;
-const READING_A_ROW: u64 = 24;
+/// The training states of a log, as far as a plan asks for them.
+pub(super) struct Training {
+    pub(super) timestamps: Vec<Timestamp>,
+    segments: Segments,
+    pub(super) columns: usize,
+    /// Memory that making them takes, in bytes.
+    making_bytes: u64,
+}
+
+impl Training {
+    pub(super) fn of(known: &Known) -> Self {
+        match known {
+            Known::Prepared(prepared) => {
+                let train = &prepared.dataset.train;
+                Self {
+                    timestamps: train.timestamps().to_vec(),
+                    segments: train.segments().clone(),
+                    columns: train.states().columns(),
+                    making_bytes: 0,
+                }
+            }
+            Known::Surveyed(surveyed, making_bytes) => Self {
+                timestamps: surveyed.timestamps(),
+                segments: surveyed.segment_rows().clone(),
+                columns: surveyed.columns(),
+                making_bytes: *making_bytes,
+            },
+        }
+    }
+}
 
 /// What is mapped from files while a model is built, so that it takes memory only while there is some.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -62,22 +88,20 @@ pub(super) struct BuildPlan {
 }
 
 impl BuildPlan {
-    /// The plan for a log of which `part` are the training states that the model is built from. The others are read
-    /// with them, and stay in memory while the model is built unless the states are mapped from files. `width` is that of
-    /// what is searched.
+    /// The plan for a model that is built from `part` of the training states. `width` is that of what is searched.
     ///
     /// # Errors
     /// If no such model can be built of so many columns and these segments, or there is too little memory.
     pub(super) fn new(
-        data: &Surveyed,
+        data: &Training,
         part: Range<usize>,
         model: &ModelConfig,
         width: Width,
         options: &BuildOptions,
     ) -> anyhow::Result<Self> {
-        let (rows, columns) = (part.len(), data.columns());
+        let (rows, columns) = (part.len(), data.columns);
         // Before any state is read, and anything of an older model given up.
-        let segments = segments_of(data.segment_rows(), &part);
+        let segments = segments_of(&data.segments, &part);
         let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);
         let (known, psi) = match width {
             Width::OfStates => (Some(columns), None),
@@ -91,13 +115,9 @@ impl BuildPlan {
         let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
         let copy = 4 * (rows * psi.unwrap_or(0)) as u64;
-        let held_out = 4 * (data.held_out_rows() * columns) as u64;
-        let others = 4 * ((data.rows() - rows) * columns) as u64;
-        let reading =
-            need.states + others + held_out + READING + READING_A_ROW * data.log_rows() as u64;
         let taken = |spill: Spilled| {
-            reading.max(match spill {
-                Spilled::Nothing => need.peak().saturating_add(others),
+            data.making_bytes.max(match spill {
+                Spilled::Nothing => need.peak(),
                 // Some of the states should stay in memory, or each is read from the disk again and again.
                 Spilled::States => need.working.saturating_add(need.states / 3),
                 Spilled::Everything => need.least,
@@ -111,13 +131,12 @@ impl BuildPlan {
             // Tables have as many numbers a row as there are neighbours in all members.
             let tables = model.neighbors.saturating_mul(model.members) > columns;
             bail!(
-                "building this model takes {} of memory ({} to read {} states of {} columns), and {} is there; \
+                "building this model of {} states of {} columns takes {} of memory, and {} is there; \
                  {}raise `preprocess.subsample`, shorten `data.train`, leave channels out with `data.exclude`{}, \
                  or say with --memory SIZE that there is more",
-                bytes(memory_bytes),
-                bytes(reading),
-                count(data.rows()),
+                count(rows),
                 columns,
+                bytes(memory_bytes),
                 bytes(available),
                 if tables { "lower `model.neighbors` or `model.members`, " } else { "" },
                 if options.spill == Spill::Never {

@@ -233,12 +233,13 @@ struct MadeBy {
 fn made_by(folder: &Path) -> Option<MadeBy> {
     let name = folder.file_name()?.to_str()?;
     let (command, needs_manifest) = match name {
+        "dataset" => ("calib run STUDY", false),
         "representation" => ("calib represent STUDY", true),
         "model" => ("calib build-model STUDY", true),
         "pretrain" => ("calib pretrain STUDY", true),
         "rollout" => ("calib rollout STUDY", true),
         "sweep" => ("calib sweep STUDY", true),
-        "evaluate" => ("calib evaluate STUDY", false),
+        "evaluate" => ("calib evaluate STUDY", true),
         "validity-results" => ("calib validity STUDY …", false),
         _ => return None,
     };

@@ -9,7 +9,7 @@ use calib_study::{Job, Layout, Study};
 use serde::Serialize;
 
 use super::{
-    artefact::{self, Below, Claim, TOOL},
+    artefact::{self, TOOL},
     compare_choices::choices,
     compare_pairs::{self, Comparisons},
     compare_tables,
@@ -17,7 +17,7 @@ use super::{
     deployed::{self, Deployed},
     evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
     figures::{self, Starts},
-    learning,
+    kept_report, learning,
     one_step::Predicting,
     recorded, report, report_data,
     rollout::{self, RolloutManifest},
@@ -158,7 +158,7 @@ pub(super) fn run(
     let names: Vec<String> = parts.iter().map(Job::name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
-        let written = report::write(judged.paths(), report, &judged.summary);
+        let written = report::write(&judged.job, report, &judged.summary);
         artefact::or_read_only(written, &judged.paths().report(), printer)?;
         if !printer.is_for_machines() {
             printer.heading(name);
@@ -176,7 +176,7 @@ pub(super) fn run(
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
-    artefact::or_read_only(write(paths, &whole, &summaries), &paths.report(), printer)?;
+    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), printer)?;
     if printer.is_for_machines() {
         printer.json(&summaries)?;
     } else {
@@ -189,12 +189,14 @@ pub(super) fn run(
     Ok(ended)
 }
 
-/// Write the figures, the page and the summary.
-fn write(paths: &Layout, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
-    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
-    write_figures(paths, whole)?;
-    report::write_page(paths, whole)?;
-    Ok(write_json(&paths.evaluate().join("summary.json"), summaries)?)
+/// Write the figures, the page and the summary, unless they are there and show the same.
+fn write(job: &Job, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
+    let paths = job.layout();
+    kept_report::keep(job, whole, summaries, || {
+        write_figures(paths, whole)?;
+        report::write_page(paths, whole)?;
+        Ok(write_json(&paths.evaluate().join("summary.json"), summaries)?)
+    })
 }
 
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.

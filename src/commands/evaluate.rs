@@ -63,7 +63,7 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Done);
     }
     let report = report::assemble(&judged)?;
-    let written = report::write(paths, &report, summary);
+    let written = report::write(job, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {
         printer.json(summary)?;

@@ -1,16 +1,11 @@
 //! The model directory: what `build-model` writes and the later commands read.
 
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_core::{
-    Frames, Normaliser, Period, Segments, States, Timestamp, TransitionIndex, Transitions,
-};
-use calib_data::{
-    Dataset, Profile, format_time,
-    table::{Table, read_parquet_columns},
-};
-use calib_files::{Fingerprint, fingerprint_file, map_npy, read_json, write_json, write_npy};
+use calib_core::{Frames, Normaliser, Period, States, TransitionIndex, Transitions};
+use calib_data::{Dataset, Profile, format_time, table::Table};
+use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
 use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
@@ -20,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     artefact::{self, Files, Manifest},
+    frames,
     model::Model,
     recurrence::MemberRecurrence,
     represent::{self, Representation},
@@ -180,18 +176,22 @@ impl OpenModel {
     }
 }
 
-/// Write the states.
-pub(super) fn write_states(directory: &Path, frames: &Frames) -> anyhow::Result<()> {
-    let states = frames.states();
-    write_npy(&directory.join(STATES), states.as_slice(), states.rows(), states.columns())?;
-    Ok(())
+/// Write the states, or give those that are in the file `prepared` a second name.
+pub(super) fn write_states(
+    directory: &Path,
+    frames: &Frames,
+    prepared: Option<&Path>,
+) -> anyhow::Result<()> {
+    let path = directory.join(STATES);
+    match prepared {
+        Some(prepared) => Ok(link_or_copy(prepared, &path)?),
+        None => frames::write_states(&path, frames),
+    }
 }
 
-/// The same frames over the states that were written: mapped, so that they take memory only while there is some.
+/// The same frames over the states that were written.
 pub(super) fn map_states(directory: &Path, frames: &Frames) -> anyhow::Result<Frames> {
-    let mapped = map_npy::<f32>(&directory.join(STATES))?;
-    let (rows, columns) = (mapped.rows(), mapped.columns());
-    let states = States::from_shared(Arc::new(mapped), rows, columns)?;
+    let states = frames::map_states(&directory.join(STATES))?;
     Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
 }
 
@@ -223,12 +223,7 @@ pub(super) fn rewrite_profile(
 
 /// Row → timestamp, segment and, for neighbours, block.
 fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
-    let mut segments = Vec::with_capacity(frames.rows());
-    for (number, segment) in frames.segments().iter().enumerate() {
-        segments.extend(std::iter::repeat_n(number as u32, segment.len()));
-    }
-    let table =
-        Table::new().with("timestamp", frames.timestamps().to_vec()).with("segment", segments);
+    let table = frames::rows_table(frames);
     let Some(knn) = knn else { return table };
     let transitions = knn.transitions();
     let block = |row: usize| {
@@ -249,16 +244,11 @@ pub(super) fn open(job: &Job) -> anyhow::Result<OpenModel> {
     artefact::check_files(directory, &manifest.files, &build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
-    let mapped = map_npy::<f32>(&directory.join(STATES)).with_context(again)?;
-    let (rows, columns) = (mapped.rows(), mapped.columns());
-    let states = States::from_shared(Arc::new(mapped), rows, columns).with_context(again)?;
-    let table = read_parquet_columns(&directory.join("rows.parquet"), &["timestamp", "segment"])
-        .with_context(again)?;
-    let timestamps = table.column::<Timestamp>("timestamp").with_context(again)?.to_vec();
-    let lengths = table.column::<u32>("segment")?.chunk_by(|a, b| a == b).map(<[u32]>::len);
-    let segments = Segments::from_lengths(lengths).with_context(again)?;
-    let transitions = Transitions::new(segments.clone());
-    let frames = Frames::new(timestamps, segments, states.clone()).with_context(again)?;
+    let states = frames::map_states(&directory.join(STATES)).with_context(again)?;
+    let columns = states.columns();
+    let frames =
+        frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
+    let transitions = Transitions::new(frames.segments().clone());
     let settings = &manifest.study.model;
     let (model, encoder) = match settings.kind {
         ModelKind::Knn => {

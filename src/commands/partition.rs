@@ -1,6 +1,6 @@
 //! The training range, divided between pre-training and the calibration model.
 
-use std::{fmt, ops::Range};
+use std::{fmt, ops::Range, path::PathBuf};
 
 use anyhow::{Context as _, ensure};
 use calib_core::{Frames, Monitor, Timestamp};
@@ -8,7 +8,10 @@ use calib_data::{DataConfig, DataError, Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
 use calib_study::{Job, Partition, Study};
 
-use super::plant_of_study;
+use super::{
+    plant_of_study,
+    prepared::{self, Prepared},
+};
 use crate::output::Printer;
 
 /// A log, with the part of its training range that is for pre-training apart.
@@ -18,6 +21,8 @@ pub(super) struct Parts {
     /// What the model is built from, as the training range; and what is held out.
     pub(super) dataset: Dataset,
     pub(super) pretrain: Option<PretrainPart>,
+    /// The file of the training states, if there is one and it has no others.
+    pub(super) states: Option<PathBuf>,
 }
 
 /// What agents are pre-trained on.
@@ -34,20 +39,19 @@ pub(super) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
 /// As [`load`], with nothing held out: of a deployment that the log does not have.
 pub(super) fn load_training(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
     let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
-    let study = job.study();
-    parts(study, calib_data::load(&data, &study.preprocess, &printer.progress())?)
+    parts(job.study(), prepared::open(job, &data, None, &printer.progress())?)
 }
 
 /// As [`load`], with progress told to a monitor.
 pub(super) fn read(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Parts> {
     let (study, data) = (job.study(), plant_of_study::data(job)?);
-    let dataset = calib_data::load(&data, &study.preprocess, monitor);
+    let prepared = prepared::open(job, &data, None, monitor);
     // What is held out is the deployment, where the study has several.
-    let dataset = match job.deployment() {
-        Some(name) => dataset.with_context(|| format!("[deployments.{name}]"))?,
-        None => dataset?,
+    let prepared = match job.deployment() {
+        Some(name) => prepared.with_context(|| format!("[deployments.{name}]"))?,
+        None => prepared?,
     };
-    parts(study, dataset)
+    parts(study, prepared)
 }
 
 /// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
@@ -63,7 +67,8 @@ pub(super) fn is_outside(reason: &anyhow::Error) -> bool {
 }
 
 /// Divide the training range of a log that was read.
-pub(super) fn parts(study: &Study, mut dataset: Dataset) -> anyhow::Result<Parts> {
+pub(super) fn parts(study: &Study, prepared: Prepared) -> anyhow::Result<Parts> {
+    let Prepared { mut dataset, mut states } = prepared;
     let Division { pretrain, model } = divide(&study.partition(), dataset.train.timestamps())?;
     let pretrain = pretrain.map(|rows| {
         let frames = dataset.train.slice(rows);
@@ -73,8 +78,9 @@ pub(super) fn parts(study: &Study, mut dataset: Dataset) -> anyhow::Result<Parts
     if model.len() < dataset.train.rows() {
         dataset.train = dataset.train.slice(model);
         dataset.fingerprint = dataset.fingerprint_of(&dataset.train);
+        states = None;
     }
-    Ok(Parts { dataset, pretrain })
+    Ok(Parts { dataset, pretrain, states })
 }
 
 /// The training states of a log that are for the model.

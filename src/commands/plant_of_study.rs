@@ -55,9 +55,7 @@ pub(super) fn data(job: &Job) -> anyhow::Result<DataConfig> {
             ),
         }
     }
-    let data = data_to_read(job)?;
-    memory::check_log(&data)?;
-    Ok(data)
+    Ok(data_to_read(job)?)
 }
 
 /// The `[data]` section with the variables of the environment.

@@ -136,7 +136,7 @@ fn check(study: &Study) -> anyhow::Result<()> {
 }
 
 fn wanted(study: &Study, parts: &Parts) -> anyhow::Result<Vec<Wanted>> {
-    let Parts { dataset, pretrain } = parts;
+    let Parts { dataset, pretrain, .. } = parts;
     let part = pretrain.as_ref().context("agents are pre-trained")?;
     let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
     let wanted = sensors.map(|(sensor, column)| {

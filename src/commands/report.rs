@@ -12,13 +12,13 @@ use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, Study};
 
 use super::{
-    artefact::{self, Below, Claim},
+    artefact::{self, Below},
     build_model, collapse,
     comparison::{self, ComparedModel},
     described::Descriptions,
     evaluate::{Judged, Summary},
     figures::{self, Starts},
-    jumps as jump_text, learning,
+    jumps as jump_text, kept_report, learning,
     model_files::{self, ModelManifest},
     one_step::{self, Predicting},
     recorded, recurrence,
@@ -30,9 +30,12 @@ use super::{
     verdict_rows::{self, verdict_row},
 };
 
-/// Write the summary, the figures and `report.html`.
-pub(super) fn write(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
-    let _claim = Claim::new(&paths.evaluate(), Below::Ours)?;
+/// Write the summary, the figures and `report.html`, unless they are there and show the same.
+pub(super) fn write(job: &Job, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary))
+}
+
+fn write_all(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
     write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
     write_comparisons(&directory, report)?;

@@ -108,7 +108,7 @@ pub(super) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     let model = model_files::open(job)?;
     printer.say(&format!("sweep: reading {}", plant_of_study::data(job)?.path.0.join(", ")));
-    let (Parts { dataset, pretrain }, streams) = scorable(job, &candidates, printer)?;
+    let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, printer)?;
     model_files::check_data(job, &model.manifest, &dataset)?;
     let content = model.manifest.content()?;
     let streams = match streams {

@@ -229,7 +229,7 @@ fn streams_that_are_too_short_to_score() {
     place.edit_study("train_fraction = 0.7", "train_fraction = 0.996");
     let message = place.calib(&["run", "study.toml"]).fails(2);
     assert!(message.contains("no step of the held-out range can be scored"), "{message}");
-    assert!(!place.path().join("study-results").exists(), "nothing was built");
+    assert!(!place.path().join("study-results/model").exists(), "nothing was built");
 }
 
 #[test]

@@ -121,7 +121,7 @@ impl Place {
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 
-    /// Everything below `name`, but wall times: relative path → content.
+    /// Everything below `name`, but wall times and what the file system said of the log: relative path → content.
     pub(crate) fn content(&self, name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
         let root = self.path().join(name);
         let mut content = BTreeMap::new();
@@ -131,7 +131,8 @@ impl Place {
                 let path = entry.path();
                 if path.is_dir() {
                     pending.push(path);
-                } else if path.file_name().is_some_and(|name| name != "timings.json") {
+                } else if !["timings.json", "sources.json"].iter().any(|name| path.ends_with(name))
+                {
                     let relative = path.strip_prefix(&root).expect("below the root").to_owned();
                     content.insert(relative, fs::read(&path).expect("readable"));
                 }

@@ -212,7 +212,7 @@ fn what_is_made_anew() {
         &["pretrain", "study.toml", "--force"],
         &["rollout", "study.toml", "--force"],
         &["sweep", "study.toml", "--force"],
-        &["evaluate", "study.toml"],
+        &["evaluate", "study.toml", "--force"],
     ] {
         campaign(&Job { args, place: || after(everything(), &[&["run", "study.toml"]]) });
     }

@@ -72,6 +72,7 @@ pub struct AgentConfig {
     /// `"f32"` (default) or `"bf16"`, for MLPs only. Left out where it is the default, as it was before there was another one: what follows
     /// from an agent is known by its fields.
     #[serde(skip_serializing_if = "Precision::is_single")]
+    #[schemars(extend("default" = "f32"))]
     pub precision: Precision,
     /// `"adam"` (default) or `"sgd"`.
     pub optimiser: OptimiserKind,

@@ -3,19 +3,17 @@
 use std::ops::Range;
 
 use calib_core::{
-    Bounds, Column, ColumnKind, Frames, FramesError, Monitor, Normaliser, Period, Physical,
-    Segments, States, StatesError, Timestamp,
+    Bounds, Column, ColumnKind, Frames, Monitor, Normaliser, Period, Segments, Timestamp,
 };
-use calib_files::{Fingerprint, Fingerprinter};
+use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use rayon::prelude::*;
 
 use crate::{
     DataConfig, DataError, PreprocessConfig, Profile, features,
     impute::impute,
     log::Batch,
-    sample::Samples,
-    survey::{Part, Sensor, Survey, sampled_period},
-    time::format_time,
+    matrix::Matrix,
+    survey::{Sensor, Survey, sampled_period},
 };
 
 /// A log, cleaned and normalised.
@@ -45,8 +43,9 @@ impl Dataset {
     }
 }
 
-/// Rows of the states that one task fills.
-const BLOCK_ROWS: usize = 256;
+/// What reading takes beside the states: a batch of channels, and for each row of the log its time and flags.
+const READING: u64 = 320 << 20;
+const READING_A_ROW: u64 = 24;
 
 /// Read, clean, split and normalise a log.
 ///
@@ -65,7 +64,7 @@ pub fn load(
     preprocess: &PreprocessConfig,
     monitor: &dyn Monitor,
 ) -> Result<Dataset, DataError> {
-    survey(data, preprocess, monitor)?.load(monitor)
+    survey(data, preprocess, monitor)?.load(&ScratchPlace::Memory, monitor)
 }
 
 /// The first half of [`load`]: what the states will be, before there are any.
@@ -123,14 +122,29 @@ impl Surveyed {
         self.survey.log.rows.timestamps.len()
     }
 
-    /// The second half of [`load`]: read the kept channels and make the states.
+    /// Size of all states, in bytes.
+    pub fn state_bytes(&self) -> u64 {
+        let rows = (self.rows() + self.held_out_rows()) as u64;
+        rows * self.columns() as u64 * size_of::<f32>() as u64
+    }
+
+    /// Memory that making the states takes beside them, in bytes: a batch of channels, and for each row of the log its
+    /// time and flags.
+    pub fn working_bytes(&self) -> u64 {
+        READING + READING_A_ROW * self.log_rows() as u64
+    }
+
+    /// The second half of [`load`]: read the kept channels and make the states, which live in `place`. On a disk they
+    /// take twice their size there while they are made.
     ///
     /// # Errors
-    /// If a file cannot be read any more, a state is not finite, or the monitor interrupts.
-    pub fn load(self, monitor: &dyn Monitor) -> Result<Dataset, DataError> {
+    /// If a file cannot be read any more, a state is not finite, there is no room, or the monitor interrupts.
+    pub fn load(self, place: &ScratchPlace, monitor: &dyn Monitor) -> Result<Dataset, DataError> {
         let Self { survey, columns, preprocess } = self;
-        let mut train = Matrix::new(&survey.train, columns.len());
-        let mut held_out = survey.held_out.as_ref().map(|part| Matrix::new(part, columns.len()));
+        let mut train = Matrix::new(&survey.train, columns.len(), place)?;
+        let held_out = survey.held_out.as_ref();
+        let mut held_out =
+            held_out.map(|part| Matrix::new(part, columns.len(), place)).transpose()?;
         let mut matrices: Vec<&mut Matrix<'_>> =
             [&mut train].into_iter().chain(&mut held_out).collect();
         survey.fill(&preprocess, &mut matrices, monitor)?;
@@ -164,52 +178,6 @@ pub fn inspect(
     monitor: &dyn Monitor,
 ) -> Result<Profile, DataError> {
     Survey::new(data, preprocess, monitor).map(|survey| survey.profile)
-}
-
-/// The states of one range, while they are filled column by column.
-struct Matrix<'a> {
-    part: &'a Part,
-    values: Vec<f32>,
-    width: usize,
-}
-
-impl<'a> Matrix<'a> {
-    fn new(part: &'a Part, width: usize) -> Self {
-        Self { values: vec![0.0; part.samples.rows() * width], part, width }
-    }
-
-    /// Fill the columns from `first` on with the sampled, normalised values of `columns`.
-    fn fill(&mut self, first: usize, columns: &[(&[f64], Bounds)]) {
-        let (samples, width): (&Samples, usize) = (&self.part.samples, self.width);
-        self.values.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
-            // Column by column: reads are contiguous, writes stay in the cache.
-            for (column, &(values, bounds)) in (first..).zip(columns) {
-                for (row, state) in rows.chunks_exact_mut(width).enumerate() {
-                    let physical = samples.value(values, block * BLOCK_ROWS + row);
-                    state[column] = bounds.normalise(Physical(physical)).0;
-                }
-            }
-        });
-    }
-
-    fn into_frames(self, log: &[Timestamp], columns: &[Column]) -> Result<Frames, DataError> {
-        let samples = &self.part.samples;
-        let timestamps = samples.timestamps(log);
-        let states =
-            States::new(self.values, samples.rows(), self.width).map_err(|error| match error {
-                StatesError::NotFinite { row, column } => DataError::NotFinite {
-                    column: columns[column].name.clone(),
-                    at: format_time(timestamps[row]),
-                },
-                StatesError::Shape { .. } => unreachable!("the matrix has rows x columns values"),
-            })?;
-        match Frames::new(timestamps, samples.segments.clone(), states) {
-            Ok(frames) => Ok(frames),
-            Err(FramesError::Rows { .. } | FramesError::Order { .. }) => {
-                unreachable!("rows of the log are in time order, each instant once")
-            }
-        }
-    }
 }
 
 impl Survey {

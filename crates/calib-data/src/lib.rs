@@ -28,6 +28,7 @@ mod guard;
 mod import;
 mod impute;
 mod log;
+mod matrix;
 mod modes;
 mod names;
 mod outliers;
@@ -49,7 +50,7 @@ pub use config::{
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use import::{Imported, import};
-pub use log::Declared;
+pub use log::{Declared, log_files};
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Description, Duplicates,

@@ -62,6 +62,46 @@ fn write_to(
     fill(&mut output).and_then(|()| output.flush())
 }
 
+/// Put the content of `from` at `path` as a whole: under a second name of the same file where the file system has such,
+/// or else as a copy. Files are replaced and never changed, so that neither name sees what becomes of the other.
+///
+/// # Errors
+/// If `from` cannot be read, or the directory of `path` cannot be written; `path` is then untouched.
+pub fn link_or_copy(from: &Path, path: &Path) -> Result<(), FileError> {
+    let directory = directory_of(path);
+    create_directory(directory)?;
+    let refused = |source| FileError::io("write", path, source);
+    match link(from, path, directory).map_err(refused)? {
+        Linked::Yes => Ok(()),
+        Linked::NotHere => {
+            let mut file = crate::open_regular(from)?;
+            write_atomically(path, |copy| io::copy(&mut file, copy).map(|_| ()))
+        }
+    }
+}
+
+/// Whether a file has a second name.
+enum Linked {
+    Yes,
+    /// The file system has no such, or `from` lies on another one.
+    NotHere,
+}
+
+fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
+    reach(Operation::Create, path)?;
+    let builder = || tempfile::Builder::new().prefix(PREFIX).suffix(SUFFIX).to_owned();
+    let Ok(temporary) = builder().make_in(directory, |name| fs::hard_link(from, name)) else {
+        return Ok(Linked::NotHere);
+    };
+    reach(Operation::Rename, path)?;
+    // A name of the same file stays as it is, and the temporary one goes with `temporary`.
+    let temporary = temporary.into_temp_path();
+    fs::rename(&temporary, path)?;
+    drop(temporary);
+    sync_directory(directory)?;
+    Ok(Linked::Yes)
+}
+
 /// Write a file that the user named: as [`write_atomically`], but what a link leads to is replaced rather than the
 /// link, and a device or a pipe is written to.
 ///

@@ -26,10 +26,11 @@ mod open;
 mod scratch;
 mod sealed;
 mod spill;
+mod stamp;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{is_temporary, write_atomically, write_output};
+pub use atomic::{is_temporary, link_or_copy, write_atomically, write_output};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
@@ -44,4 +45,5 @@ pub use open::{open_regular, read_regular, require_regular};
 pub use scratch::{Scratch, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
 pub use spill::Spill;
+pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};

@@ -111,6 +111,11 @@ impl Layout {
         }
     }
 
+    /// Logs as they were prepared; all models and deployments of the study share them.
+    pub fn dataset(&self) -> PathBuf {
+        self.of_study().join("dataset")
+    }
+
     /// Pre-trained agents; the models of a study share them.
     pub fn pretrain(&self) -> PathBuf {
         self.of_study().join("pretrain")
@@ -148,6 +153,7 @@ mod tests {
         let paths = study.clone().of_model("m").of_deployment("april", Rollouts::OfDeployment);
         assert_eq!(paths.model(), Path::new("r/models/m/model"));
         assert_eq!(paths.pretrain(), Path::new("r/pretrain"));
+        assert_eq!(paths.dataset(), Path::new("r/dataset"));
         assert_eq!(paths.rollout(), Path::new("r/models/m/deployments/april/rollout"));
         assert_eq!(paths.report(), Path::new("r/models/m/deployments/april/report.html"));
         let shared = study.of_deployment("april", Rollouts::OfModel);

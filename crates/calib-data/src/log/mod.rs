@@ -147,6 +147,15 @@ fn row_ranges(
     Ok((train, held_out))
 }
 
+/// The files that `data` selects, in order of their names. Nothing of them is read; some may turn out to be results of
+/// calib, which are no logs.
+///
+/// # Errors
+/// If a pattern selects nothing, or a folder cannot be read.
+pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+    Ok(source::find_files(data)?.into_iter().map(|source| source.path).collect())
+}
+
 /// What the footers of a log say, before anything of it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Declared {

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use calib_core::{Silent, Timestamp};
 use calib_data::{
-    DataConfig, DataError, Dataset, PreprocessConfig, Profile, inspect, load, table::Table,
+    DataConfig, DataError, Dataset, PreprocessConfig, Profile, inspect, load, survey, table::Table,
 };
+use calib_files::ScratchPlace;
 
 pub(crate) const NAN: f64 = f64::NAN;
 
@@ -44,8 +45,17 @@ impl Folder {
     }
 }
 
+/// The log, which is the same in memory and on a disk.
 pub(crate) fn load_with(data: &DataConfig, preprocess: &PreprocessConfig) -> Dataset {
-    load(data, preprocess, &Silent).expect("a log")
+    let dataset = load(data, preprocess, &Silent).expect("a log");
+    let disk = tempfile::tempdir().expect("a folder");
+    let place = ScratchPlace::Disk(disk.path().to_owned());
+    let surveyed = survey(data, preprocess, &Silent).expect("a log");
+    let mapped = surveyed.load(&place, &Silent).expect("room");
+    assert_eq!(mapped.fingerprint, dataset.fingerprint);
+    assert_eq!(mapped.held_out_fingerprint, dataset.held_out_fingerprint);
+    assert_eq!(mapped.profile, dataset.profile);
+    dataset
 }
 
 pub(crate) fn refused(data: &DataConfig, preprocess: &PreprocessConfig) -> DataError {

@@ -1,0 +1,153 @@
+//! A log is read once, and again when it is another one.
+
+use std::{fs, path::PathBuf};
+
+use crate::harness::Place;
+
+/// How often files are opened while something runs.
+#[cfg(target_os = "linux")]
+mod opened {
+    use std::{
+        mem::MaybeUninit,
+        os::fd::OwnedFd,
+        path::{Path, PathBuf},
+    };
+
+    use rustix::fs::inotify::{self, CreateFlags, Reader, WatchFlags};
+
+    pub(super) struct Watched(OwnedFd);
+
+    /// Watch these files from now on.
+    pub(super) fn watch(files: &[PathBuf]) -> Watched {
+        let watched = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC).expect("a watch");
+        for file in files {
+            let path: &Path = file;
+            inotify::add_watch(&watched, path, WatchFlags::OPEN).expect("there");
+        }
+        Watched(watched)
+    }
+
+    impl Watched {
+        /// How often they were opened, all of them together.
+        pub(super) fn count(&self) -> usize {
+            let mut buffer = [MaybeUninit::uninit(); 4096];
+            let mut reader = Reader::new(&self.0, &mut buffer);
+            let mut opened = 0;
+            while reader.next().is_ok() {
+                opened += 1;
+            }
+            opened
+        }
+    }
+}
+
+fn logs(place: &Place) -> Vec<PathBuf> {
+    let entries = fs::read_dir(place.path().join("data")).expect("there").flatten();
+    let paths = entries.map(|entry| entry.path());
+    paths.filter(|path| path.extension().is_some_and(|of| of == "parquet")).collect()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn what_is_there_is_shown_without_a_look_into_the_log() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let watched = opened::watch(&logs(&place));
+    for command in ["rollout", "sweep", "evaluate", "run"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+        assert_eq!(watched.count(), 0, "{command} opened the log");
+    }
+    place.calib(&["run", "study.toml", "--force"]).succeeds();
+    let once = watched.count();
+    assert!(once > 0, "what is made again begins with the log");
+    // Each step on its own reads as much as all of them together.
+    place.calib(&["build-model", "study.toml", "--force"]).succeeds();
+    assert_eq!(watched.count(), once);
+}
+
+#[test]
+fn a_log_that_was_touched_or_moved_is_read_and_changes_nothing() {
+    let place = Place::with_study();
+    let run = || place.calib(&["run", "study.toml"]).stderr();
+    run();
+    let before = place.content("study-results");
+    for log in logs(&place) {
+        let bytes = fs::read(&log).expect("there");
+        fs::remove_file(&log).expect("ours");
+        fs::write(&log, bytes).expect("writable");
+    }
+    let told = run();
+    assert!(told.contains("0 units are left"), "{told}");
+    assert_eq!(place.content("study-results"), before);
+}
+
+#[test]
+fn another_log_of_the_same_size_and_time_is_another_log() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let model = |place: &Place| place.content("study-results/model");
+    let before = model(&place);
+    place
+        .calib(&[
+            "simulate",
+            "other",
+            "--days",
+            "3",
+            "--channels",
+            "12",
+            "--period",
+            "60",
+            "--seed",
+            "9",
+        ])
+        .succeeds();
+    for log in logs(&place) {
+        let time = fs::metadata(&log).and_then(|of| of.modified()).expect("known");
+        let other = place.path().join("other").join(log.file_name().expect("has one"));
+        fs::copy(other, &log).expect("writable");
+        let file = fs::File::options().write(true).open(&log).expect("there");
+        file.set_modified(time).expect("ours");
+    }
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_ne!(model(&place), before);
+}
+
+#[test]
+fn a_damaged_copy_of_the_log_is_made_again() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let before = place.content("study-results");
+    let damaged: Vec<PathBuf> =
+        before.keys().filter(|path| path.starts_with("dataset")).cloned().collect();
+    assert_eq!(damaged.len(), 6, "{damaged:?}");
+    for name in damaged {
+        let path = place.path().join("study-results").join(&name);
+        let mut bytes = fs::read(&path).expect("there");
+        let middle = bytes.len() / 2;
+        if middle > 0 {
+            bytes[middle] ^= 0x10;
+        }
+        fs::remove_file(&path).expect("ours");
+        fs::write(&path, bytes).expect("writable");
+        let checked = place.calib(&["check", "study-results"]);
+        let is_told = name.ends_with(".lock") || checked.code() == 1;
+        assert!(is_told, "{}: {}", name.display(), checked.stdout());
+        place.calib(&["build-model", "study.toml"]).succeeds();
+        assert_eq!(place.content("study-results"), before, "{}", name.display());
+    }
+}
+
+#[test]
+fn only_what_the_study_reads_is_kept() {
+    let place = Place::with_study();
+    let folders =
+        || fs::read_dir(place.path().join("study-results/dataset")).expect("there").count();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_eq!(folders(), 1);
+    place.calib(&["build-model", "study.toml", "--set", "preprocess.subsample=2"]).succeeds();
+    assert_eq!(folders(), 1);
+    let states = place.path().join("study-results/dataset");
+    let dry = place.calib(&["build-model", "study.toml", "--dry-run"]);
+    dry.succeeds();
+    assert_eq!(fs::read_dir(states).expect("there").count(), 1, "a dry run writes nothing");
+}
