@@ -1,6 +1,6 @@
 //! The command line, and nothing else: what may be typed and what it means.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::LazyLock};
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
 use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
@@ -9,9 +9,25 @@ use clap_complete::Shell;
 
 use crate::memory::MemorySize;
 
+/// Headings of options.
+const OUTPUT: &str = "What is shown";
+const STUDY: &str = "Which study";
+const RESULTS: &str = "Results";
+
+/// The version, the commit where whoever built it said so (`CALIB_COMMIT`), and what it was built with.
+fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(|| {
+        let commit = option_env!("CALIB_COMMIT").map(|commit| format!("commit {commit}"));
+        let torch = if cfg!(feature = "torch") { "with libtorch" } else { "without libtorch" };
+        let built = commit.into_iter().chain([torch.to_owned()]).collect::<Vec<_>>().join(", ");
+        format!("{} ({built})", env!("CARGO_PKG_VERSION"))
+    });
+    VERSION.as_str()
+}
+
 /// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
 #[derive(Debug, Parser)]
-#[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
+#[command(name = "calib", version = version(), propagate_version = true, max_term_width = 100)]
 #[command(
     after_help = "Start with `calib quickstart`: it simulates a plant, runs the whole chain and ends with a verdict."
 )]
@@ -25,10 +41,10 @@ pub struct Cli {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct GlobalArgs {
     /// Print results and errors only
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = OUTPUT)]
     pub(crate) quiet: bool,
     /// When to use colour; `NO_COLOR` is obeyed
-    #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto)]
+    #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto, help_heading = OUTPUT)]
     pub(crate) color: ColorChoice,
     /// Threads to work with (default: one per core); results do not depend on it
     #[arg(long, global = true, value_name = "N")]
@@ -74,6 +90,14 @@ pub(crate) enum Command {
     Validity(ValidityArgs),
     /// Dynamic time warping distance between two series
     Dtw(DtwArgs),
+    /// Say what a key of a study means, such as agent.gamma; without one, which sections there are
+    Explain {
+        /// A key or a section: agent.gamma, sweep
+        key: Option<String>,
+        /// Print its part of the schema as JSON
+        #[arg(long, help_heading = OUTPUT)]
+        json: bool,
+    },
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -114,6 +138,7 @@ impl Command {
             Self::Check(args) => args.json,
             Self::Validity(args) => args.json,
             Self::Dtw(args) => args.json,
+            Self::Explain { json, .. } => *json,
             Self::Completions { .. } | Self::Man { .. } => false,
         };
         if json { Answer::ForMachines } else { Answer::ForPeople }
@@ -129,7 +154,7 @@ pub(crate) struct CheckArgs {
     #[arg(long)]
     pub(crate) read_data: bool,
     /// Print the result as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -139,28 +164,28 @@ pub(crate) struct StudyArgs {
     /// The study file (TOML)
     pub(crate) study: PathBuf,
     /// Override a key of the study; may be given several times
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", help_heading = STUDY)]
     pub(crate) set: Vec<String>,
     /// The study as this one of its [profiles] has it
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) profile: Option<String>,
     /// Only this one of the study's [models] (default: one after the other)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) model: Option<String>,
     /// Only this one of the study's [deployments] (default: one after the other)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) deployment: Option<String>,
     /// Where results go (default: beside the study file)
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = RESULTS)]
     pub(crate) output: Option<PathBuf>,
     /// Redo everything, also what is up to date
-    #[arg(long)]
+    #[arg(long, help_heading = RESULTS)]
     pub(crate) force: bool,
     /// Say what would be done, and stop
-    #[arg(long)]
+    #[arg(long, help_heading = RESULTS)]
     pub(crate) dry_run: bool,
     /// Print the result as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -205,7 +230,7 @@ pub(crate) struct ValidityArgs {
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// Print the judgement as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -239,6 +264,7 @@ pub(crate) struct BuildModelArgs {
 
 /// How a model is built; its tables are the same.
 #[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "How it is built")]
 pub(crate) struct BuildOptions {
     /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
     #[arg(long, value_name = "DEVICE", value_enum)]
@@ -292,7 +318,7 @@ pub(crate) struct QuickstartArgs {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the verdict as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -313,12 +339,13 @@ pub(crate) struct SimulateArgs {
     #[arg(long)]
     pub(crate) force: bool,
     /// Print what was written as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
 /// The plant, where no study describes it.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "The plant")]
 pub(crate) struct PlantArgs {
     /// Days to simulate; the last may be a part of one [default: 7]
     #[arg(long)]
@@ -391,7 +418,7 @@ pub(crate) struct InspectArgs {
     #[arg(long)]
     pub(crate) all: bool,
     /// Print the profile as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -418,7 +445,7 @@ pub(crate) struct InitArgs {
     #[arg(long)]
     pub(crate) force: bool,
     /// Print what was chosen as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -450,7 +477,7 @@ pub(crate) struct ImportArgs {
     #[arg(long)]
     pub(crate) force: bool,
     /// Print what was written as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -484,7 +511,7 @@ pub(crate) struct DtwArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
     /// Print the distances as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 

@@ -19,6 +19,7 @@ mod described;
 mod dtw;
 mod environments;
 mod evaluate;
+mod explain;
 mod figures;
 mod frames;
 mod generate;
@@ -139,6 +140,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<ExitStatus> {
         Command::Check(args) => check::run(&args, printer),
         Command::Validity(args) => validity::run(&args, printer),
         Command::Dtw(args) => dtw::run(&args, printer),
+        Command::Explain { key, .. } => explain::run(key.as_deref(), printer),
         Command::Completions { shell } => generate::completions(shell, printer),
         Command::Man { directory } => generate::man(&directory, printer),
     }

@@ -11,6 +11,7 @@ mod errors;
 mod formats;
 mod harness;
 mod hints;
+mod init;
 mod inputs;
 mod interruption;
 mod models;

@@ -5,7 +5,7 @@ use toml::Value;
 
 use crate::{
     Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
-    size::{LEAST_STEPS, MEMBERS, WINDOWS},
+    size::{LEAST_STEPS, MEMBERS},
 };
 
 /// Steps of a rollout at most: enough to look at.
@@ -46,11 +46,6 @@ impl Draft<'_> {
     /// States of the held-out range, about.
     pub fn held_out_states(&self) -> usize {
         self.cut.rows[1] / self.spacing.0
-    }
-
-    /// Steps of a run at most, so that several windows fit in what is held out.
-    pub fn most_steps(held_out_states: usize) -> usize {
-        (held_out_states / WINDOWS).max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
     }
 
     /// The study file.
@@ -162,7 +157,7 @@ impl Draft<'_> {
         let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
         let proposed: Vec<String> =
             self.sensors.proposed.iter().take(size.sensors).map(name).collect();
-        text.line("# They move throughout the log, and are as unlike each other as can be");
+        text.line("# They move throughout the log, stay where they have been before, and are as unlike each other as can be");
         text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
         let others: Vec<String> = self
             .sensors
@@ -188,7 +183,7 @@ impl Draft<'_> {
         text.key("member_runs", &size.member_runs.to_string(), "in each member");
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "");
         text.section("sweep.grid");
-        let axis = format!("{{ from = 1e-5, to = 1e-2, per_decade = {} }}", size.per_decade);
+        let axis = format!("{{ from = 1e-5, to = 1e-1, per_decade = {} }}", size.per_decade);
         text.key("learning_rate", &axis, "");
     }
 }

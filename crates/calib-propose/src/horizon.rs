@@ -74,7 +74,7 @@ mod tests {
         };
         assert_eq!(
             states(&[0], 1, 3_000),
-            20.0,
+            15.0,
             "the first distance looked at beyond a sixth of the wave"
         );
         assert_eq!(states(&[1], 1, 6_000), 50.0, "no more");

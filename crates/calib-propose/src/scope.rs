@@ -81,8 +81,8 @@ impl Scope {
             .filter(|&channel| unusable(&sketch.channels[channel]).is_none())
             .collect();
         let mut best: Option<(f64, Range<usize>, Vec<usize>)> = None;
-        // Wider parts first: of equally good ones the wider is taken.
-        for width in (1..=bins).rev() {
+        // Narrower parts first: rows that add nothing are not taken.
+        for width in 1..=bins {
             for start in 0..=bins - width {
                 let part = start..start + width;
                 if let Some((worth, channels)) = worth(sketch, &usable, part.clone())

@@ -23,8 +23,9 @@ pub struct Sensors {
 }
 
 impl Sensors {
-    /// Three channels that move throughout, are more than noise from one row to the next, and are as unlike each other as can
-    /// be: the first is the one that rests least, each further one has the smallest correlation with those before.
+    /// Three channels that move throughout, are more than noise from one row to the next, stay in what is held out where they have
+    /// been before, and are as unlike each other as can be: the first is the one that rests least, each further one has the
+    /// smallest correlation with those before.
     ///
     /// # Errors
     /// If no channel moves throughout.
@@ -50,7 +51,7 @@ impl Sensors {
                     && of.unchanged <= RESTS
                     && moving(&bins) >= MOVES
                     && moving(held_out) >= MOVES;
-                is_sensor.then(|| (channel, liveliness(of)))
+                is_sensor.then(|| (channel, liveliness(of) * familiar(sketch, scope, of)))
             })
             .collect();
         worth.sort_by(|left, right| right.1.total_cmp(&left.1).then(left.0.cmp(&right.0)));
@@ -92,6 +93,22 @@ impl Sensors {
 fn liveliness(of: &ChannelSketch) -> f64 {
     let near = of.autocorrelation.first().map_or(0.0, |(_, value)| *value);
     (1.0 - of.unchanged) * if near < NOISE { 0.2 } else { 1.0 }
+}
+
+/// The share of the last third of the values that lie between the extremes of the others: where a sensor has never been, nobody can
+/// know what it does.
+fn familiar(sketch: &Sketch, scope: &Scope, of: &ChannelSketch) -> f64 {
+    let step = sketch.timestamps.len().div_ceil(of.thinned.len().max(1)).max(1);
+    let inside = scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(of.thinned.len());
+    let cut = inside.start + inside.len() * 2 / 3;
+    let there = |rows: std::ops::Range<usize>| {
+        of.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
+    };
+    let (before, after) = (there(inside.start..cut), there(cut..inside.end));
+    let low = before.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let known = after.iter().filter(|value| (low..=high).contains(*value)).count();
+    known as f64 / after.len().max(1) as f64
 }
 
 /// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.
@@ -136,7 +153,18 @@ mod tests {
             ("C", wave(90.0)),
             ("noise", Box::new(|row| ((row * 7_919 + row * row * 104_729) % 1_009) as f64)),
         ]);
-        assert_eq!(found.expect("some"), ["A", "C", "B"]);
+        assert_eq!(found.expect("some"), ["A", "B", "C"]);
+    }
+
+    #[test]
+    fn what_goes_where_it_has_never_been_comes_last() {
+        let leaves: Channel = Box::new(|row| {
+            let away = if row > 4_300 { 100.0 } else { 0.0 };
+            away + (std::f64::consts::TAU * row as f64 / 40.0).sin()
+        });
+        let found =
+            names(&[("leaves", leaves), ("B", wave(70.0)), ("C", wave(90.0)), ("D", wave(50.0))]);
+        assert!(!found.expect("some").contains(&"leaves".to_owned()));
     }
 
     #[test]

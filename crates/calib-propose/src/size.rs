@@ -6,8 +6,10 @@ const PLANNED: f64 = 0.85;
 const MOST: f64 = 2.5;
 /// What a network of half as many units takes.
 const SMALLER: f64 = 0.6;
-/// Held-out windows that should fit beside each other.
-pub(crate) const WINDOWS: usize = 4;
+/// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
+const WINDOWS: f64 = 4.5;
+/// Half as many will do for runs that would be shorter than this.
+const ENOUGH_STEPS: f64 = 1_500.0;
 /// Steps of a run at least.
 pub(crate) const LEAST_STEPS: usize = 200;
 
@@ -16,7 +18,7 @@ pub(crate) const LEAST_STEPS: usize = 200;
 pub struct Size {
     /// `sweep.steps`.
     pub steps: usize,
-    /// Learning rates a decade from 1e-5 to 1e-2.
+    /// Learning rates a decade from 1e-5 to 1e-1.
     pub per_decade: usize,
     /// `agent.hidden_units`, of two layers.
     pub hidden_units: usize,
@@ -40,6 +42,13 @@ pub struct Costs {
 }
 
 impl Size {
+    /// Steps of a run at most, so that several windows fit in what is held out: four, or two of a short log.
+    pub fn most_steps(held_out_states: usize) -> usize {
+        let states = held_out_states as f64;
+        let steps = (states / WINDOWS).max((2.0 * states / WINDOWS).min(ENOUGH_STEPS)) as usize;
+        steps.max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
+    }
+
     /// What the costs are measured with: small, and all of its kind.
     pub fn trial(steps: usize, sensors: usize) -> Self {
         Self {
@@ -98,9 +107,9 @@ impl Size {
         }
     }
 
-    /// Learning rates, which are three decades apart.
+    /// Learning rates, over four decades.
     pub fn values(&self) -> usize {
-        3 * self.per_decade + 1
+        4 * self.per_decade + 1
     }
 
     /// Steps of all agents.
@@ -135,10 +144,16 @@ mod tests {
     }
 
     #[test]
+    fn several_windows_fit() {
+        let steps = [100, 1_000, 5_000, 15_000].map(Size::most_steps);
+        assert_eq!(steps, [98, 444, 1_500, 3_333]);
+    }
+
+    #[test]
     fn short_logs_and_slow_machines_get_what_there_is() {
         let short = Size::within(600.0, COSTS, 250, 1);
         assert_eq!((short.steps, short.sensors), (250, 1));
         let slow = Size::within(1.0, COSTS, 10_000, 3);
-        assert_eq!((slow.values(), slow.online_runs), (4, 4), "the smallest");
+        assert_eq!((slow.values(), slow.online_runs), (5, 4), "the smallest");
     }
 }

@@ -40,7 +40,7 @@ fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> Chan
     distinct.sort_unstable();
     distinct.dedup();
     let first = changed.first().copied().unwrap_or_default();
-    let lags = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000];
+    let lags = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200, 500, 1_000];
     ChannelSketch {
         name: name.to_owned(),
         present: bins

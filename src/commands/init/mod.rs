@@ -174,7 +174,7 @@ impl Proposal {
             Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
             None => horizon(sketch, &sensors.proposed, spacing, steps),
         };
-        let most = |spacing: usize| Draft::most_steps(look.cut.rows[1] / spacing);
+        let most = |spacing: usize| Size::most_steps(look.cut.rows[1] / spacing);
         // Models of the last rows of the training range, because it is theirs to be judged on what follows.
         let small = |spacing: usize| {
             let rows = trial::ROWS * spacing;

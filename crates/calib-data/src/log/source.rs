@@ -203,7 +203,7 @@ mod tests {
             error.to_string()
         };
         assert!(message("z.parquet").contains("z.parquet: there is no such file or folder"));
-        assert!(message("c*").contains("c*: nothing matches"));
+        assert!(message("q*").contains("q*: nothing matches"));
         assert!(message("[").contains("malformed"));
         let none = find_files(&DataConfig::default()).expect_err("no path");
         assert!(none.to_string().contains("data.path is empty"));

@@ -295,7 +295,7 @@ mod tests {
         assert_eq!(notation(&["3/13/2024 6:00:00 PM"]), ["%m/%d/%Y %I:%M:%S%.f %p"]);
         assert_eq!(notation(&["13.03.2024 06:00:00,25"]), ["%d.%m.%Y %H:%M:%S%.f"]);
         assert_eq!(notation(&["March 1, 2024 06:00:00"]), ["%B %d, %Y %H:%M:%S%.f"]);
-        assert_eq!(notation(&["20240301 06:00:00"]), ["%Y%m%d %H:%M:%S%.f"]);
+        assert_eq!(notation(&["20240301 06:00:00"]), ["ISO 8601"], "its basic form");
         assert_eq!(notation(&["2024-03-01 06:00:00 UTC"]), ["%Y-%m-%d %H:%M:%S%.f UTC"]);
         assert_eq!(notation(&["01.03.2024", "13.03.2024"]), ["%d.%m.%Y"]);
         assert!(notation(&["yesterday"]).is_empty());
