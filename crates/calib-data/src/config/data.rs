@@ -56,6 +56,7 @@ pub struct DataConfig {
     pub decimal: Option<char>,
     /// What happens to rows of the same time with different values of a channel. Default: they are refused.
     #[serde(skip_serializing_if = "Contradictions::are_refused")]
+    #[schemars(extend("default" = "refuse"))]
     pub contradictions: Contradictions,
     /// Put every channel on one clock with a row every `period_secs`. Default: rows stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]

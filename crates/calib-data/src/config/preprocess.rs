@@ -15,6 +15,7 @@ pub struct PreprocessConfig {
     pub fill_limit: usize,
     /// What happens to spikes: single samples far outside of everything else. Default: `missing`.
     #[serde(skip_serializing_if = "Outliers::is_default")]
+    #[schemars(extend("default" = "missing"))]
     pub outliers: Outliers,
     /// How values are scaled; fitted on the recorded values of the training range. Default: `min_max`.
     pub normalise: Normalisation,
