@@ -82,7 +82,7 @@ fn other_data_make_the_plant_superfluous() {
     place.calib(&["build-model", "study.toml", "--set", "data.path=logs"]).succeeds();
     // A path that does not exist is a slip, and nothing is written there.
     let message = place.calib(&["run", "study.toml", "--set", "data.path=lgos"]).fails(2);
-    assert!(message.contains("no Parquet file at lgos"), "{message}");
+    assert!(message.contains("no log at lgos"), "{message}");
     let message = place.calib(&["simulate", "study.toml", "--set", "data.path=logs"]).fails(2);
     assert!(message.contains("no [simulate] section (one is not used"), "{message}");
 

@@ -194,6 +194,7 @@ impl Check<'_> {
         for (mut data, preprocess) in found {
             // Results lie beside their study, and paths start from there.
             data.resolve(root.parent().unwrap_or(Path::new("")));
+            data.scratch = memory::working_files();
             let shown = data.path.0.join(", ");
             match calib_data::inspect(&data, &preprocess, &self.printer.progress()) {
                 Ok(_) => self.checked.logs.push(shown),

@@ -74,6 +74,8 @@ const GRID_STARTS: usize = 4;
 /// The first rollout from each start, for one sensor: what was recorded, and what the model did.
 pub(crate) struct Starts {
     pub(crate) sensor: String,
+    /// What stands in brackets behind it.
+    pub(crate) unit: Option<String>,
     period_secs: f64,
     pairs: Vec<Start>,
 }
@@ -108,7 +110,7 @@ pub(crate) fn starts(
                 });
             }
         }
-        all.push(Starts { sensor: sensor.clone(), period_secs, pairs });
+        all.push(Starts { sensor: sensor.clone(), unit: None, period_secs, pairs });
     }
     Ok(all)
 }
@@ -166,7 +168,7 @@ fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> Rollou
     };
     RolloutGrid {
         sensor: first.sensor.clone(),
-        unit: None,
+        unit: first.unit.clone(),
         models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
         rows: starts.iter().enumerate().map(row).collect(),
     }
@@ -212,7 +214,7 @@ mod tests {
             values: vec![time as f64, 9.0],
         };
         let pairs = times.iter().map(start).collect();
-        Starts { sensor: "PIT300".to_owned(), period_secs: 1.0, pairs }
+        Starts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::{
         stale::Kept,
     },
     log::partition,
-    model::model_files::ModelManifest,
+    model::model_files::{self, ModelManifest},
     output::Printer,
     rollouts::rollout,
     sweep::{SweepManifest, unit_store},
@@ -112,8 +112,15 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
         format!("the sweep is not complete; run `{}` again", job.command("sweep"))
     })?;
     let sensors = study.sweep.sensors.iter();
+    let profile = model_files::read_profile(&paths.model())?;
+    let doubts = profile.value_doubts();
     let verdicts = sensors
-        .map(|sensor| Ok(verdict_of(sensor, study.part(), (study, &manifest, &results))?))
+        .map(|sensor| {
+            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
+            let of_it = doubts.iter().filter(|(name, _)| name == sensor);
+            verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            Ok(verdict)
+        })
         .collect::<anyhow::Result<Vec<_>>>()
         .with_context(|| {
             format!(

@@ -29,6 +29,7 @@ use crate::{
     },
     sweep::{SweepManifest, recorded},
     verdict::{
+        described::Descriptions,
         evaluate::{Judged, Summary},
         kept_report, learning,
         report_data::{data_profile, subtitle},
@@ -109,13 +110,17 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     );
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = rollout::finished(job, &model.content()?)?;
-    let (shown, starts) = match &rollouts {
+    let descriptions = Descriptions::of(job, &profile)?;
+    let (shown, mut starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
+    for of in &mut starts {
+        of.unit = descriptions.words(&of.sensor);
+    }
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
-    Ok(Report {
+    let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
         score: Score::nrmse(),
@@ -141,7 +146,9 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(job, &commands(&[study]), sweep)?,
-    })
+    };
+    descriptions.put_into(&mut report);
+    Ok(report)
 }
 
 /// What the rollouts were like, and the representations that could be used.
