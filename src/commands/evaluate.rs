@@ -62,12 +62,7 @@ pub(super) fn run(job: &Job, printer: &Printer) -> anyhow::Result<ExitStatus> {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(ExitStatus::Done);
     }
-    let report = report::assemble(&judged).with_context(|| {
-        format!(
-            "{} cannot be written; if results were edited, the steps with --force make them again",
-            paths.report().display()
-        )
-    })?;
+    let report = report::assemble(&judged)?;
     let written = report::write(job, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {

@@ -17,6 +17,7 @@ const LISTED: usize = 60;
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
     let Settings { data, preprocess, deployments } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+    memory::check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&profile)?;
@@ -64,7 +65,6 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    memory::check_log(&study.data)?;
     Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
 }
 
