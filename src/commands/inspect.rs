@@ -15,6 +15,7 @@ use crate::cli::InspectArgs;
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+    check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&profile)?;
@@ -80,7 +81,6 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    check_log(&study.data)?;
     let data = DataConfig { scratch: working_files(), ..study.data };
     Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }

@@ -21,7 +21,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     let before = place.content("study-results");
     let again = place.calib(&["run", "study.toml"]);
     again.succeeds();
-    assert_eq!(again.stderr().matches("up to date").count(), 3, "{}", again.stderr());
+    assert_eq!(again.stderr().matches("up to date").count(), 4, "{}", again.stderr());
     assert!(!again.stderr().contains("day files"), "{}", again.stderr());
     assert!(place.content("study-results") == before);
 

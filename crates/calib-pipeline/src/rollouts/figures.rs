@@ -9,15 +9,13 @@ use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
 use crate::rollouts::trajectory_columns::Columns;
 
-/// Write a figure as `NAME.svg` and `NAME.png`.
-pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
+/// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
+pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<[String; 2]> {
     let (svg, png) = (figure.svg(), figure.png()?);
-    let name = file_name(name);
-    write_atomically(&directory.join(format!("{name}.svg")), |file| {
-        file.write_all(svg.as_bytes())
-    })?;
-    write_atomically(&directory.join(format!("{name}.png")), |file| file.write_all(&png))?;
-    Ok(())
+    let names = ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)));
+    write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
+    write_atomically(&directory.join(&names[1]), |file| file.write_all(&png))?;
+    Ok(names)
 }
 
 /// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.

@@ -69,12 +69,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(Outcome::Done);
     }
-    let report = report::assemble(&judged).with_context(|| {
-        format!(
-            "{} cannot be written; if results were edited, the steps with --force make them again",
-            paths.report().display()
-        )
-    })?;
+    let report = report::assemble(&judged)?;
     let written = report::write(job, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {

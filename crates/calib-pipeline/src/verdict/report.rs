@@ -2,7 +2,7 @@
 
 use std::{io::Write as _, path::Path};
 
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
@@ -100,6 +100,17 @@ pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 
 /// Everything that is known of a finished sweep and its model.
 pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
+    let cannot = || {
+        let page = judged.paths().report();
+        let page = page.display();
+        format!(
+            "{page} cannot be written; if results were edited, the steps with --force make them again"
+        )
+    };
+    assembled(judged).with_context(cannot)
+}
+
+fn assembled(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { job, manifest: sweep, summary, results } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
