@@ -1,17 +1,35 @@
 //! The command line, and nothing else: what may be typed and what it means.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::LazyLock};
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
 use calib_knn::IndexKind;
-use calib_pipeline::{Answer, MemorySize, STEP_PATTERNS, ValidityExtent, ValidityOptions};
+use calib_pipeline::{
+    Answer, MemorySize, ProposeOptions, STEP_PATTERNS, Standing, ValidityExtent, ValidityOptions,
+};
 use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
+/// Headings of options.
+const OUTPUT: &str = "What is shown";
+const STUDY: &str = "Which study";
+const RESULTS: &str = "Results";
+
+/// The version, the commit where whoever built it said so (`CALIB_COMMIT`), and what it was built with.
+fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(|| {
+        let commit = option_env!("CALIB_COMMIT").map(|commit| format!("commit {commit}"));
+        let torch = if cfg!(feature = "torch") { "with libtorch" } else { "without libtorch" };
+        let built = commit.into_iter().chain([torch.to_owned()]).collect::<Vec<_>>().join(", ");
+        format!("{} ({built})", env!("CARGO_PKG_VERSION"))
+    });
+    VERSION.as_str()
+}
+
 /// Choose the hyperparameters of an online learner from a plant's logs, before it is deployed.
 #[derive(Debug, Parser)]
-#[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
+#[command(name = "calib", version = version(), propagate_version = true, max_term_width = 100)]
 #[command(
     after_help = "Start with `calib quickstart`: it simulates a plant, runs the whole chain and ends with a verdict."
 )]
@@ -25,10 +43,10 @@ pub struct Cli {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct GlobalArgs {
     /// Print results and errors only
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = OUTPUT)]
     pub(crate) quiet: bool,
     /// When to use colour; `NO_COLOR` is obeyed
-    #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto)]
+    #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto, help_heading = OUTPUT)]
     pub(crate) color: ColorChoice,
     /// Threads to work with (default: one per core); results do not depend on it
     #[arg(long, global = true, value_name = "N")]
@@ -48,8 +66,12 @@ pub(crate) enum Command {
     Quickstart(QuickstartArgs),
     /// Write Parquet logs of a simulated membrane-filtration pilot plant
     Simulate(SimulateArgs),
+    /// Look at a log, and write a study of it with a reason for every value
+    Init(InitArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
+    /// Write logs of any form (CSV, long tables, a file a tag) once as one wide Parquet file
+    Import(ImportArgs),
     /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
     Run(StudyArgs),
     /// Train or import representations of the states, score them, and choose one
@@ -70,6 +92,14 @@ pub(crate) enum Command {
     Validity(ValidityArgs),
     /// Dynamic time warping distance between two series
     Dtw(DtwArgs),
+    /// Say what a key of a study means, such as agent.gamma; without one, which sections there are
+    Explain {
+        /// A key or a section: agent.gamma, sweep
+        key: Option<String>,
+        /// Print its part of the schema as JSON
+        #[arg(long, help_heading = OUTPUT)]
+        json: bool,
+    },
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -95,10 +125,13 @@ impl Command {
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
             Self::Simulate(args) => args.json,
+            Self::Init(args) => args.json,
             Self::Inspect(args) => args.json,
+            Self::Import(args) => args.json,
             Self::Check(args) => args.json,
             Self::Validity(args) => args.json,
             Self::Dtw(args) => args.json,
+            Self::Explain { json, .. } => *json,
             Self::Completions { .. } | Self::Man { .. } => false,
         };
         if json { Answer::ForMachines } else { Answer::ForPeople }
@@ -114,7 +147,7 @@ pub(crate) struct CheckArgs {
     #[arg(long)]
     pub(crate) read_data: bool,
     /// Print the result as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -124,28 +157,28 @@ pub(crate) struct StudyArgs {
     /// The study file (TOML)
     pub(crate) study: PathBuf,
     /// Override a key of the study; may be given several times
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", help_heading = STUDY)]
     pub(crate) set: Vec<String>,
     /// The study as this one of its [profiles] has it
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) profile: Option<String>,
     /// Only this one of the study's [models] (default: one after the other)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) model: Option<String>,
     /// Only this one of the study's [deployments] (default: one after the other)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) deployment: Option<String>,
     /// Where results go (default: beside the study file)
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = RESULTS)]
     pub(crate) output: Option<PathBuf>,
     /// Redo everything, also what is up to date
-    #[arg(long)]
+    #[arg(long, help_heading = RESULTS)]
     pub(crate) force: bool,
     /// Say what would be done, and stop
-    #[arg(long)]
+    #[arg(long, help_heading = RESULTS)]
     pub(crate) dry_run: bool,
     /// Print the result as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -190,7 +223,7 @@ pub(crate) struct ValidityArgs {
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// Print the judgement as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -224,6 +257,7 @@ pub(crate) struct BuildModelArgs {
 
 /// How a model is built; its tables are the same.
 #[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "How it is built")]
 pub(crate) struct BuildOptions {
     /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
     #[arg(long, value_name = "DEVICE", value_enum)]
@@ -277,7 +311,7 @@ pub(crate) struct QuickstartArgs {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the verdict as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -298,12 +332,13 @@ pub(crate) struct SimulateArgs {
     #[arg(long)]
     pub(crate) force: bool,
     /// Print what was written as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
 /// The plant, where no study describes it.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "The plant")]
 pub(crate) struct PlantArgs {
     /// Days to simulate; the last may be a part of one [default: 7]
     #[arg(long)]
@@ -364,7 +399,7 @@ pub(crate) struct PlantArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InspectArgs {
-    /// A study file, or a Parquet file, folder or glob
+    /// A study file, or a log: a file (Parquet, CSV), folder or glob
     pub(crate) data: PathBuf,
     /// Override a key of the study, such as `preprocess.max_missing=0.2`
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
@@ -376,7 +411,66 @@ pub(crate) struct InspectArgs {
     #[arg(long)]
     pub(crate) all: bool,
     /// Print the profile as JSON
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InitArgs {
+    /// The log: a file (Parquet, CSV), folder or glob
+    pub(crate) logs: PathBuf,
+    /// The study file to write
+    #[arg(default_value = "study.toml")]
+    pub(crate) study: PathBuf,
+    /// How long `calib run` on the study may take on this machine, such as 90s, 10m or 2h
+    #[arg(long, value_name = "TIME", default_value = "10m", value_parser = seconds)]
+    pub(crate) within: f64,
+    /// A sensor to predict; may be given several times (default: three that move and are unlike each other)
+    #[arg(long = "sensor", value_name = "NAME")]
+    pub(crate) sensors: Vec<String>,
+    /// How far ahead to predict, such as 100s or 10m (default: by the autocorrelation of the sensors)
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub(crate) horizon: Option<f64>,
+    /// Set a key of [data], such as `data.time_zone=Europe/Paris`; it holds for the study too; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the study file if it is there
     #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was chosen as JSON
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`; without a unit, seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected a time such as 90s, 10m or 2h, got '{text}'");
+    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
+    let number: f64 = text[..text.len() - unit.len()].trim().parse().map_err(|_| expected())?;
+    let factor = match unit {
+        "" | "s" | "sec" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3_600.0,
+        "d" => 86_400.0,
+        _ => return Err(expected()),
+    };
+    if number > 0.0 { Ok(number * factor) } else { Err(expected()) }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// The logs: a file, folder or glob
+    pub(crate) logs: PathBuf,
+    /// The Parquet file to write
+    pub(crate) out: PathBuf,
+    /// Set a key of [data], such as `data.timestamp_format=%d.%m.%Y` or `data.resample=last`; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the file if it is there
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was written as JSON
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -406,7 +500,7 @@ pub(crate) struct DtwArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
     /// Print the distances as JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
 
@@ -463,5 +557,26 @@ impl From<ValidityArgs> for ValidityOptions {
             (false, false) => ValidityExtent::Run,
         };
         Self { studies, set, draw, output, resamples, seed, extent }
+    }
+}
+impl From<InitArgs> for ProposeOptions {
+    fn from(args: InitArgs) -> Self {
+        let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;
+        let standing = if force { Standing::Replaced } else { Standing::Kept };
+        Self { logs, study, within, sensors, horizon, set, standing }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_of_time_are_read_as_people_write_them() {
+        let read = ["90", "90s", "10m", "1.5 h", "2d"].map(|text| seconds(text).expect("a time"));
+        assert_eq!(read, [90.0, 90.0, 600.0, 5_400.0, 172_800.0]);
+        for bad in ["", "soon", "-3m", "0", "10 apples", "."] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
     }
 }

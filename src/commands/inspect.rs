@@ -1,25 +1,31 @@
 use anyhow::{Context as _, ensure};
-use calib_data::{ChannelProfile, DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_data::{
+    Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
+};
 use calib_pipeline::{
-    Job, Outcome, Printer, Request, check_log, data_of,
-    output::{bytes, count, percent, significant, table},
+    Descriptions, Job, Outcome, Printer, Request, check_log, data_of,
+    output::{bytes, count, span, table},
+    working_files,
 };
 
+use super::{import::shape_name, inspect_channels::show_channels};
 use crate::cli::InspectArgs;
-
-/// Channels that are listed without `--all`.
-const LISTED: usize = 60;
 
 /// Show what is in a log, and what preprocessing would make of it.
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
-    let Settings { data, preprocess, deployments } = settings(args)?;
+    let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+    check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&profile)?;
     } else {
         show_log(&profile, printer)?;
-        show_channels(&profile, args, printer)?;
+        let descriptions = match &job {
+            Some(job) => Descriptions::of(job, &profile)?,
+            None => Descriptions::of_log(&profile),
+        };
+        show_channels(&profile, &descriptions, args, printer)?;
         let of = |(name, data): (String, DataConfig)| {
             let profile = calib_data::inspect(&data, &preprocess, &printer.progress())
                 .with_context(|| format!("[deployments.{name}]"))?;
@@ -29,8 +35,21 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
     }
-    let usable = profile.train.transitions > 0 && profile.kept().next().is_some();
-    if !usable {
+    for name in
+        job.iter().flat_map(|job| calib_pipeline::unknown_sensors(&job.study().sensors, &profile))
+    {
+        printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
+    }
+    let refused = profile.contradictions.count > 0 && data.contradictions == Contradictions::Refuse;
+    if refused {
+        let error = DataError::Contradictions {
+            count: profile.contradictions.count,
+            examples: profile.contradictions.examples.clone(),
+        };
+        printer.warn(&format!("a study of this log would be refused: {error}"));
+    }
+    let usable = !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
+    if !usable && !refused {
         printer.warn(
             "no channel or no transition is left: nothing could be built from this log as it is",
         );
@@ -52,7 +71,8 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
             (name, DataConfig { held_out, ..data.clone() })
         };
         let deployments = study.deployment_names().into_iter().map(of).collect();
-        return Ok(Settings { data, preprocess: study.preprocess.clone(), deployments });
+        let preprocess = study.preprocess.clone();
+        return Ok(Settings { data, preprocess, deployments, job: Some(job) });
     } else {
         ensure!(
             args.profile.is_none(),
@@ -61,8 +81,8 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    check_log(&study.data)?;
-    Ok(Settings { data: study.data, preprocess: study.preprocess, deployments: Vec::new() })
+    let data = DataConfig { scratch: working_files(), ..study.data };
+    Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }
 
 /// What to look at.
@@ -71,43 +91,34 @@ struct Settings {
     preprocess: PreprocessConfig,
     /// The deployments of a study, each as what is held out.
     deployments: Vec<(String, DataConfig)>,
+    /// The study, if there is one.
+    job: Option<Job>,
 }
 
 fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
-    let period = if profile.period_was_detected { "detected" } else { "given" };
+    printer.result(&format!("read as {}", shape_name(profile.shape)))?;
+    let long = profile.end.micros_since(profile.start) as f64 / 1e6;
     printer.result(&format!(
-        "{} rows in {} files ({}), {} to {}",
+        "{} rows in {} files ({}), {} to {}: {}, times {}",
         count(profile.file_rows as usize),
         count(profile.files),
         bytes(profile.bytes),
         format_time(profile.start),
         format_time(profile.end),
+        span(long),
+        if profile.utc { "in UTC" } else { "as the log has them" },
     ))?;
+    let period = if profile.period_was_detected { "detected" } else { "given" };
     printer.result(&format!(
-        "sample period {} s ({period}); one state every {} s",
-        significant(profile.period_secs),
-        significant(profile.sampled_period_secs),
+        "sample period {} ({period}); one state every {}",
+        span(profile.period_secs),
+        span(profile.sampled_period_secs),
     ))?;
-    let gaps = &profile.gaps;
-    let longest = if gaps.count == 0 {
-        String::new()
-    } else {
-        format!(
-            " (longest {} s, {} s in all)",
-            significant(gaps.longest_secs),
-            significant(gaps.total_secs)
-        )
-    };
-    printer.result(&format!("gaps: {}{longest}", count(gaps.count as usize)))?;
-    for (from, to) in &gaps.examples {
-        printer.result(&format!("    {} to {}", format_time(*from), format_time(*to)))?;
-    }
+    show_gaps(profile, printer)?;
     let oddities = [
         (profile.duplicates.identical, "duplicate rows (dropped)"),
-        (
-            profile.duplicates.conflicting,
-            "rows that contradict another of the same time (the first is kept)",
-        ),
+        (profile.duplicates.conflicting, "rows that contradict another of the same time"),
+        (profile.bad_quality, "samples of bad quality (missing values)"),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
         (profile.null_timestamps, "rows without a timestamp of the years 1 to 9998 (dropped)"),
         (profile.short_steps, "steps shorter than the period (tolerated)"),
@@ -119,56 +130,35 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
+    profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }
     Ok(())
 }
 
-fn show_channels(profile: &Profile, args: &InspectArgs, printer: &Printer) -> anyhow::Result<()> {
-    let header = ["channel", "min", "max", "mean", "missing", "stuck", "step", "distinct", "use"];
-    let shown = if args.all { profile.channels.len() } else { LISTED };
-    let rows: Vec<Vec<String>> = profile.channels.iter().take(shown).map(channel_row).collect();
-    printer.result("")?;
-    printer.lines(&table(&header, &rows))?;
-    if profile.channels.len() > shown {
-        let more = profile.channels.len() - shown;
-        printer.result(&format!("… and {} more; --all shows them", count(more)))?;
+fn show_gaps(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
+    let gaps = &profile.gaps;
+    if gaps.count == 0 {
+        return printer.result("gaps: none");
     }
-    Ok(())
+    printer.result(&format!(
+        "gaps: {}, {} in all; the longest:",
+        count(gaps.count as usize),
+        span(gaps.total_secs)
+    ))?;
+    let shown = gaps.examples.iter().map(|(from, to)| {
+        let long = span(to.micros_since(*from) as f64 / 1e6);
+        vec![format!("    {long}"), format_time(*from), format_time(*to)]
+    });
+    printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
 }
 
-fn channel_row(channel: &ChannelProfile) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
-    let values = channel.values.as_ref();
-    let fate =
-        channel.dropped.as_ref().map_or_else(|| "kept".to_owned(), |why| format!("dropped: {why}"));
-    let mut notes = Vec::new();
-    if !channel.words.is_empty() {
-        let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
-        notes.push(words.collect::<Vec<_>>().join(", "));
-    }
-    if channel.non_finite > 0 {
-        notes.push(format!("{} not finite", count(channel.non_finite as usize)));
-    }
-    let notes = if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) };
-    vec![
-        channel.name.clone(),
-        number(values.map(|of| of.min)),
-        number(values.map(|of| of.max)),
-        number(values.map(|of| of.mean)),
-        percent(channel.missing_fraction),
-        values.map_or_else(
-            || "–".to_owned(),
-            |of| format!("{} s", significant(of.longest_stuck_secs)),
-        ),
-        number(values.and_then(|of| of.smallest_change)),
-        values
-            .and_then(|of| of.distinct)
-            .map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
-        format!("{fate}{notes}"),
-    ]
-}
+/// Warnings of values that are shown; the notes below the channels have all.
+const DOUBTS: usize = 8;
+
+/// Gaps that are shown.
+const GAPS: usize = 5;
 
 fn show_parts(
     profile: &Profile,

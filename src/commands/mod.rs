@@ -1,8 +1,11 @@
 //! One command a file, as far as it is more than a step of the pipeline.
 
 mod dtw;
+mod explain;
 mod generate;
+mod import;
 mod inspect;
+mod inspect_channels;
 mod quickstart;
 mod series;
 mod simulate;
@@ -38,7 +41,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,
+        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
+        Command::Import(args) => import::run(&args, printer)?,
         Command::Run(args) => calib_pipeline::run(&args.job()?, printer)?,
         Command::Represent(RepresentArgs { study, device }) => {
             calib_pipeline::represent(&study.job()?, device.map(Into::into), printer)?
@@ -56,6 +61,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
         }
         Command::Validity(args) => calib_pipeline::validity(&args.into(), printer)?,
         Command::Dtw(args) => dtw::run(&args, printer)?,
+        Command::Explain { key, .. } => explain::run(key.as_deref(), printer)?,
         Command::Completions { shell } => generate::completions(shell, printer)?,
         Command::Man { directory } => generate::man(&directory, printer)?,
     })

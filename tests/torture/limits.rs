@@ -89,7 +89,7 @@ fn limit(command: &mut std::process::Command) {
 
 /// Words by which a message says what to do, what was expected, or what there is instead; a caret below the place of a
 /// TOML file that is no TOML says as much.
-const REMEDIES: [&str; 45] = [
+const REMEDIES: [&str; 47] = [
     "expected",
     "run `",
     "choose",
@@ -113,6 +113,8 @@ const REMEDIES: [&str; 45] = [
     "above",
     "did you mean",
     "keys are",
+    "there are",
+    "the glob pattern is malformed",
     "known keys",
     "known values",
     "profiles are",

@@ -113,7 +113,12 @@ fn a_log_of_a_hundred_million_equal_rows_is_refused() {
     let small = fs::metadata(place.path().join("logs/a.parquet")).expect("there").len();
     assert!(small < 1000, "{small} bytes");
     let series = "logs/a.parquet:P";
-    for args in [&["inspect", "logs"][..], &["dtw", series, series]] {
+    for args in [
+        &["inspect", "logs"][..],
+        &["inspect", "study.toml"],
+        &["build-model", "study.toml"],
+        &["dtw", series, series],
+    ] {
         let ended = run(&place, args, &["logs"]);
         let Ended::Refused(told) = &ended else { panic!("{args:?}: {ended:?}") };
         assert!(told.contains("of memory"), "{told}");

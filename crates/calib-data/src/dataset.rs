@@ -77,6 +77,7 @@ pub fn survey(
     monitor: &dyn Monitor,
 ) -> Result<Surveyed, DataError> {
     let survey = Survey::new(data, preprocess, monitor)?;
+    survey.refuse_contradictions(data.contradictions)?;
     survey.refuse_empty()?;
     let columns = survey.columns(preprocess);
     Ok(Surveyed { survey, columns, preprocess: preprocess.clone() })
@@ -276,9 +277,13 @@ impl Survey {
         Ok(())
     }
 
-    /// Fill what the first pass filled, and clip.
+    /// Treat and fill what the first pass did, and clip.
     fn repair(&self, values: &mut [f64], sensor: &Sensor, preprocess: &PreprocessConfig) {
-        if self.profile.channels[sensor.channel].imputed > 0 {
+        let profile = &self.profile.channels[sensor.channel];
+        if let Some(fences) = sensor.fences.filter(|_| profile.far_out.spikes > 0) {
+            fences.treat(values, &self.stretches, preprocess.outliers);
+        }
+        if profile.imputed > 0 {
             let timestamps = &self.log.rows.timestamps;
             let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
             impute(values, timestamps, &self.stretches, missing, limit, |_| {});

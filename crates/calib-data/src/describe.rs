@@ -3,22 +3,30 @@
 use calib_core::Timestamp;
 
 use crate::{
-    BackwardStep, BackwardSteps, Duplicates, Gaps, PartProfile, Profile,
+    BackwardStep, BackwardSteps, ContradictionsFound, Duplicates, Gaps, PartProfile, Profile,
     log::{EXAMPLES, Log},
 };
 
 /// The profile of the rows; what concerns channels and ranges is empty.
 pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     let rows = &log.rows;
-    let irregular = &rows.irregularities;
-    let mut times: Vec<Timestamp> =
-        rows.duplicates.iter().map(|duplicate| rows.timestamps[duplicate.row as usize]).collect();
+    let recorded = log.recorded();
+    let irregular = &recorded.irregularities;
+    let mut times: Vec<Timestamp> = recorded
+        .duplicates
+        .iter()
+        .map(|duplicate| recorded.timestamps[duplicate.row as usize])
+        .collect();
     times.sort_unstable();
     times.dedup();
     times.truncate(EXAMPLES);
     let backward_steps = irregular.first_backward_steps.iter();
     let (start, end) = (rows.timestamps[0], rows.timestamps[rows.timestamps.len() - 1]);
     Profile {
+        shape: log.shape,
+        utc: log.utc,
+        bad_quality: log.bad_quality,
+        contradictions: ContradictionsFound::default(),
         files: log.files.len(),
         bytes: log.files.iter().map(|file| file.bytes).sum(),
         file_rows: log.files.iter().map(|file| file.rows as u64).sum(),
@@ -31,7 +39,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         sampled_period_secs: log.period.as_secs(),
         null_timestamps: irregular.null_timestamps,
         duplicates: Duplicates {
-            identical: rows.duplicates.len() as u64 - conflicting,
+            identical: recorded.duplicates.len() as u64 - conflicting,
             conflicting,
             examples: times,
         },
@@ -39,7 +47,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
             count: irregular.backward_steps,
             examples: backward_steps
                 .map(|&(file, from, to)| BackwardStep {
-                    file: log.files[file].path().display().to_string(),
+                    file: log.files[file].path.display().to_string(),
                     from,
                     to,
                 })
@@ -51,7 +59,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
             count: log.steps.gaps,
             longest_secs: log.steps.longest_gap as f64 / 1e6,
             total_secs: log.steps.total_gap as f64 / 1e6,
-            examples: log.steps.first_gaps.clone(),
+            examples: log.steps.longest_gaps.clone(),
         },
         channels: Vec::new(),
         unused_excludes: Vec::new(),

@@ -16,10 +16,12 @@ pub enum DataError {
         expected: &'static str,
     },
     /// No path was given.
-    #[error("data.path is empty: name a Parquet file, a folder, a glob pattern, or a list of them")]
+    #[error(
+        "data.path is empty: name a Parquet or CSV file, a folder, a glob pattern, or a list of them"
+    )]
     NoPath,
-    /// A path or pattern leads to no Parquet file.
-    #[error("no Parquet file at {pattern}: {reason}")]
+    /// A path or pattern leads to no file of a log.
+    #[error("no log at {pattern}: {reason}")]
     NoFile {
         /// The path or pattern as it was given.
         pattern: String,
@@ -65,6 +67,56 @@ pub enum DataError {
         path: PathBuf,
         /// What the reader found.
         reason: String,
+    },
+    /// A file is not text in records, or is damaged.
+    #[error("{} is not a readable text file: {reason}", path.display())]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// What was found, and what to do.
+        reason: String,
+    },
+    /// A cell of a text file is not what its column should hold.
+    #[error("{}, line {line}: {reason}", path.display())]
+    Record {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// What was found, and what to do.
+        reason: String,
+    },
+    /// Times can be read in two ways.
+    #[error(
+        "the times of {} can be read in several ways: {example:?} is {readings}. Say which is meant",
+        path.display()
+    )]
+    AmbiguousTimes {
+        /// The file.
+        path: PathBuf,
+        /// A time.
+        example: String,
+        /// The instants that it may be, and how to choose each.
+        readings: String,
+    },
+    /// The files are of different shapes, or one could be of two.
+    #[error("{reason}")]
+    Shape {
+        /// What was found, and what to do.
+        reason: String,
+    },
+    /// Rows contradict each other.
+    #[error(
+        "rows of the same time contradict each other in {count} values: {}. \
+         If several rows of one time are of different sensors, the log is a long table: name the column that tells them apart with data.tag. \
+         If a clock was set back, data.time_zone may tell the two hours apart. Else data.contradictions = \"first\" or \"last\" keeps one of them",
+        examples.join("; ")
+    )]
+    Contradictions {
+        /// Values that differ from another one of the same time.
+        count: u64,
+        /// Three of them.
+        examples: Vec<String>,
     },
     /// A file does not have the timestamp column.
     #[error(

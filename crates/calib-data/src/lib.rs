@@ -3,8 +3,14 @@
 //! - [`DataConfig`], [`PreprocessConfig`]: the sections `[data]` and `[preprocess]` of a study.
 //! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
 //! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before.
+//! - [`import`]: a log of any form as one wide Parquet file.
+//! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
+//! - [`read_tags`]: units and labels of channels, from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
 //! - [`parse_time`], [`format_time`]: instants as text.
+//!
+//! Files are recognised by their first rows (`log::shape`). Wide Parquet is read in place; text and tables of samples become
+//! columns outside of the memory first (`text`, `log::columns`, `log::series`).
 //!
 //! A log is read in two passes. The first (`log`, `survey`) puts the rows of all files in time order,
 //! looks at every channel, decides which are kept (`select`) and which rows are dropped (`impute`).
@@ -19,30 +25,39 @@ mod describe;
 mod error;
 mod features;
 mod guard;
+mod import;
 mod impute;
 mod log;
 mod matrix;
 mod modes;
 mod names;
+mod outliers;
 mod profile;
 mod refuse;
 mod sample;
 mod select;
+mod sketch;
 mod survey;
 pub mod table;
+mod tags;
+mod text;
 mod time;
 
 pub use config::{
-    DataConfig, Missing, Moment, Normalisation, Paths, PreprocessConfig, Reduce, TimeRange,
-    TimestampUnit,
+    Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
+    Reduce, Resample, Shape, TimeRange, TimestampUnit,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use guard::may_be_of_a_reader;
+pub use import::{Imported, import};
 pub use log::{Declared, log_files};
+pub use outliers::Fences;
 pub use profile::{
-    BackwardStep, BackwardSteps, ChannelProfile, Duplicates, Gaps, PartProfile, Profile,
-    ValueProfile,
+    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Description, Duplicates,
+    FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use select::DropReason;
+pub use sketch::{ChannelSketch, Sketch, sketch};
+pub use tags::read_tags;
 pub use time::{format_time, parse_time};

@@ -1,9 +1,10 @@
 //! What `calib inspect` shows.
 
 use calib_core::Timestamp;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{DataError, DropReason, names::hint};
+use crate::{DataError, DropReason, Fences, Shape, names::hint};
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
 ///
@@ -11,6 +12,18 @@ use crate::{DataError, DropReason, names::hint};
 /// `rows_outside` lie before or after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
+    /// What a row of the files is. Default: [`Shape::Wide`].
+    #[serde(default, skip_serializing_if = "Shape::is_wide")]
+    pub shape: Shape,
+    /// Whether times are UTC, because the log or the study has a time zone; else they are as the log has them. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub utc: bool,
+    /// Samples of a long table that their quality made missing. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bad_quality: u64,
+    /// Values of the same channel and time that differ. Default: none.
+    #[serde(default, skip_serializing_if = "ContradictionsFound::is_none")]
+    pub contradictions: ContradictionsFound,
     /// Number of files.
     pub files: usize,
     /// Their size in bytes.
@@ -59,6 +72,26 @@ pub struct Profile {
     pub state_bytes: u64,
 }
 
+/// Values of the same channel and time that differ.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContradictionsFound {
+    /// How many differ from the one that is kept.
+    pub count: u64,
+    /// Some of them, in words.
+    pub examples: Vec<String>,
+}
+
+impl ContradictionsFound {
+    fn is_none(&self) -> bool {
+        self.count == 0
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 /// Rows whose timestamp another row has. The first one is kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Duplicates {
@@ -99,8 +132,36 @@ pub struct Gaps {
     pub longest_secs: f64,
     /// All together, in seconds.
     pub total_secs: f64,
-    /// The first few: last row before the gap, first row after it.
+    /// The longest, the longest first: last row before the gap, first row after it.
     pub examples: Vec<(Timestamp, Timestamp)>,
+}
+
+/// What a person calls a channel, and what its values are measured in.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Description {
+    /// The unit of its values: `kPa`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// What it is: `membrane pressure`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+}
+
+impl Description {
+    /// Whether it says nothing.
+    pub fn is_empty(&self) -> bool {
+        self.unit.is_none() && self.label.is_none()
+    }
+
+    /// This, and from `other` what it does not say.
+    #[must_use]
+    pub fn or(self, other: &Self) -> Self {
+        Self {
+            unit: self.unit.or_else(|| other.unit.clone()),
+            label: self.label.or_else(|| other.label.clone()),
+        }
+    }
 }
 
 /// One channel of the log.
@@ -110,6 +171,9 @@ pub struct ChannelProfile {
     pub name: String,
     /// Its type in the files.
     pub type_name: String,
+    /// What the header of its files says of it. Default: nothing.
+    #[serde(default, skip_serializing_if = "Description::is_empty")]
+    pub description: Description,
     /// Why it is not a sensor of the states; `None` if it is one.
     pub dropped: Option<DropReason>,
     /// Its values; `None` if it was excluded or cannot be read, or has no value.
@@ -122,10 +186,35 @@ pub struct ChannelProfile {
     pub non_finite: u64,
     /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
     pub words: Vec<(String, u64)>,
+    /// Spikes, and held-out values far outside of the training range. Default: none.
+    #[serde(default, skip_serializing_if = "FarOut::is_none")]
+    pub far_out: FarOut,
     /// Missing values that were filled.
     pub imputed: u64,
     /// Missing values that were not, so that their rows were dropped.
     pub unfilled: u64,
+}
+
+/// Values of a channel that lie far from all others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FarOut {
+    /// Spikes of both ranges: single samples beyond the fences.
+    pub spikes: u64,
+    /// The first few, with their times.
+    pub examples: Vec<(Timestamp, f64)>,
+    /// The fences, if there are any.
+    pub fences: Option<Fences>,
+    /// Held-out values, other than treated spikes, that lie further from the training range than it is wide.
+    pub held_out: u64,
+    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value.
+    pub furthest: f64,
+}
+
+impl FarOut {
+    /// Whether there is nothing to tell.
+    pub fn is_none(&self) -> bool {
+        self.spikes == 0 && self.held_out == 0
+    }
 }
 
 /// The values of a channel, in its unit.
@@ -213,6 +302,41 @@ impl Profile {
                 "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
                 crate::format_time(self.start)
             ));
+        }
+        doubts
+    }
+
+    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good
+    /// log.
+    pub fn value_doubts(&self) -> Vec<(&str, String)> {
+        let mut doubts = Vec::new();
+        for channel in self.kept().filter(|channel| !channel.far_out.is_none()) {
+            let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
+            let name = channel.name.as_str();
+            if spikes > 0 {
+                let example = channel.far_out.examples.first();
+                let example = example.map_or_else(String::new, |(time, value)| {
+                    format!(" (such as {value} at {})", crate::format_time(*time))
+                });
+                let spikes =
+                    if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };
+                doubts.push((name, format!(
+                    "{name} has {spikes}{example}: preprocess.outliers says what becomes of them"
+                )));
+            }
+            if held_out > 0 {
+                let side = if furthest < 0.0 { "below" } else { "above" };
+                let values = if held_out == 1 {
+                    "a held-out value".to_owned()
+                } else {
+                    format!("{held_out} held-out values")
+                };
+                doubts.push((name, format!(
+                    "{name} has {values} far outside of its training range, up to {:.0} of its widths {side} it: \
+                     no model of the training range knows them",
+                    furthest.abs(),
+                )));
+            }
         }
         doubts
     }

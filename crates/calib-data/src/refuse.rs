@@ -2,9 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use crate::{ChannelProfile, DataError, DropReason, PartProfile, survey::Survey};
+use crate::{ChannelProfile, Contradictions, DataError, DropReason, PartProfile, survey::Survey};
 
 impl Survey {
+    /// Refuse a log that says two things of one time, unless the study says which counts.
+    pub(crate) fn refuse_contradictions(&self, keep: Contradictions) -> Result<(), DataError> {
+        let found = &self.profile.contradictions;
+        if found.count == 0 || keep != Contradictions::Refuse {
+            return Ok(());
+        }
+        Err(DataError::Contradictions { count: found.count, examples: found.examples.clone() })
+    }
+
     /// Refuse a log without channels, or a range without transitions.
     pub(crate) fn refuse_empty(&self) -> Result<(), DataError> {
         let profile = &self.profile;

@@ -1,24 +1,29 @@
 //! First pass over the values: what every channel is like, what is kept, which rows are dropped.
 
 use std::{
+    collections::BTreeMap,
     ops::Range,
-    sync::atomic::{AtomicBool, Ordering::Relaxed},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
 };
 
-use calib_core::{Bounds, Monitor, Period};
+use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    ChannelProfile, DataConfig, DataError, DropReason, PartProfile, PreprocessConfig, Profile,
-    ValueProfile,
+    ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut, Fences,
+    PartProfile, PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement},
     describe::describe_rows,
     impute::{clean, impute},
-    log::{Batch, ChannelValues, EXAMPLES, Log, NotNumbers},
+    log::{Batch, ChannelValues, Contradiction, EXAMPLES, Log, NotNumbers, SHOWN},
     modes::Modes,
     names::Names,
     sample::Samples,
     select::fit,
+    time::format_time,
 };
 
 /// What the first pass found: everything but the values.
@@ -38,6 +43,7 @@ pub(crate) struct Survey {
 pub(crate) struct Sensor {
     pub(crate) channel: usize,
     pub(crate) bounds: Bounds,
+    pub(crate) fences: Option<Fences>,
 }
 
 /// The rows of one range.
@@ -64,7 +70,8 @@ impl Survey {
             preprocess,
             stretches: &stretches,
             dropped_rows: flags(log.rows.timestamps.len()),
-            conflicts: flags(log.rows.duplicates.len()),
+            conflicts: flags(log.recorded().duplicates.len()),
+            contradictions: Mutex::default(),
             log: &log,
         };
         let (channels, sensors) = scan.channels(data, modes.as_ref(), monitor)?;
@@ -72,6 +79,8 @@ impl Survey {
             scan.dropped_rows[row].store(true, Relaxed);
         }
         let conflicting = count(&scan.conflicts);
+        let contradictions =
+            scan.contradictions.into_inner().unwrap_or_else(PoisonError::into_inner);
         let dropped = scan.dropped_rows;
         let part = |rows: &Range<usize>| -> Result<(Part, PartProfile), DataError> {
             let inside = crate::log::inside(&stretches, rows);
@@ -104,6 +113,7 @@ impl Survey {
             train: train_profile,
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
+            contradictions: contradictions.told(&log),
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -125,6 +135,32 @@ struct Scan<'a> {
     dropped_rows: Vec<AtomicBool>,
     /// Duplicates that contradict the row that is kept.
     conflicts: Vec<AtomicBool>,
+    contradictions: Mutex<Found>,
+}
+
+/// Contradictions of all channels.
+#[derive(Default)]
+struct Found {
+    count: u64,
+    /// By channel.
+    first: BTreeMap<usize, Vec<Contradiction>>,
+}
+
+/// A contradiction in words.
+pub(crate) fn told(channel: &str, of: &Contradiction) -> String {
+    let at = format_time(Timestamp::from_micros(of.time));
+    format!("at {at} {channel} is {} and {}", of.values[0], of.values[1])
+}
+
+impl Found {
+    fn told(self, log: &Log) -> ContradictionsFound {
+        let told = |(channel, of): (usize, Vec<Contradiction>)| {
+            let name = &log.channels[channel].name;
+            of.iter().map(|of| told(name, of)).collect::<Vec<_>>()
+        };
+        let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
+        ContradictionsFound { count: self.count, examples }
+    }
 }
 
 impl Scan<'_> {
@@ -156,12 +192,14 @@ impl Scan<'_> {
             profiles.push(ChannelProfile {
                 name: channel.name.clone(),
                 type_name: channel.type_name.clone(),
+                description: channel.description.clone(),
                 dropped,
                 values: None,
                 missing: 0,
                 missing_fraction: 0.0,
                 non_finite: 0,
                 words: Vec::new(),
+                far_out: FarOut::default(),
                 imputed: 0,
                 unfilled: 0,
             });
@@ -178,11 +216,12 @@ impl Scan<'_> {
             let scanned: Vec<_> = values
                 .par_iter_mut()
                 .zip(channels)
-                .map(|(values, &channel)| self.channel(profiles[channel].clone(), values))
+                .map(|(values, &channel)| self.channel(channel, profiles[channel].clone(), values))
                 .collect();
             for (&channel, (profile, bounds)) in channels.iter().zip(scanned) {
                 profiles[channel] = profile;
-                sensors.extend(bounds.map(|bounds| Sensor { channel, bounds }));
+                let fences = profiles[channel].far_out.fences;
+                sensors.extend(bounds.map(|bounds| Sensor { channel, bounds, fences }));
             }
         }
         Ok((profiles, sensors))
@@ -191,39 +230,42 @@ impl Scan<'_> {
     /// The profile of one channel, and its bounds if it is kept.
     fn channel(
         &self,
+        index: usize,
         profile: ChannelProfile,
         channel: &mut ChannelValues,
     ) -> (ChannelProfile, Option<Bounds>) {
         let log = self.log;
-        for ((duplicate, value), conflict) in
-            log.rows.duplicates.iter().zip(&channel.duplicates).zip(&self.conflicts)
-        {
-            let kept = channel.values[duplicate.row as usize];
-            if !value.is_nan() && !kept.is_nan() && *value != kept {
-                conflict.store(true, Relaxed);
-            }
+        for &position in &channel.conflicts {
+            self.conflicts[position as usize].store(true, Relaxed);
+        }
+        if channel.contradicting > 0 {
+            let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
+            found.count += channel.contradicting;
+            found.first.insert(index, std::mem::take(&mut channel.contradictions));
         }
         let values = &mut channel.values;
         let train = log.train.clone();
+        let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
+        let mut far_out = self.treat_spikes(values, movement.smallest_change);
         let in_train = Moments::of(&values[train.clone()]);
         let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
         let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
         let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
         let missing = values.len() - count(moments);
         let missing_fraction = 1.0 - count(in_train) as f64 / train.len() as f64;
-        let value_profile = moments.map(|moments| {
-            let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
-            ValueProfile {
-                min: moments.min,
-                max: moments.max,
-                mean: moments.mean,
-                std: moments.std(),
-                constant: moments.min == moments.max,
-                longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
-                smallest_change: movement.smallest_change,
-                unchanged: movement.unchanged,
-                distinct: movement.distinct,
-            }
+        if let (Some(moments), Some(held_out)) = (in_train, &log.held_out) {
+            note_held_out(&values[held_out.clone()], moments, &mut far_out);
+        }
+        let value_profile = moments.map(|moments| ValueProfile {
+            min: moments.min,
+            max: moments.max,
+            mean: moments.mean,
+            std: moments.std(),
+            constant: moments.min == moments.max,
+            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+            smallest_change: movement.smallest_change,
+            unchanged: movement.unchanged,
+            distinct: movement.distinct,
         });
         let has_words = !channel.not_numbers.words.is_empty();
         let bounds = fit(&values[train], in_train, has_words, self.preprocess);
@@ -248,11 +290,53 @@ impl Scan<'_> {
             missing_fraction,
             non_finite: channel.not_numbers.non_finite,
             words: frequent_words(&channel.not_numbers),
+            far_out,
             imputed,
             unfilled,
             ..profile
         };
         (profile, bounds.ok())
+    }
+}
+
+impl Scan<'_> {
+    /// Find the spikes of a channel, and do with them what the study says.
+    fn treat_spikes(&self, values: &mut [f64], smallest_change: Option<f64>) -> FarOut {
+        let mut found = FarOut::default();
+        let fences = Fences::of(&values[self.log.train.clone()], smallest_change);
+        let Some(fences) = fences else { return found };
+        found.fences = Some(fences);
+        fences.spikes(values, self.stretches, |row| {
+            found.spikes += 1;
+            if found.examples.len() < EXAMPLES {
+                found.examples.push((self.log.rows.timestamps[row], values[row]));
+            }
+        });
+        if found.spikes > 0 {
+            fences.treat(values, self.stretches, self.preprocess.outliers);
+        }
+        found
+    }
+}
+
+/// Count what lies further from the training range than it is wide.
+fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
+    let width = train.max - train.min;
+    if width <= 0.0 {
+        return;
+    }
+    for &value in values {
+        let beyond = if value < train.min {
+            (value - train.min) / width
+        } else {
+            ((value - train.max) / width).max(0.0)
+        };
+        if beyond.abs() > 1.0 {
+            found.held_out += 1;
+            if beyond.abs() > found.furthest.abs() {
+                found.furthest = beyond;
+            }
+        }
     }
 }
 

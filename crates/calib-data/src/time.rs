@@ -3,15 +3,37 @@
 use calib_core::Timestamp;
 use jiff::{civil, tz::TimeZone};
 
+/// A time as text has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stamp {
+    /// With an offset from UTC: microseconds since 1970-01-01T00:00:00Z.
+    Instant(i64),
+    /// What a clock showed, without saying where: as if it were UTC.
+    Wall(i64),
+}
+
+impl Stamp {
+    /// The instant, of a clock that shows UTC.
+    pub(crate) fn as_it_stands(self) -> i64 {
+        let (Self::Instant(micros) | Self::Wall(micros)) = self;
+        micros
+    }
+}
+
 /// The instant that `text` names: RFC 3339 (`2022-11-01T06:00:00Z`, any offset), a date and time
 /// without an offset (kept as it stands, `T` or a space between), or a date.
 pub fn parse_time(text: &str) -> Option<Timestamp> {
+    parse_stamp(text).map(|stamp| Timestamp::from_micros(stamp.as_it_stands()))
+}
+
+/// The same, with whether it has an offset.
+pub(crate) fn parse_stamp(text: &str) -> Option<Stamp> {
     let text = text.trim();
-    let instant = text.parse::<jiff::Timestamp>().or_else(|error| {
-        let wall: civil::DateTime = text.parse().map_err(|_| error)?;
-        wall.to_zoned(TimeZone::UTC).map(|zoned| zoned.timestamp())
-    });
-    Some(Timestamp::from_micros(instant.ok()?.as_microsecond()))
+    if let Ok(instant) = text.parse::<jiff::Timestamp>() {
+        return Some(Stamp::Instant(instant.as_microsecond()));
+    }
+    let wall: civil::DateTime = text.parse().ok()?;
+    Some(Stamp::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
 }
 
 /// `2022-11-01 06:00:00`, with fractions of a second where there are any.

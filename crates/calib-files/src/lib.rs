@@ -3,7 +3,8 @@
 //! Every file of calib is written to a temporary name beside its place, synced and renamed
 //! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
 //! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
-//! Working arrays that may exceed the memory live in nameless mapped files ([`Scratch`]).
+//! Working arrays that may exceed the memory live in nameless mapped files ([`Scratch`]), what is
+//! only appended and read back in nameless files ([`Spill`]).
 //! Series that come from elsewhere are read as `f64` from NumPy files of any number type
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
@@ -24,6 +25,7 @@ mod npy;
 mod open;
 mod scratch;
 mod sealed;
+mod spill;
 mod stamp;
 mod tensors;
 
@@ -44,5 +46,6 @@ pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{open_regular, read_regular, require_regular};
 pub use scratch::{Scratch, ScratchFile, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
+pub use spill::Spill;
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};

@@ -194,11 +194,15 @@ impl Check<'_> {
         for (mut data, preprocess) in found {
             // Results lie beside their study, and paths start from there.
             data.resolve(root.parent().unwrap_or(Path::new("")));
+            data.scratch = memory::working_files();
             let shown = data.path.0.join(", ");
-            match calib_data::inspect(&data, &preprocess, &self.printer.progress()) {
+            let read = memory::check_log(&data).and_then(|()| {
+                Ok(calib_data::inspect(&data, &preprocess, &self.printer.progress())?)
+            });
+            match read {
                 Ok(_) => self.checked.logs.push(shown),
                 Err(error) => {
-                    let reason = format!("the log cannot be read: {error}");
+                    let reason = format!("the log cannot be read: {}", told(&error));
                     let made_by = "export or simulate".to_owned();
                     self.checked.damages.push(Damage { path: shown.into(), reason, made_by });
                 }

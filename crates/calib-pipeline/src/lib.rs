@@ -27,6 +27,7 @@ mod log;
 mod model;
 pub mod output;
 mod plan;
+mod propose;
 mod represent;
 mod rollouts;
 mod steps;
@@ -36,8 +37,11 @@ mod verdict;
 
 pub use base::{
     clock::Stopwatch,
-    memory::{MemorySize, check_log, check_table},
-    options::{BuildOptions, Device, Logs, Spill, ValidityExtent, ValidityOptions},
+    memory::{MemorySize, check_log, check_table, working_files},
+    options::{
+        BuildOptions, Device, Logs, ProposeOptions, Spill, Standing, ValidityExtent,
+        ValidityOptions,
+    },
     outcome::{Outcome, StepError},
 };
 pub use calib_study::{Job, Request, StudyError};
@@ -47,9 +51,10 @@ pub use log::{
 };
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use steps::{
-    build_model, check, evaluate, pretrain, represent, rollout, run, simulate, simulate_plant,
-    sweep, validity,
+    build_model, check, evaluate, pretrain, propose, represent, rollout, run, simulate,
+    simulate_plant, sweep, validity,
 };
+pub use verdict::described::{Descriptions, unknown as unknown_sensors};
 
 /// The step patterns by which trajectories are compared: those of the paper's Table 1.
 pub const STEP_PATTERNS: [&str; 4] = ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];

@@ -7,13 +7,14 @@ use calib_represent::RepresentationKind;
 use calib_study::{Each, Job};
 
 use crate::{
-    BuildOptions, Device, Logs, Outcome, Printer, Simulated, StepError, ValidityOptions,
+    BuildOptions, Device, Logs, Outcome, Printer, ProposeOptions, Simulated, StepError,
+    ValidityOptions,
     agents::pretrain as agents,
     chain, check as checking,
     each::{Which, each},
     log::simulate as simulation,
     model::build_model as model,
-    represent as representations,
+    propose as proposals, represent as representations,
     rollouts::rollout as rollouts,
     sweep::{self as sweeping, plan::Counted},
     validity as validities,
@@ -121,6 +122,14 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         parts => compare::run(job, parts, &[], printer),
     };
     Ok(run()?)
+}
+
+/// Look at a log, try small models of it, and write a study with a reason for every value.
+///
+/// # Errors
+/// As [`run`]; also if nothing in the log can be predicted.
+pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(proposals::run(options, printer)?)
 }
 
 /// Compare a folder of results with what was written.

@@ -22,9 +22,11 @@ pub enum Partition {
 impl Study {
     /// How the training range is divided.
     pub fn partition(&self) -> Partition {
-        let model = self.model.period.clone();
+        let on_its_clock =
+            |period: &Option<TimeRange>| period.as_ref().map(|of| self.data.on_its_clock(of));
+        let model = on_its_clock(&self.model.period);
         if self.pretrain.is_on() {
-            let pretrain = self.pretrain.period.clone();
+            let pretrain = on_its_clock(&self.pretrain.period);
             Partition::Divided { fraction: self.pretrain.fraction, pretrain, model }
         } else {
             Partition::Model(model)

@@ -1,7 +1,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::{AgentConfig, Part};
-use calib_data::{DataConfig, PreprocessConfig, TimeRange};
+use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
 use calib_knn::ModelKind;
 use calib_represent::{RepresentationConfig, RepresentationKind};
@@ -40,6 +40,9 @@ pub struct Study {
     /// Named test windows; empty where one was chosen, which is then `data.held_out`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub deployments: BTreeMap<String, TimeRange>,
+    /// What people call sensors, and what they are measured in, by name. Default: what the header of the log says.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensors: BTreeMap<String, Description>,
     /// From log to states.
     pub preprocess: PreprocessConfig,
     /// What neighbours are searched in.
@@ -116,10 +119,13 @@ pub struct EvaluateConfig {
     pub top_k: usize,
     /// Title of the report (default: the study file's name).
     pub title: Option<String>,
+    /// A list of tags with their units and descriptions: a CSV file, relative to the study file (default: none).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tags: Option<PathBuf>,
 }
 
 impl Default for EvaluateConfig {
     fn default() -> Self {
-        Self { rule: Rule::Pooled, resamples: 2000, top_k: 3, title: None }
+        Self { rule: Rule::Pooled, resamples: 2000, top_k: 3, title: None, tags: None }
     }
 }

@@ -1,17 +1,22 @@
 use std::{collections::BTreeMap, path::Path};
 
-use calib_core::Period;
+use calib_core::{Period, Timestamp};
+use calib_files::ScratchPlace;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Paths, TimeRange};
-use crate::DataError;
+use super::{Moment, Paths, TimeRange};
+use crate::{
+    DataError,
+    text::Zone,
+    time::{Stamp, parse_stamp},
+};
 
 /// `[data]`: where the log is, and which part of it is for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataConfig {
-    /// Parquet files: a file, a folder (searched recursively), a glob pattern, or a list of them.
+    /// Parquet or text files: a file, a folder (searched recursively), a glob pattern, or a list of them.
     pub path: Paths,
     /// Only files whose folders say `key=value` like this (hive folders). Default: all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -21,6 +26,44 @@ pub struct DataConfig {
     /// The unit of timestamps that are plain numbers. Default: told by their magnitude.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_unit: Option<TimestampUnit>,
+    /// How times that are text are written, as `strptime` has it: `%d.%m.%Y %H:%M:%S`. Default: told by all of them;
+    /// where day and month can change places, this key must say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timestamp_format: Option<String>,
+    /// Where the clock stands whose times have no offset: `Europe/Paris`. Default: times are kept as they stand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_zone: Option<String>,
+    /// What a row is. Default: told by the names and the first rows of the files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<Shape>,
+    /// The column that names the tag, in a long table. Default: told by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tag: Option<String>,
+    /// The column of values, in a long table or in files of one tag each. Default: told by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<String>,
+    /// The column of quality codes, in a long table or in files of one tag each. Default: told by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<String>,
+    /// Quality codes of values that count; all others are missing. Default: those of OPC, and words that say good.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub good_quality: Vec<String>,
+    /// What separates the cells of text files: one character. Default: told by the first rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub separator: Option<char>,
+    /// What separates a number from its fraction in text files: `.` or `,`. Default: told by the first rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decimal: Option<char>,
+    /// What happens to rows of the same time with different values of a channel. Default: they are refused.
+    #[serde(skip_serializing_if = "Contradictions::are_refused")]
+    #[schemars(extend("default" = "refuse"))]
+    pub contradictions: Contradictions,
+    /// Put every channel on one clock with a row every `period_secs`. Default: rows stay as they are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resample: Option<Resample>,
+    /// How long a recorded value stands for what follows it, under `resample`, in seconds. Default: ten periods.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_age_secs: Option<f64>,
     /// Time from one sample to the next, in seconds. Default: the median of what the log has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period_secs: Option<f64>,
@@ -41,6 +84,61 @@ pub struct DataConfig {
     pub held_out: Option<TimeRange>,
     /// Fraction of the time span that is the training range, if `train` is not given. Default: 0.8.
     pub train_fraction: f64,
+    /// Where text files and long tables are kept, column by column, while they are read.
+    #[serde(skip)]
+    pub scratch: ScratchPlace,
+}
+
+/// What a row of the log is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// A time and a value of every channel: a column a channel.
+    #[default]
+    Wide,
+    /// A time, a tag and its value.
+    Long,
+    /// A time and the value of the only tag of the file.
+    FilePerTag,
+}
+
+impl Shape {
+    /// Whether it is [`Shape::Wide`].
+    pub fn is_wide(&self) -> bool {
+        *self == Self::Wide
+    }
+}
+
+/// What happens to rows of the same time with different values of a channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Contradictions {
+    /// The log is refused.
+    #[default]
+    Refuse,
+    /// The first value is kept: that of the file that starts first, and in a file the first.
+    First,
+    /// The last value is kept.
+    Last,
+}
+
+impl Contradictions {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+    fn are_refused(&self) -> bool {
+        *self == Self::Refuse
+    }
+}
+
+/// How a channel that was recorded at other times is put on the clock of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Resample {
+    /// The last recorded value.
+    Last,
+    /// The mean over the period that ends there of the value that was recorded last.
+    Mean,
+    /// On the straight line from the value before to the value after.
+    Linear,
 }
 
 /// The unit of timestamps that are plain numbers since 1970-01-01.
@@ -60,6 +158,38 @@ pub enum TimestampUnit {
     Nanoseconds,
 }
 
+impl TimestampUnit {
+    /// Microseconds in one.
+    pub(crate) fn micros(self) -> f64 {
+        match self {
+            Self::Seconds => 1e6,
+            Self::Milliseconds => 1e3,
+            Self::Microseconds => 1.0,
+            Self::Nanoseconds => 1e-3,
+        }
+    }
+
+    /// So many of it in microseconds.
+    pub(crate) fn in_micros(self, count: i64) -> i64 {
+        match self {
+            Self::Seconds => count.saturating_mul(1_000_000),
+            Self::Milliseconds => count.saturating_mul(1_000),
+            Self::Microseconds => count,
+            Self::Nanoseconds => count.div_euclid(1_000),
+        }
+    }
+
+    /// What a person calls it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Seconds => "seconds",
+            Self::Milliseconds => "milliseconds",
+            Self::Microseconds => "microseconds",
+            Self::Nanoseconds => "nanoseconds",
+        }
+    }
+}
+
 impl Default for DataConfig {
     fn default() -> Self {
         Self {
@@ -67,6 +197,18 @@ impl Default for DataConfig {
             partitions: BTreeMap::new(),
             timestamp: "timestamp".to_owned(),
             timestamp_unit: None,
+            timestamp_format: None,
+            time_zone: None,
+            shape: None,
+            tag: None,
+            value: None,
+            quality: None,
+            good_quality: Vec::new(),
+            separator: None,
+            decimal: None,
+            contradictions: Contradictions::Refuse,
+            resample: None,
+            max_age_secs: None,
             period_secs: None,
             gap_tolerance: 1.5,
             include: Vec::new(),
@@ -74,6 +216,7 @@ impl Default for DataConfig {
             train: None,
             held_out: None,
             train_fraction: 0.8,
+            scratch: ScratchPlace::Memory,
         }
     }
 }
@@ -102,6 +245,20 @@ impl DataConfig {
         {
             return bad("period_secs", secs.to_string(), "a positive number");
         }
+        self.check_text()?;
+        if self.resample.is_some() && self.period_secs.is_none() {
+            let got = "resample without period_secs".to_owned();
+            return bad(
+                "resample",
+                got,
+                "data.period_secs as well: the time from one row to the next",
+            );
+        }
+        if let Some(secs) = self.max_age_secs
+            && (Period::from_secs(secs).is_none() || self.resample.is_none())
+        {
+            return bad("max_age_secs", secs.to_string(), "a positive number, and data.resample");
+        }
         if !(self.gap_tolerance > 1.0 && self.gap_tolerance.is_finite()) {
             let got = self.gap_tolerance.to_string();
             return bad("gap_tolerance", got, "a number above 1");
@@ -123,4 +280,61 @@ impl DataConfig {
         }
         Ok(())
     }
+
+    /// Check what concerns text files.
+    fn check_text(&self) -> Result<(), DataError> {
+        let bad = |key: &str, got: String, expected: &'static str| {
+            Err(DataError::config(format!("data.{key}"), got, expected))
+        };
+        if let Some(separator) = self.separator
+            && (!separator.is_ascii()
+                || separator.is_ascii_alphanumeric()
+                || "\"\r\n".contains(separator))
+        {
+            return bad(
+                "separator",
+                format!("{separator:?}"),
+                "one sign such as \",\", \";\" or \"\\t\"",
+            );
+        }
+        if let Some(decimal) = self.decimal
+            && (!".,".contains(decimal) || self.separator == Some(decimal))
+        {
+            return bad("decimal", format!("{decimal:?}"), "\".\" or \",\", and not the separator");
+        }
+        if let Some(zone) = &self.time_zone
+            && Zone::new(zone).is_none()
+        {
+            return bad(
+                "time_zone",
+                format!("{zone:?}"),
+                "the name of a time zone such as \"Europe/Paris\" or \"UTC\"",
+            );
+        }
+        Ok(())
+    }
+
+    /// The instant that `moment` is on the clock of the log.
+    pub fn instant(&self, moment: &Moment) -> Timestamp {
+        match (parse_stamp(&moment.to_string()), self.time_zone.as_deref().and_then(Zone::new)) {
+            (Some(Stamp::Wall(wall)), Some(mut zone)) => Timestamp::from_micros(zone.instant(wall)),
+            _ => moment.instant(),
+        }
+    }
+
+    /// The same range, with its moments on the clock of the log.
+    #[must_use]
+    pub fn on_its_clock(&self, range: &TimeRange) -> TimeRange {
+        let moved = |at: &Option<Moment>| at.as_ref().map(|at| at.moved_to(self.instant(at)));
+        TimeRange { start: moved(&range.start), end: moved(&range.end) }
+    }
+
+    /// How long a recorded value stands for what follows it, in microseconds.
+    pub(crate) fn max_age(&self, period: Period) -> i64 {
+        let given = self.max_age_secs.and_then(Period::from_secs);
+        given.map_or(period.as_micros().saturating_mul(PERIODS_OF_AGE), Period::as_micros)
+    }
 }
+
+/// Periods for which a recorded value stands for what follows it, unless the study says.
+const PERIODS_OF_AGE: i64 = 10;

@@ -13,6 +13,10 @@ pub struct PreprocessConfig {
     pub missing: Missing,
     /// Longest run of missing values that is filled, in rows of the log. Default: 10.
     pub fill_limit: usize,
+    /// What happens to spikes: single samples far outside of everything else. Default: `missing`.
+    #[serde(skip_serializing_if = "Outliers::is_default")]
+    #[schemars(extend("default" = "missing"))]
+    pub outliers: Outliers,
     /// How values are scaled; fitted on the recorded values of the training range. Default: `min_max`.
     pub normalise: Normalisation,
     /// The two quantiles that map to 0 and 1 under `quantile`. Default: 0 and 1.
@@ -47,6 +51,26 @@ pub enum Missing {
     Linear,
 }
 
+/// What happens to spikes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Outliers {
+    /// They stay.
+    Keep,
+    /// They are missing values.
+    #[default]
+    Missing,
+    /// They become the nearest value that is not far out.
+    Clip,
+}
+
+impl Outliers {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// How the values of a sensor map to the scale of the states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -77,6 +101,7 @@ impl Default for PreprocessConfig {
             max_missing: 0.1,
             missing: Missing::default(),
             fill_limit: 10,
+            outliers: Outliers::default(),
             normalise: Normalisation::default(),
             quantiles: [0.0, 1.0],
             clip: false,

@@ -20,7 +20,8 @@ pub struct Moment {
 
 impl Moment {
     /// The moment that `text` names: `2022-11-01`, `2022-11-01T06:00:00`, or with an offset.
-    /// Without an offset it is read like the log: as it stands, UTC where the log has a time zone.
+    /// Without an offset it is read like the log: on the clock of `data.time_zone`, or as it stands: UTC where
+    /// the log has a time zone.
     ///
     /// # Errors
     /// If `text` is neither a date nor a date and time.
@@ -35,6 +36,11 @@ impl Moment {
                     "{text:?} is not a time; expected a date such as 2022-11-01 or a date and time such as 2022-11-01T06:00:00"
                 )
             })
+    }
+
+    /// The same text, of another instant.
+    pub(crate) fn moved_to(&self, instant: Timestamp) -> Self {
+        Self { text: self.text.clone(), instant }
     }
 
     /// The instant.

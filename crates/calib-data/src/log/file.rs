@@ -12,8 +12,8 @@ use calib_files::{FileError, open_regular};
 use pl::SerReader as _;
 use polars::prelude as pl;
 
-use super::source::Source;
-use crate::{DataError, checksums, guard::guard, table::RESULTS_KEY};
+use super::{columns::Stored, source::Source, values::RawColumn};
+use crate::{DataError, Description, checksums, guard::guard, table::RESULTS_KEY};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -26,9 +26,38 @@ pub(crate) struct LogFile {
     pub(crate) bytes: u64,
     /// Whether calib wrote it as a result, not as a log.
     pub(crate) is_result: bool,
+    content: Content,
+}
+
+/// Where its columns are.
+#[derive(Debug)]
+enum Content {
+    Parquet(Parquet),
+    /// They were text, and lie in a store.
+    Stored(Stored),
+}
+
+struct Parquet {
     metadata: Arc<pl::FileMetadata>,
     /// Fields whose pages have been checked.
     checked: Mutex<BTreeSet<usize>>,
+}
+
+impl Parquet {
+    /// Rows of each row group.
+    fn group_rows(&self) -> Vec<usize> {
+        let mut rows = Vec::with_capacity(self.metadata.row_groups.len());
+        for group in &self.metadata.row_groups {
+            rows.push(group.num_rows());
+        }
+        rows
+    }
+}
+
+impl std::fmt::Debug for Parquet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Parquet").finish_non_exhaustive()
+    }
 }
 
 /// A column of the file.
@@ -38,6 +67,8 @@ pub(crate) struct Field {
     pub(crate) kind: FieldKind,
     /// The type as users know it.
     pub(crate) type_name: String,
+    /// What the header says of it.
+    pub(crate) description: Description,
 }
 
 /// What calib can do with a column.
@@ -75,12 +106,32 @@ impl LogFile {
             .iter()
             .map(|(name, field)| {
                 let (kind, type_name) = classify(field.dtype());
-                Field { name: name.to_string(), kind, type_name }
+                Field {
+                    name: name.to_string(),
+                    kind,
+                    type_name,
+                    description: Description::default(),
+                }
             })
             .collect();
         let is_result =
             metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
-        Ok(Self { source, fields, rows, bytes, is_result, metadata, checked: Mutex::default() })
+        let content = Content::Parquet(Parquet { metadata, checked: Mutex::default() });
+        Ok(Self { source, fields, rows, bytes, is_result, content })
+    }
+
+    /// A text file that was read into `stored`.
+    pub(crate) fn stored(source: Source, fields: Vec<Field>, bytes: u64, stored: Stored) -> Self {
+        let rows = stored.columns.rows;
+        Self { source, fields, rows, bytes, is_result: false, content: Content::Stored(stored) }
+    }
+
+    /// The timestamps of a file that was text.
+    pub(crate) fn stored_times(&self) -> Option<Vec<i64>> {
+        match &self.content {
+            Content::Parquet(_) => None,
+            Content::Stored(stored) => Some(stored.times()),
+        }
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -94,10 +145,17 @@ impl LogFile {
 
     /// Slices of whole row groups that cover `rows`, cut to `rows`.
     pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
+        let groups: Vec<usize> = match &self.content {
+            Content::Parquet(parquet) => parquet.group_rows(),
+            Content::Stored(_) => (0..self.rows)
+                .step_by(SLICE_ROWS)
+                .map(|from| SLICE_ROWS.min(self.rows - from))
+                .collect(),
+        };
         let mut slices: Vec<Range<usize>> = Vec::new();
         let mut start = 0;
-        for group in &self.metadata.row_groups {
-            let end = start + group.num_rows();
+        for group in groups {
+            let end = start + group;
             let inside = start.max(rows.start)..end.min(rows.end);
             start = end;
             match slices.last_mut() {
@@ -114,12 +172,33 @@ impl LogFile {
         &self,
         fields: &[usize],
         rows: &Range<usize>,
+    ) -> Result<Vec<RawColumn>, DataError> {
+        match &self.content {
+            Content::Parquet(parquet) => {
+                let columns = self.read_parquet(parquet, fields, rows)?;
+                Ok(columns.into_iter().map(RawColumn::Polars).collect())
+            }
+            Content::Stored(Stored { columns, store, .. }) => fields
+                .iter()
+                .map(|&field| {
+                    let cells = columns.read(field, rows, store)?;
+                    Ok(RawColumn::Cells(cells, Arc::clone(store)))
+                })
+                .collect(),
+        }
+    }
+
+    fn read_parquet(
+        &self,
+        parquet: &Parquet,
+        fields: &[usize],
+        rows: &Range<usize>,
     ) -> Result<Vec<pl::Column>, DataError> {
-        self.check_pages(fields)?;
+        self.check_pages(parquet, fields)?;
         let file = open(self.path())?;
         let columns = guard(|| {
             let mut reader = pl::ParquetReader::new(file);
-            reader.set_metadata(Arc::clone(&self.metadata));
+            reader.set_metadata(Arc::clone(&parquet.metadata));
             let frame = reader
                 .with_projection(Some(fields.to_vec()))
                 .with_slice(Some((rows.start, rows.len())))
@@ -136,15 +215,15 @@ impl LogFile {
     }
 
     /// Check the pages of `fields`, unless they have been: the reader does not look at their checksums.
-    fn check_pages(&self, fields: &[usize]) -> Result<(), DataError> {
-        let mut checked = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
+    fn check_pages(&self, parquet: &Parquet, fields: &[usize]) -> Result<(), DataError> {
+        let mut checked = parquet.checked.lock().unwrap_or_else(PoisonError::into_inner);
         let left: BTreeSet<&str> = fields
             .iter()
             .filter(|field| !checked.contains(field))
             .map(|&field| self.fields[field].name.as_str())
             .collect();
         if !left.is_empty() {
-            checksums::verify(self.path(), &self.metadata, |name| left.contains(name))?
+            checksums::verify(self.path(), &parquet.metadata, |name| left.contains(name))?
                 .map_err(|reason| self.not_parquet(reason))?;
             checked.extend(fields);
         }

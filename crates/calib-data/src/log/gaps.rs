@@ -14,8 +14,8 @@ pub(crate) struct Steps {
     pub(crate) gaps: u64,
     pub(crate) longest_gap: i64,
     pub(crate) total_gap: i64,
-    /// Last row before the gap, first row after it.
-    pub(crate) first_gaps: Vec<(Timestamp, Timestamp)>,
+    /// Of the longest gaps, the longest first: last row before it, first row after it.
+    pub(crate) longest_gaps: Vec<(Timestamp, Timestamp)>,
     /// Steps shorter than the period divided by the tolerance.
     pub(crate) short: u64,
 }
@@ -48,9 +48,7 @@ pub(crate) fn find_steps(
             found.gaps += 1;
             found.longest_gap = found.longest_gap.max(step);
             found.total_gap += step;
-            if found.first_gaps.len() < EXAMPLES {
-                found.first_gaps.push((pair[0], pair[1]));
-            }
+            note_gap(&mut found.longest_gaps, (pair[0], pair[1]));
             found.stretches.push(start..row + 1);
             start = row + 1;
             continue;
@@ -67,6 +65,16 @@ pub(crate) fn find_steps(
         found.stretches.push(start..timestamps.len());
     }
     found
+}
+
+/// Keep a gap if it is one of the longest; of equals the earlier one.
+fn note_gap(longest: &mut Vec<(Timestamp, Timestamp)>, gap: (Timestamp, Timestamp)) {
+    let length = |gap: &(Timestamp, Timestamp)| gap.1.micros_since(gap.0);
+    let place = longest.partition_point(|known| length(known) >= length(&gap));
+    if place < EXAMPLES {
+        longest.insert(place, gap);
+        longest.truncate(EXAMPLES);
+    }
 }
 
 /// The parts of the stretches that lie inside `part`.
@@ -105,7 +113,7 @@ mod tests {
         assert_eq!((steps.gaps, steps.short), (2, 1));
         assert_eq!(steps.longest_gap, 14_490_000);
         assert_eq!(steps.total_gap, 16_000_000);
-        assert_eq!(steps.first_gaps[0], (times[3], times[4]));
+        assert_eq!(steps.longest_gaps, [(times[5], times[6]), (times[3], times[4])]);
         assert_eq!(inside(&steps.stretches, &(2..5)), [2..4, 4..5]);
         assert_eq!(find_steps(&[], &[], period, 1.5), Steps::default());
         let broken = find_steps(&times, &[1, 4], period, 1.5);

@@ -1,12 +1,23 @@
 //! The log as it lies in its files: rows in time order, channels, ranges.
 
+mod clock;
+mod columns;
 mod file;
 mod gaps;
+mod head;
+mod known;
+mod long;
+mod open;
 mod passes;
+mod place;
 mod read;
+mod resample;
 mod rows;
+mod series;
+mod shape;
 mod source;
 mod split;
+mod tag_of_path;
 mod times;
 mod values;
 
@@ -14,20 +25,34 @@ use std::{collections::HashMap, ops::Range, path::PathBuf};
 
 use calib_core::{Monitor, Period, Timestamp};
 
-use self::{file::LogFile, rows::Rows, split::Split};
+use self::{file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
     file::{FieldKind, classify},
     gaps::{Steps, inside},
+    known::{TAGS, plain},
+    place::{Contradiction, SHOWN},
     read::{Batch, ChannelValues, Codes},
-    rows::{EXAMPLES, Irregularities},
-    values::NotNumbers,
+    rows::{EXAMPLES, NO_TIME},
+    times::{guess_unit, typical},
+    values::{LARGEST, NotNumbers},
 };
-use crate::{DataConfig, DataError, time::format_time};
+use crate::{Contradictions, DataConfig, DataError, Description, Shape, time::format_time};
 
 /// Everything about the log except the values of its channels.
 pub(crate) struct Log {
-    pub(crate) files: Vec<LogFile>,
+    pub(crate) files: Vec<FileSummary>,
+    pub(crate) shape: Shape,
+    origin: Origin,
+    /// The rows of the log.
     pub(crate) rows: Rows,
+    /// The rows as they were recorded, where those of the log are others.
+    recorded: Option<Rows>,
+    grid: Option<Grid>,
+    contradictions: Contradictions,
+    /// Whether times are UTC rather than what some clock showed.
+    pub(crate) utc: bool,
+    /// Samples that their quality made missing.
+    pub(crate) bad_quality: u64,
     pub(crate) channels: Vec<Channel>,
     pub(crate) period: Period,
     pub(crate) period_was_detected: bool,
@@ -38,12 +63,29 @@ pub(crate) struct Log {
     pub(crate) held_out: Option<Range<usize>>,
 }
 
+/// A file of the log.
+#[derive(Clone, Debug)]
+pub(crate) struct FileSummary {
+    pub(crate) path: PathBuf,
+    pub(crate) bytes: u64,
+    pub(crate) rows: usize,
+}
+
+/// Where channels are read from.
+enum Origin {
+    /// Wide files.
+    Tables(Vec<LogFile>),
+    /// Samples by tag, and the instants between which they count.
+    Series(Series, Range<i64>),
+}
+
 /// A column of the files that is not the timestamp.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     pub(crate) name: String,
     /// Its types, in order of appearance; more than one if files disagree.
     pub(crate) type_name: String,
+    pub(crate) description: Description,
     /// Whether a file has it as numbers or text.
     pub(crate) readable: bool,
     /// Its position in each file that has it readable.
@@ -53,67 +95,18 @@ pub(crate) struct Channel {
 impl Log {
     pub(crate) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Self, DataError> {
         data.check()?;
-        let sources = source::find_files(data)?;
-        monitor.begin("reading timestamps", sources.len() as u64);
-        let mut files = Vec::with_capacity(sources.len());
-        let mut times = Vec::with_capacity(sources.len());
-        for source in sources {
-            if monitor.interrupted() {
-                return Err(DataError::Interrupted);
-            }
-            let file = LogFile::open(source)?;
-            monitor.advance(1);
-            if file.is_result {
-                continue;
-            }
-            times.push(times::read_timestamps(&file, data)?);
-            files.push(file);
-        }
-        if files.is_empty() {
-            return Err(DataError::NoFile {
-                pattern: data.path.0.join(", "),
-                reason: "the only Parquet files there are results of calib, which are no logs"
-                    .to_owned(),
-            });
-        }
-        let total: usize = times.iter().map(Vec::len).sum();
-        if u32::try_from(total).is_err() {
-            return Err(DataError::TooManyRows { rows: total as u64 });
-        }
-        let present = || times.iter().flatten().copied().filter(|&time| time != rows::NO_TIME);
-        let (Some(first), Some(last)) = (present().min(), present().max()) else {
-            return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
-        };
-        let split = Split::new(data, first, last)?;
-        let rows = Rows::plan(&times, &split.window());
-        drop(times);
-        refuse_mixed_partitions(&files, &rows.irregularities)?;
-        let (train, held_out) = row_ranges(data, &split, &rows.timestamps, first, last)?;
-        if data.train.is_none()
-            && let Some(held_out) = &held_out
-        {
-            split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
-        }
-        // By the training range where that is enough: what is held out must not change what a model follows from.
-        let detected = || {
-            gaps::detect_period(&rows.timestamps[train.clone()])
-                .or_else(|| gaps::detect_period(&rows.timestamps))
-        };
-        let period = data
-            .period_secs
-            .and_then(Period::from_secs)
-            .or_else(detected)
-            .ok_or_else(|| DataError::NoPeriod { at: format_time(rows.timestamps[0]) })?;
-        Ok(Self {
-            channels: list_channels(&files, &data.timestamp),
-            steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),
-            period_was_detected: data.period_secs.is_none(),
-            period,
-            train,
-            held_out,
-            rows,
-            files,
-        })
+        let (opened, utc) = open::open(data, monitor)?;
+        opened.into_log(utc, data)
+    }
+
+    /// What happens to contradictions.
+    pub(crate) fn keeps(&self) -> Contradictions {
+        self.contradictions
+    }
+
+    /// The rows as they were recorded.
+    pub(crate) fn recorded(&self) -> &Rows {
+        self.recorded.as_ref().unwrap_or(&self.rows)
     }
 
     /// Stretches without a gap, cut at the ends of the two ranges; rows outside both are left out.
@@ -130,8 +123,7 @@ fn row_ranges(
     data: &DataConfig,
     split: &Split,
     timestamps: &[Timestamp],
-    first: i64,
-    last: i64,
+    (first, last): (i64, i64),
 ) -> Result<(Range<usize>, Option<Range<usize>>), DataError> {
     let rows = |key, configured: Option<String>, range: &Range<i64>| {
         let rows = split::rows_in(timestamps, range);
@@ -156,29 +148,6 @@ fn row_ranges(
     Ok((train, held_out))
 }
 
-/// Wells and plants logged at the same time are not one log, however similar their channels.
-fn refuse_mixed_partitions(
-    files: &[LogFile],
-    irregularities: &Irregularities,
-) -> Result<(), DataError> {
-    for &(first, second) in &irregularities.overlaps {
-        let (first, second) = (&files[first].source, &files[second].source);
-        let differing = first
-            .partitions
-            .iter()
-            .find(|(key, value)| second.partitions.get(*key).is_some_and(|other| other != *value));
-        if let Some((key, value)) = differing {
-            return Err(DataError::MixedPartitions {
-                first: first.path.clone(),
-                second: second.path.clone(),
-                key: key.clone(),
-                value: value.clone(),
-            });
-        }
-    }
-    Ok(())
-}
-
 /// The files that `data` selects, in order of their names. Nothing of them is read; some may turn out to be results of
 /// calib, which are no logs.
 ///
@@ -191,7 +160,7 @@ pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
 /// What the footers of a log say, before anything of it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Declared {
-    /// Rows of all files.
+    /// Rows of all files; of text files, which do not say, about as many as there are.
     pub rows: u64,
     /// Memory that reading takes at the least, in bytes: the states come on top of it.
     pub least_bytes: u64,
@@ -201,12 +170,16 @@ impl Declared {
     /// Read the footers of the files that `data` names.
     ///
     /// # Errors
-    /// If there are none, or one is not Parquet.
+    /// If there are none, or one cannot be read.
     pub fn of(data: &DataConfig) -> Result<Self, DataError> {
         let mut rows = 0_u64;
         for source in source::find_files(data)? {
-            let file = LogFile::open(source)?;
-            rows = rows.saturating_add(if file.is_result { 0 } else { file.rows as u64 });
+            rows += match head::Head::open(source, data)? {
+                head::Head::Parquet(file) if file.is_result => 0,
+                head::Head::Parquet(file) => file.rows as u64,
+                head::Head::Text(file) => file.estimated_rows(),
+                head::Head::Annotated(..) => 0,
+            };
         }
         Ok(Self { rows, least_bytes: rows.saturating_mul(BYTES_PER_ROW) })
     }
@@ -215,34 +188,3 @@ impl Declared {
 /// Per row: the timestamp as it is read and in order, and two channels at least that are read together, each as the file
 /// has it and as numbers.
 const BYTES_PER_ROW: u64 = 8 + 8 + 2 * (8 + 8);
-
-/// The union of the files' columns, in order of appearance.
-fn list_channels(files: &[LogFile], timestamp: &str) -> Vec<Channel> {
-    let mut channels: Vec<Channel> = Vec::new();
-    let mut known: HashMap<String, usize> = HashMap::new();
-    for (file, log_file) in files.iter().enumerate() {
-        for (position, field) in log_file.fields.iter().enumerate() {
-            if field.name == timestamp {
-                continue;
-            }
-            let index = *known.entry(field.name.clone()).or_insert_with(|| {
-                channels.push(Channel {
-                    name: field.name.clone(),
-                    type_name: field.type_name.clone(),
-                    readable: false,
-                    positions: HashMap::new(),
-                });
-                channels.len() - 1
-            });
-            let channel = &mut channels[index];
-            if !channel.type_name.split(" or ").any(|known| known == field.type_name) {
-                channel.type_name = format!("{} or {}", channel.type_name, field.type_name);
-            }
-            if matches!(field.kind, FieldKind::Number | FieldKind::Text) {
-                channel.readable = true;
-                channel.positions.insert(file, position);
-            }
-        }
-    }
-    channels
-}

@@ -6,11 +6,15 @@ use calib_core::Monitor;
 use rayon::prelude::*;
 
 use super::{
-    Log,
-    rows::{LEFT_OUT, RowMap},
-    values::{NotNumbers, to_labels, to_numbers},
+    Log, Origin,
+    file::LogFile,
+    place::Contradiction,
+    resample::Grid,
+    rows::{LEFT_OUT, RowMap, Rows},
+    series::Series,
+    values::{NotNumbers, cells_to_numbers, label, to_labels, to_numbers},
 };
-use crate::DataError;
+use crate::{Contradictions, DataError};
 
 /// What a batch of channels may hold in memory, in bytes.
 const BATCH_BYTES: usize = 256 << 20;
@@ -26,17 +30,62 @@ pub(crate) struct Batch(Vec<ChannelValues>);
 pub(crate) struct ChannelValues {
     /// One per row of the log, NaN where missing.
     pub(crate) values: Vec<f64>,
-    /// One per duplicate of the log.
-    pub(crate) duplicates: Vec<f64>,
+    /// One per duplicate of the recorded rows.
+    duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
+    /// Values that another one of the same time contradicts.
+    pub(crate) contradicting: u64,
+    /// The first of them.
+    pub(crate) contradictions: Vec<Contradiction>,
+    /// Duplicates of the recorded rows that contradict the row that is kept.
+    pub(crate) conflicts: Vec<u32>,
+}
+
+impl ChannelValues {
+    fn clear(&mut self, rows: &Rows) {
+        self.values.clear();
+        self.values.resize(rows.timestamps.len(), f64::NAN);
+        self.duplicates.clear();
+        self.duplicates.resize(rows.duplicates.len(), f64::NAN);
+        self.not_numbers = NotNumbers::default();
+        self.contradicting = 0;
+        self.contradictions.clear();
+        self.conflicts.clear();
+    }
+
+    /// Rows of the same time become one: the first that has a value gives it.
+    fn settle(&mut self, rows: &Rows, keep: Contradictions) {
+        for (position, (duplicate, &value)) in
+            rows.duplicates.iter().zip(&self.duplicates).enumerate()
+        {
+            let kept = &mut self.values[duplicate.row as usize];
+            if value.is_nan() || value == *kept {
+                continue;
+            }
+            if kept.is_nan() {
+                *kept = value;
+                continue;
+            }
+            self.contradicting += 1;
+            self.conflicts.push(position as u32);
+            if self.contradictions.len() < super::SHOWN {
+                let time = rows.timestamps[duplicate.row as usize].as_micros();
+                self.contradictions.push(Contradiction { time, values: [*kept, value] });
+            }
+            if keep == Contradictions::Last {
+                *kept = value;
+            }
+        }
+    }
 }
 
 impl Log {
     /// How many channels are read together, so that memory stays bounded.
     pub(crate) fn batch_size(&self) -> usize {
         let (least, most) = BATCH_CHANNELS;
-        let bytes = self.rows.timestamps.len().max(1) * size_of::<f64>();
-        (BATCH_BYTES / bytes).clamp(least, most)
+        let rows = self.rows.timestamps.len().max(self.recorded().timestamps.len()).max(1);
+        let copies = if self.recorded.is_some() { 3 } else { 1 };
+        (BATCH_BYTES / (rows * size_of::<f64>() * copies)).clamp(least, most)
     }
 
     /// Read `channels` into `batch`: file by file, slice by slice, channels in parallel.
@@ -48,22 +97,82 @@ impl Log {
     ) -> Result<&'a mut [ChannelValues], DataError> {
         batch.0.resize_with(batch.0.len().max(channels.len()), ChannelValues::default);
         let batch = &mut batch.0[..channels.len()];
-        batch.par_iter_mut().for_each(|channel| {
-            channel.values.clear();
-            channel.values.resize(self.rows.timestamps.len(), f64::NAN);
-            channel.duplicates.clear();
-            channel.duplicates.resize(self.rows.duplicates.len(), f64::NAN);
-            channel.not_numbers = NotNumbers::default();
-        });
-        for file in 0..self.files.len() {
-            self.read_file(file, channels, batch, monitor)?;
+        let rows = self.recorded();
+        batch.par_iter_mut().for_each(|channel| channel.clear(rows));
+        match &self.origin {
+            Origin::Tables(files) => {
+                for (position, file) in files.iter().enumerate() {
+                    self.read_file(file, position, channels, batch, monitor)?;
+                }
+                batch.par_iter_mut().for_each(|channel| {
+                    channel.settle(rows, self.contradictions);
+                    if let Some(grid) = &self.grid {
+                        channel.values = self.onto(grid, &channel.values);
+                    }
+                });
+            }
+            Origin::Series(series, window) => {
+                if monitor.interrupted() {
+                    return Err(DataError::Interrupted);
+                }
+                batch
+                    .par_iter_mut()
+                    .zip(channels)
+                    .try_for_each(|(channel, &tag)| self.read_tag(series, tag, window, channel))?;
+            }
         }
         monitor.advance(channels.len() as u64);
         Ok(batch)
     }
 
+    /// The recorded values of a channel on the rows of the log.
+    fn onto(&self, grid: &Grid, values: &[f64]) -> Vec<f64> {
+        let recorded = self.recorded().timestamps.iter().zip(values);
+        let (times, values): (Vec<i64>, Vec<f64>) = recorded
+            .filter(|(_, value)| !value.is_nan())
+            .map(|(time, value)| (time.as_micros(), *value))
+            .unzip();
+        grid.values(&times, &values, &self.rows.timestamps)
+    }
+
+    fn read_tag(
+        &self,
+        series: &Series,
+        tag: usize,
+        window: &std::ops::Range<i64>,
+        channel: &mut ChannelValues,
+    ) -> Result<(), DataError> {
+        let placed = series.settled(tag, window, self.contradictions)?;
+        channel.contradicting = placed.contradicting;
+        channel.contradictions = placed.contradictions;
+        let mut values = vec![f64::NAN; placed.cells.len()];
+        let words = &series.store.words;
+        cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
+        self.put(&placed.times, &values, &mut channel.values);
+        Ok(())
+    }
+
+    /// Put samples, in order, on the rows of the log.
+    fn put(&self, times: &[i64], values: &[f64], out: &mut Vec<f64>) {
+        let rows = &self.rows.timestamps;
+        if let Some(grid) = &self.grid {
+            let present = times.iter().zip(values).filter(|(_, value)| !value.is_nan());
+            let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
+            *out = grid.values(&times, &values, rows);
+            return;
+        }
+        let mut row = 0;
+        for (&time, &value) in times.iter().zip(values) {
+            while rows[row].as_micros() < time {
+                row += 1;
+            }
+            out[row] = value;
+        }
+    }
+
     fn read_file(
         &self,
+        log_file: &LogFile,
         file: usize,
         channels: &[usize],
         batch: &mut [ChannelValues],
@@ -77,11 +186,10 @@ impl Log {
                 Some((slot, *position))
             })
             .collect();
-        let map = &self.rows.maps[file];
+        let map = &self.recorded().maps[file];
         if present.is_empty() {
             return Ok(());
         }
-        let log_file = &self.files[file];
         let fields: Vec<usize> = present.iter().map(|&(_, field)| field).collect();
         for slice in log_file.slices(&map.needed()) {
             if monitor.interrupted() {
@@ -97,7 +205,7 @@ impl Log {
                 .zip(slots)
                 .try_for_each(|(channel, column)| {
                     let Some(column) = column else { return Ok(()) };
-                    let ChannelValues { values, duplicates, not_numbers } = channel;
+                    let ChannelValues { values, duplicates, not_numbers, .. } = channel;
                     match map {
                         RowMap::Contiguous { file, first } => {
                             let start = first + slice.start - file.start;
@@ -123,7 +231,7 @@ impl Log {
     }
 
     fn place_duplicates(&self, file: usize, start: usize, read: &[f64], duplicates: &mut [f64]) {
-        let all = &self.rows.duplicates;
+        let all = &self.recorded().duplicates;
         let before = |row: usize| {
             all.partition_point(|duplicate| {
                 (duplicate.file as usize, duplicate.file_row as usize) < (file, row)
@@ -142,6 +250,25 @@ pub(crate) struct Codes {
     pub(crate) labels: Vec<String>,
 }
 
+/// Labels, each once.
+#[derive(Default)]
+struct Labels(HashMap<String, usize>);
+
+impl Labels {
+    fn code(&mut self, label: String) -> f64 {
+        let next = self.0.len();
+        *self.0.entry(label).or_insert(next) as f64
+    }
+
+    fn list(self) -> Vec<String> {
+        let mut labels = vec![String::new(); self.0.len()];
+        for (label, code) in self.0 {
+            labels[code] = label;
+        }
+        labels
+    }
+}
+
 impl Log {
     /// Read one channel of numbers or text, whose values are names of something.
     pub(crate) fn read_codes(
@@ -149,32 +276,66 @@ impl Log {
         channel: usize,
         monitor: &dyn Monitor,
     ) -> Result<Codes, DataError> {
-        let mut codes = vec![f64::NAN; self.rows.timestamps.len()];
-        let mut known: HashMap<String, usize> = HashMap::new();
-        for (file, log_file) in self.files.iter().enumerate() {
+        let mut labels = Labels::default();
+        let (times, codes) = match &self.origin {
+            Origin::Tables(files) => {
+                let codes = self.codes_of_files(files, channel, &mut labels, monitor)?;
+                if self.grid.is_none() {
+                    return Ok(Codes { codes, labels: labels.list() });
+                }
+                let times = self.recorded().timestamps.iter().map(|time| time.as_micros());
+                (times.collect(), codes)
+            }
+            Origin::Series(series, window) => {
+                let placed = series.settled(channel, window, self.contradictions)?;
+                let words = &series.store.words;
+                let code =
+                    |&cell: &u64| label(cell, words).map_or(f64::NAN, |label| labels.code(label));
+                let codes = placed.cells.iter().map(code).collect::<Vec<f64>>();
+                (placed.times, codes)
+            }
+        };
+        let mut placed = vec![f64::NAN; self.rows.timestamps.len()];
+        // Between two modes there is nothing: the last one stands.
+        let last = self.grid.as_ref().map(Grid::of_last_values);
+        match last {
+            None => self.put(&times, &codes, &mut placed),
+            Some(grid) => {
+                let present = times.iter().zip(&codes).filter(|(_, code)| !code.is_nan());
+                let (times, codes): (Vec<i64>, Vec<f64>) = present.unzip();
+                placed = grid.values(&times, &codes, &self.rows.timestamps);
+            }
+        }
+        Ok(Codes { codes: placed, labels: labels.list() })
+    }
+
+    fn codes_of_files(
+        &self,
+        files: &[LogFile],
+        channel: usize,
+        labels: &mut Labels,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<f64>, DataError> {
+        let rows = self.recorded();
+        let mut codes = vec![f64::NAN; rows.timestamps.len()];
+        for (file, log_file) in files.iter().enumerate() {
             let Some(&field) = self.channels[channel].positions.get(&file) else {
                 continue;
             };
-            let map = &self.rows.maps[file];
+            let map = &rows.maps[file];
             for slice in log_file.slices(&map.needed()) {
                 if monitor.interrupted() {
                     return Err(DataError::Interrupted);
                 }
                 let column = log_file.read(&[field], &slice)?.swap_remove(0);
-                let labels = to_labels(&column).map_err(|error| log_file.damaged(&error))?;
-                for (label, file_row) in labels.into_iter().zip(slice) {
-                    let (Some(label), Some(row)) = (label, map.row(file_row)) else {
-                        continue;
-                    };
-                    let code = known.len();
-                    codes[row] = *known.entry(label).or_insert(code) as f64;
+                let read = to_labels(&column).map_err(|error| log_file.damaged(&error))?;
+                for (label, file_row) in read.into_iter().zip(slice) {
+                    if let (Some(label), Some(row)) = (label, map.row(file_row)) {
+                        codes[row] = labels.code(label);
+                    }
                 }
             }
         }
-        let mut labels = vec![String::new(); known.len()];
-        for (label, code) in known {
-            labels[code] = label;
-        }
-        Ok(Codes { codes, labels })
+        Ok(codes)
     }
 }

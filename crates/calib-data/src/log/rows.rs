@@ -84,6 +84,17 @@ pub(crate) struct Irregularities {
 }
 
 impl Rows {
+    /// Rows that come from no file's rows.
+    pub(crate) fn of(timestamps: Vec<Timestamp>, irregularities: Irregularities) -> Self {
+        Self {
+            timestamps,
+            maps: Vec::new(),
+            duplicates: Vec::new(),
+            breaks: Vec::new(),
+            irregularities,
+        }
+    }
+
     /// Put the rows of all files in time order. Equal times keep the row of the file that starts
     /// first, and in a file the first row. Rows outside `window` are left out.
     pub(crate) fn plan(files: &[Vec<i64>], window: &Range<i64>) -> Self {

@@ -28,7 +28,7 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
         if found.is_empty() {
             return Err(DataError::NoFile {
                 pattern: pattern.clone(),
-                reason: "nothing matches whose name ends in .parquet, .parq or .pq".to_owned(),
+                reason: "nothing matches whose name ends in .parquet, .parq, .pq, .csv or .tsv (.gz, .zst)".to_owned(),
             });
         }
         paths.extend(found);
@@ -64,10 +64,8 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
-    let mut found = Vec::new();
     if path.is_dir() {
-        walk(path, &mut found)?;
-        return Ok(found);
+        return logs_in(path);
     }
     let no_file = |reason: String| DataError::NoFile { pattern: pattern.to_owned(), reason };
     if !pattern.contains(['*', '?', '[']) {
@@ -75,16 +73,28 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     }
     let matches = glob::glob(pattern)
         .map_err(|error| no_file(format!("the glob pattern is malformed: {error}")))?;
+    let mut found = Vec::new();
     for matched in matches {
         let matched = matched.map_err(|error| {
             let path = error.path().to_owned();
             FileError::io("read", &path, error.into())
         })?;
         if matched.is_dir() {
-            walk(&matched, &mut found)?;
-        } else if is_parquet(&matched) {
+            found.extend(logs_in(&matched)?);
+        } else if is_parquet(&matched) || is_text(&matched) {
             found.push(matched);
         }
+    }
+    Ok(found)
+}
+
+/// The logs in a folder: Parquet files, and text files only where there are none of these. Beside Parquet, text is
+/// usually about the log: lists of tags, notes, what another program made of it.
+fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let mut found = Vec::new();
+    walk(folder, &mut found)?;
+    if found.iter().any(|path| is_parquet(path)) {
+        found.retain(|path| is_parquet(path));
     }
     Ok(found)
 }
@@ -102,20 +112,30 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), DataError> {
         // Linked folders are not followed: they could lead back here.
         if entry.file_type().map_err(refused)?.is_dir() {
             walk(&path, found)?;
-        } else if path.is_file() && is_parquet(&path) {
+        } else if path.is_file() && (is_parquet(&path) || is_text(&path)) {
             found.push(path);
         }
     }
     Ok(())
 }
 
-fn is_parquet(path: &Path) -> bool {
+pub(super) fn is_parquet(path: &Path) -> bool {
     path.extension().is_some_and(|extension| {
         ["parquet", "parq", "pq"].iter().any(|known| extension.eq_ignore_ascii_case(known))
     })
 }
 
-fn partitions(path: &Path) -> BTreeMap<String, String> {
+/// Whether a file is called as text in columns is, packed or not.
+pub(super) fn is_text(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let name = [".gz", ".zst", ".zstd"]
+        .iter()
+        .find_map(|packed| name.strip_suffix(packed))
+        .unwrap_or(&name);
+    [".csv", ".tsv"].iter().any(|known| name.ends_with(known))
+}
+
+pub(super) fn partitions(path: &Path) -> BTreeMap<String, String> {
     path.parent()
         .into_iter()
         .flat_map(Path::components)
@@ -183,7 +203,7 @@ mod tests {
             error.to_string()
         };
         assert!(message("z.parquet").contains("z.parquet: there is no such file or folder"));
-        assert!(message("c*").contains("c*: nothing matches"));
+        assert!(message("q*").contains("q*: nothing matches"));
         assert!(message("[").contains("malformed"));
         let none = find_files(&DataConfig::default()).expect_err("no path");
         assert!(none.to_string().contains("data.path is empty"));

@@ -20,8 +20,8 @@ impl Split {
             return Ok(Self::by_fraction(data.train_fraction, first, last));
         };
         let range = |key: &'static str, range: &TimeRange| {
-            let start = range.start.as_ref().map_or(first, |at| at.instant().as_micros());
-            let end = range.end.as_ref().map_or(last + 1, |at| at.instant().as_micros());
+            let start = range.start.as_ref().map_or(first, |at| data.instant(at).as_micros());
+            let end = range.end.as_ref().map_or(last + 1, |at| data.instant(at).as_micros());
             if start > last || end <= first || start >= end {
                 let at = |micros| format_time(Timestamp::from_micros(micros));
                 return Err(DataError::OutsideData {
@@ -61,6 +61,15 @@ impl Split {
         let span = (last - first) as f64;
         let boundary = (first + (span * fraction).round() as i64).clamp(first + 1, end);
         Self { train: first..boundary, held_out: (boundary < end).then_some(boundary..end) }
+    }
+
+    /// The ranges in order of time, without what lies outside of the first and the last instant of the log.
+    pub(crate) fn ranges_inside(&self, (first, last): (i64, i64)) -> Vec<Range<i64>> {
+        let mut ranges: Vec<Range<i64>> =
+            [&self.train].into_iter().chain(&self.held_out).cloned().collect();
+        ranges.sort_by_key(|range| range.start);
+        // A row that lies after the last sample may still have its value.
+        ranges.iter().map(|range| range.start.max(first)..range.end.min(last + 1)).collect()
     }
 
     /// From the earliest to the latest instant of either range.

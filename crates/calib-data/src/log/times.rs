@@ -2,99 +2,168 @@
 
 use std::ops::Range;
 
-use calib_core::Timestamp;
 use polars::prelude as pl;
 
-use super::{file::LogFile, rows::NO_TIME};
-use crate::{DataConfig, DataError, TimestampUnit, time::parse_time};
+use super::{
+    clock::Clock,
+    file::{FieldKind, LogFile},
+    head::{Head, HeadColumn},
+    rows::NO_TIME,
+    values::RawColumn,
+};
+use crate::{DataConfig, DataError, TimestampUnit, text::Notation, time::Stamp};
 
-/// The position of the timestamp column.
-pub(crate) fn timestamp_field(file: &LogFile, data: &DataConfig) -> Result<usize, DataError> {
-    use super::file::FieldKind;
-    file.field(&data.timestamp).ok_or_else(|| {
-        let list = |keep: &dyn Fn(&super::file::Field) -> bool| {
-            let names: Vec<&str> = file
-                .fields
-                .iter()
-                .filter(|field| keep(field))
-                .map(|field| field.name.as_str())
-                .collect();
-            names.join(", ")
-        };
-        let likely = list(&|field| {
-            let name = field.name.to_lowercase();
-            field.kind == FieldKind::Time || name.contains("time") || name.contains("date")
-        });
-        let candidates = if likely.is_empty() { list(&|_| true) } else { likely };
-        DataError::NoTimestamp {
-            path: file.path().to_owned(),
-            column: data.timestamp.clone(),
-            candidates,
-        }
-    })
+/// What to say of a file without a timestamp column that is known.
+pub(crate) fn no_timestamp(head: &Head, data: &DataConfig) -> DataError {
+    let columns = head.columns();
+    let list = |keep: &dyn Fn(&HeadColumn) -> bool| {
+        let columns = columns.iter().filter(|column| keep(column));
+        columns.map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let likely = list(&|column| {
+        let name = column.name.to_lowercase();
+        column.kind == FieldKind::Time || name.contains("time") || name.contains("date")
+    });
+    let candidates = if likely.is_empty() { list(&|_| true) } else { likely };
+    DataError::NoTimestamp {
+        path: head.path().to_owned(),
+        column: data.timestamp.clone(),
+        candidates,
+    }
 }
 
-/// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.
-pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i64>, DataError> {
-    let field = timestamp_field(file, data)?;
-    let bad = |reason: String| DataError::BadTimestamp {
-        path: file.path().to_owned(),
-        column: data.timestamp.clone(),
-        reason,
-    };
-    let mut integers: Vec<i64> = Vec::new();
-    let mut floats: Vec<f64> = Vec::new();
-    let mut times = Vec::with_capacity(file.rows);
-    for slice in file.slices(&(0..file.rows)) {
-        let column = file.read(&[field], &slice)?.swap_remove(0);
+/// Times of a slice of a Parquet file, as its type has them.
+pub(crate) enum Times {
+    Stamps(Vec<Option<Stamp>>),
+    /// Numbers of a unit that all of them tell; [`NO_TIME`] where there is none.
+    Integers(Vec<i64>),
+    Floats(Vec<f64>),
+}
+
+impl Times {
+    /// Of a column whose first row is row `start` of the file.
+    pub(crate) fn of(
+        column: &RawColumn,
+        file: &LogFile,
+        data: &DataConfig,
+        start: usize,
+    ) -> Result<Self, DataError> {
+        let bad = |column: &pl::Column, reason: String| DataError::BadTimestamp {
+            path: file.path().to_owned(),
+            column: column.name().to_string(),
+            reason,
+        };
+        let RawColumn::Polars(column) = column else {
+            return Ok(Self::Stamps(Vec::new()));
+        };
         let damaged = |error: pl::PolarsError| file.damaged(&error);
-        match column.dtype() {
-            pl::DataType::Datetime(unit, _) => {
+        Ok(match column.dtype() {
+            pl::DataType::Datetime(unit, zone) => {
                 let physical = column.datetime().map_err(damaged)?.physical();
-                times.extend(physical.iter().map(|time| match (time, unit) {
-                    (None, _) => NO_TIME,
-                    (Some(time), pl::TimeUnit::Milliseconds) => time.saturating_mul(1_000),
-                    (Some(time), pl::TimeUnit::Microseconds) => time,
-                    (Some(time), pl::TimeUnit::Nanoseconds) => time.div_euclid(1_000),
-                }));
+                let micros = |time: i64| match unit {
+                    pl::TimeUnit::Milliseconds => time.saturating_mul(1_000),
+                    pl::TimeUnit::Microseconds => time,
+                    pl::TimeUnit::Nanoseconds => time.div_euclid(1_000),
+                };
+                let stamp = |time| match zone {
+                    Some(_) => Stamp::Instant(micros(time)),
+                    None => Stamp::Wall(micros(time)),
+                };
+                Self::Stamps(physical.iter().map(|time| time.map(stamp)).collect())
             }
             pl::DataType::Date => {
                 let days = column.date().map_err(damaged)?.physical();
-                times.extend(
-                    days.iter()
-                        .map(|day| day.map_or(NO_TIME, |day| i64::from(day) * 86_400_000_000)),
-                );
+                let stamp = |day: i32| Stamp::Wall(i64::from(day) * 86_400_000_000);
+                Self::Stamps(days.iter().map(|day| day.map(stamp)).collect())
             }
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
+                let notation = match &data.timestamp_format {
+                    Some(pattern) => Notation::Pattern(pattern.clone()),
+                    None => Notation::Iso,
+                };
                 let text = column.cast(&pl::DataType::String).map_err(damaged)?;
-                for (row, text) in text.str().map_err(damaged)?.iter().enumerate() {
-                    times.push(match text.map(str::trim) {
-                        None | Some("") => NO_TIME,
-                        Some(text) => parse_time(text).map(Timestamp::as_micros).ok_or_else(|| {
-                            bad(format!(
-                                "row {} is {text:?}; expected ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z",
-                                slice.start + row
-                            ))
-                        })?,
-                    });
+                let stamp = |(row, text): (usize, Option<&str>)| {
+                    match text.map(str::trim) {
+                    None | Some("") => Ok(None),
+                    Some(text) => notation.read(text).map(Some).ok_or_else(|| {
+                        bad(column, format!(
+                            "row {} is {text:?}; expected {}, or data.timestamp_format to say how times are written",
+                            start + row,
+                            match notation {
+                                Notation::Pattern(_) => "what data.timestamp_format says",
+                                _ => "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z",
+                            },
+                        ))
+                    }),
                 }
+                };
+                let text = text.str().map_err(damaged)?;
+                Self::Stamps(text.iter().enumerate().map(stamp).collect::<Result<_, _>>()?)
             }
             dtype if dtype.is_integer() => {
                 let column = column.cast(&pl::DataType::Int64).map_err(damaged)?;
                 let values = column.i64().map_err(damaged)?;
-                integers.extend(values.iter().map(|value| value.unwrap_or(NO_TIME)));
+                Self::Integers(values.iter().map(|value| value.unwrap_or(NO_TIME)).collect())
             }
             dtype if dtype.is_float() => {
                 let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
                 let values = column.f64().map_err(damaged)?;
-                floats.extend(values.iter().map(|value| value.unwrap_or(f64::NAN)));
+                Self::Floats(values.iter().map(|value| value.unwrap_or(f64::NAN)).collect())
             }
             _ => {
-                return Err(bad(format!(
-                    "it is of type {}; expected a datetime, a date, numbers or text",
-                    file.fields[field].type_name
-                )));
+                let field = file.field(column.name()).map(|field| &file.fields[field].type_name);
+                return Err(bad(
+                    column,
+                    format!(
+                        "it is of type {}; expected a datetime, a date, numbers or text",
+                        field.map_or("", String::as_str)
+                    ),
+                ));
             }
+        })
+    }
+
+    /// The times; the first numbers that are met tell the unit of all.
+    pub(crate) fn stamps(self, unit: &mut Option<TimestampUnit>) -> Vec<Option<Stamp>> {
+        let stamps = |micros: Vec<i64>| {
+            let stamp = |micros| (micros != NO_TIME).then_some(Stamp::Instant(micros));
+            micros.into_iter().map(stamp).collect()
+        };
+        match self {
+            Self::Stamps(stamps) => stamps,
+            Self::Integers(integers) => {
+                let known = *unit.get_or_insert_with(|| unit_of_integers(&integers));
+                stamps(from_integers(integers, Some(known)))
+            }
+            Self::Floats(floats) => {
+                let known = *unit.get_or_insert_with(|| unit_of_floats(&floats));
+                stamps(from_floats(&floats, Some(known)))
+            }
+        }
+    }
+}
+
+/// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.
+pub(crate) fn read_timestamps(
+    file: &LogFile,
+    field: usize,
+    data: &DataConfig,
+) -> Result<Vec<i64>, DataError> {
+    if let Some(times) = file.stored_times() {
+        return Ok(times);
+    }
+    let mut integers: Vec<i64> = Vec::new();
+    let mut floats: Vec<f64> = Vec::new();
+    let mut times = Vec::with_capacity(file.rows);
+    let mut clock = Clock::new(Notation::Iso, data);
+    for slice in file.slices(&(0..file.rows)) {
+        let column = file.read(&[field], &slice)?.swap_remove(0);
+        match Times::of(&column, file, data, slice.start)? {
+            Times::Stamps(stamps) => {
+                times.extend(stamps.into_iter().map(|stamp| clock.instant(stamp)));
+            }
+            Times::Integers(some) => integers.extend(some),
+            Times::Floats(some) => floats.extend(some),
         }
     }
     if !integers.is_empty() {
@@ -108,32 +177,27 @@ pub(crate) fn read_timestamps(file: &LogFile, data: &DataConfig) -> Result<Vec<i
     Ok(times)
 }
 
-fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
+fn unit_of_integers(times: &[i64]) -> TimestampUnit {
     let present = || times.iter().filter(|&&time| time != NO_TIME);
-    let unit = unit.unwrap_or_else(|| {
-        let sizes = present().map(|time| time.unsigned_abs() as f64);
-        guess_unit(typical(sizes, present().count()))
-    });
+    let sizes = present().map(|time| time.unsigned_abs() as f64);
+    guess_unit(typical(sizes, present().count()))
+}
+
+fn unit_of_floats(times: &[f64]) -> TimestampUnit {
+    let finite = || times.iter().filter(|time| time.is_finite());
+    guess_unit(typical(finite().map(|time| time.abs()), finite().count()))
+}
+
+fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
+    let unit = unit.unwrap_or_else(|| unit_of_integers(&times));
     for time in times.iter_mut().filter(|time| **time != NO_TIME) {
-        *time = match unit {
-            TimestampUnit::Seconds => time.saturating_mul(1_000_000),
-            TimestampUnit::Milliseconds => time.saturating_mul(1_000),
-            TimestampUnit::Microseconds => *time,
-            TimestampUnit::Nanoseconds => time.div_euclid(1_000),
-        };
+        *time = unit.in_micros(*time);
     }
     times
 }
 
 fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
-    let finite = || times.iter().filter(|time| time.is_finite());
-    let typical = || typical(finite().map(|time| time.abs()), finite().count());
-    let micros = match unit.unwrap_or_else(|| guess_unit(typical())) {
-        TimestampUnit::Seconds => 1e6,
-        TimestampUnit::Milliseconds => 1e3,
-        TimestampUnit::Microseconds => 1.0,
-        TimestampUnit::Nanoseconds => 1e-3,
-    };
+    let micros = unit.unwrap_or_else(|| unit_of_floats(times)).micros();
     times
         .iter()
         .map(|&time| if time.is_finite() { (time * micros).round() as i64 } else { NO_TIME })
@@ -142,11 +206,11 @@ fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
 
 /// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,
 /// and what is no instant is no row of a log.
-const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
+pub(crate) const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
 
 /// The (upper) median of `count` sizes, evenly thinned where there are many: a single number that stands for something
 /// else must not tell the unit of all others.
-fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
+pub(crate) fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
     let mut thinned: Vec<f64> = sizes.step_by(count / THINNED + 1).collect();
     let middle = thinned.len() / 2;
     if thinned.is_empty() {
@@ -159,7 +223,7 @@ fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
 const THINNED: usize = 1 << 16;
 
 /// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps.
-fn guess_unit(largest: f64) -> TimestampUnit {
+pub(crate) fn guess_unit(largest: f64) -> TimestampUnit {
     match largest {
         _ if largest < 1e11 => TimestampUnit::Seconds,
         _ if largest < 1e14 => TimestampUnit::Milliseconds,

@@ -1,8 +1,11 @@
 //! A column of a file as `f64`, and what in it was no number.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use polars::prelude as pl;
+
+use super::columns::Store;
+use crate::text::{Cell, Decimal, Words, cell_of};
 
 /// Distinct words that are told apart; the rest is counted as one.
 const WORDS: usize = 1_000;
@@ -30,8 +33,73 @@ impl NotNumbers {
     }
 }
 
+/// A column as a file has it.
+#[derive(Clone, Debug)]
+pub(crate) enum RawColumn {
+    Polars(pl::Column),
+    Cells(Vec<u64>, Arc<Store>),
+}
+
 /// Write the values of `column` to `out`, NaN where there is no finite number.
 pub(crate) fn to_numbers(
+    column: &RawColumn,
+    out: &mut [f64],
+    not_numbers: &mut NotNumbers,
+) -> pl::PolarsResult<()> {
+    match column {
+        RawColumn::Polars(column) => polars_to_numbers(column, out, not_numbers),
+        RawColumn::Cells(cells, store) => {
+            cells_to_numbers(cells, &store.words, out, not_numbers);
+            Ok(())
+        }
+    }
+}
+
+/// Write the numbers among `cells` to `out`, and count the others.
+pub(crate) fn cells_to_numbers(
+    cells: &[u64],
+    words: &Words,
+    out: &mut [f64],
+    not_numbers: &mut NotNumbers,
+) {
+    for (out, &cell) in out.iter_mut().zip(cells) {
+        *out = match Cell::decode(cell) {
+            Cell::Number(value) => value,
+            Cell::Missing => f64::NAN,
+            Cell::NonFinite => {
+                not_numbers.non_finite += 1;
+                f64::NAN
+            }
+            Cell::Word(word) => {
+                not_numbers.word(&words.list()[word as usize]);
+                f64::NAN
+            }
+        };
+    }
+}
+
+/// The values of `column` as cells.
+pub(crate) fn to_cells(column: &RawColumn, words: &mut Words) -> pl::PolarsResult<Vec<u64>> {
+    use pl::DataType as D;
+    let column = match column {
+        RawColumn::Cells(cells, _) => return Ok(cells.clone()),
+        RawColumn::Polars(column) => column,
+    };
+    if let D::String | D::Categorical(..) | D::Enum(..) = column.dtype() {
+        let text = column.cast(&D::String)?;
+        let cells = text.str()?.iter().map(|text| {
+            let cell = text.and_then(|text| cell_of(text, Decimal::Point, words));
+            cell.unwrap_or(Cell::Missing).encode()
+        });
+        return Ok(cells.collect());
+    }
+    let mut values = vec![f64::NAN; column.len()];
+    polars_to_numbers(column, &mut values, &mut NotNumbers::default())?;
+    let cell = |value: f64| if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
+    Ok(values.into_iter().map(|value| cell(value).encode()).collect())
+}
+
+fn polars_to_numbers(
     column: &pl::Column,
     out: &mut [f64],
     not_numbers: &mut NotNumbers,
@@ -94,8 +162,14 @@ pub(crate) fn to_numbers(
 }
 
 /// The values of `column` as text: whole numbers without a fraction; missing and empty ones are `None`.
-pub(crate) fn to_labels(column: &pl::Column) -> pl::PolarsResult<Vec<Option<String>>> {
+pub(crate) fn to_labels(column: &RawColumn) -> pl::PolarsResult<Vec<Option<String>>> {
     use pl::DataType as D;
+    let column = match column {
+        RawColumn::Cells(cells, store) => {
+            return Ok(cells.iter().map(|&cell| label(cell, &store.words)).collect());
+        }
+        RawColumn::Polars(column) => column,
+    };
     if let D::String | D::Categorical(..) | D::Enum(..) = column.dtype() {
         let text = column.cast(&D::String)?;
         let labels = text.str()?.iter().map(|text| {
@@ -105,13 +179,22 @@ pub(crate) fn to_labels(column: &pl::Column) -> pl::PolarsResult<Vec<Option<Stri
         return Ok(labels.collect());
     }
     let mut values = vec![f64::NAN; column.len()];
-    to_numbers(column, &mut values, &mut NotNumbers::default())?;
+    polars_to_numbers(column, &mut values, &mut NotNumbers::default())?;
     let labels = values.into_iter();
     Ok(labels.map(|value| (!value.is_nan()).then(|| value.to_string())).collect())
 }
 
+/// A cell as text, `None` if it is missing.
+pub(crate) fn label(cell: u64, words: &Words) -> Option<String> {
+    match Cell::decode(cell) {
+        Cell::Number(value) => Some(value.to_string()),
+        Cell::Word(word) => Some(words.list()[word as usize].clone()),
+        Cell::Missing | Cell::NonFinite => None,
+    }
+}
+
 /// No plant measures more, and sums of squares of what is larger are no numbers any more.
-const LARGEST: f64 = 1e150;
+pub(crate) const LARGEST: f64 = 1e150;
 
 /// The value, or NaN, counted, for what no calculation can go on with.
 fn finite(value: f64, non_finite: &mut u64) -> f64 {
@@ -145,7 +228,7 @@ mod tests {
     fn numbers(column: &pl::Column) -> (Vec<f64>, NotNumbers) {
         let mut out = vec![0.0; column.len()];
         let mut not_numbers = NotNumbers::default();
-        to_numbers(column, &mut out, &mut not_numbers).expect("a known type");
+        polars_to_numbers(column, &mut out, &mut not_numbers).expect("a known type");
         (out, not_numbers)
     }
 
@@ -183,10 +266,10 @@ mod tests {
     fn numbers_and_text_have_labels() {
         let column =
             pl::Float64Chunked::from_slice_options("a".into(), &[Some(13.0), None, Some(0.5)]);
-        let labels = to_labels(&column.into_column()).expect("a known type");
+        let labels = to_labels(&RawColumn::Polars(column.into_column())).expect("a known type");
         assert_eq!(labels, [Some("13".to_owned()), None, Some("0.5".to_owned())]);
         let column = pl::StringChunked::from_slice("a".into(), &[" on ", ""]).into_column();
-        let labels = to_labels(&column).expect("a known type");
+        let labels = to_labels(&RawColumn::Polars(column)).expect("a known type");
         assert_eq!(labels, [Some("on".to_owned()), None]);
     }
 

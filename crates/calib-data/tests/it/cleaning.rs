@@ -1,11 +1,21 @@
 //! Duplicates, steps back, gaps and missing values.
 
 use calib_core::{Silent, Timestamp};
-use calib_data::{DataConfig, Missing, PreprocessConfig};
+use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig};
 
 use crate::support::{
     Folder, NAN, load_with, log, log_at, refused, segment_lengths, train_seconds, train_values,
 };
+
+fn load_keeping_the_first(folder: &Folder) -> calib_data::Dataset {
+    assert!(
+        refused(&folder.data(), &PreprocessConfig::default())
+            .to_string()
+            .contains("contradict each other")
+    );
+    let data = DataConfig { contradictions: Contradictions::First, ..folder.data() };
+    load_with(&data, &PreprocessConfig::default())
+}
 
 #[test]
 fn repeated_rows_keep_the_first() {
@@ -18,7 +28,7 @@ fn repeated_rows_keep_the_first() {
             &[("a", &[1.0, 2.0, 2.0, 3.0, 9.0, 4.0]), ("b", &[5.0, 6.0, NAN, 7.0, 7.0, 8.0])],
         ),
     );
-    let dataset = folder.load();
+    let dataset = load_keeping_the_first(&folder);
     assert_eq!(train_values(&dataset, "a"), [1.0, 2.0, 3.0, 4.0]);
     let duplicates = &dataset.profile.duplicates;
     assert_eq!((duplicates.identical, duplicates.conflicting), (1, 1));
@@ -34,7 +44,7 @@ fn the_end_of_daylight_saving_is_merged_and_reported() {
     let times = [0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 7];
     let values: Vec<f64> = (0..11_u8).map(f64::from).collect();
     folder.write("a.parquet", &log_at(times, &[("a", &values)]));
-    let dataset = folder.load();
+    let dataset = load_keeping_the_first(&folder);
     assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]);
     let profile = &dataset.profile;
     assert_eq!((profile.duplicates.conflicting, profile.duplicates.identical), (3, 0));
@@ -53,7 +63,7 @@ fn overlapping_files_are_merged_by_time() {
     let folder = Folder::new();
     folder.write("a.parquet", &log(0, &[("a", &[0.0, 1.0, 2.0, 3.0])]));
     folder.write("b.parquet", &log(2, &[("a", &[2.0, 30.0, 4.0, 5.0])]));
-    let dataset = folder.load();
+    let dataset = load_keeping_the_first(&folder);
     assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
     let profile = &dataset.profile;
     assert_eq!(profile.overlapping_files, 1);

@@ -3,7 +3,9 @@
 mod checksums;
 mod cleaning;
 mod columns;
+mod formats;
 mod inputs;
 mod ranges;
 mod real;
+mod shapes;
 mod support;

@@ -7,8 +7,14 @@ use std::{
 };
 
 use calib_data::table::declared_bytes;
+use calib_files::ScratchPlace;
 
 use crate::output::{bytes, count};
+
+/// Where text files are kept, column by column, while they are read: the system's folder for temporary files.
+pub fn working_files() -> ScratchPlace {
+    ScratchPlace::Disk(std::env::temp_dir())
+}
 
 /// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -80,3 +80,31 @@ pub enum ValidityExtent {
     /// Everything that is missing is run first.
     Run,
 }
+
+/// What becomes of a file that is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// It stays, and nothing is written.
+    Kept,
+    /// It is replaced.
+    Replaced,
+}
+
+/// A study to write of a log that nobody has looked at.
+#[derive(Clone, Debug)]
+pub struct ProposeOptions {
+    /// A file, a folder or a glob pattern.
+    pub logs: PathBuf,
+    /// The study file to write.
+    pub study: PathBuf,
+    /// How long [`run`](crate::run) on the study may take on this machine, in seconds.
+    pub within: f64,
+    /// Sensors to predict; otherwise three that move and are unlike each other.
+    pub sensors: Vec<String>,
+    /// How far ahead to predict, in seconds; otherwise by the autocorrelation of the sensors.
+    pub horizon: Option<f64>,
+    /// Keys of `[data]`, as `SECTION.KEY=VALUE`; they hold for the study too.
+    pub set: Vec<String>,
+    /// What becomes of a study file that is there.
+    pub standing: Standing,
+}

@@ -8,7 +8,7 @@ use calib_plant::PlantOptions;
 use calib_study::{Job, StudyError};
 
 use crate::{
-    base::outcome::StepError,
+    base::{memory, outcome::StepError},
     log::simulate::{self, Found, Simulated},
     output::Printer,
 };
@@ -69,7 +69,8 @@ pub(crate) fn check_days(job: &Job) -> anyhow::Result<()> {
 
 /// The `[data]` section with the variables of the environment.
 pub(crate) fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
-    job.data_to_read(|name| std::env::var(name).ok())
+    let data = job.data_to_read(|name| std::env::var(name).ok())?;
+    Ok(DataConfig { scratch: memory::working_files(), ..data })
 }
 
 /// The plant that a study describes, and the folder where its log goes; nothing if it describes none.

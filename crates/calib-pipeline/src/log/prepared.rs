@@ -47,7 +47,7 @@ struct DatasetManifest {
 }
 
 impl Manifest for DatasetManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format

@@ -45,6 +45,27 @@ pub fn duration(span: Duration) -> String {
     }
 }
 
+/// A span of the log in the largest two units, whole numbers where they are: `5 d 10 h`, `1 min`, `0.5 s`.
+pub fn span(secs: f64) -> String {
+    const UNITS: [(f64, &str); 4] = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s")];
+    let secs = if secs < 60.0 { secs } else { secs.round() };
+    let Some(largest) = UNITS.iter().position(|(size, _)| secs >= *size) else {
+        return format!("{} s", significant(secs));
+    };
+    let (size, unit) = UNITS[largest];
+    let whole = (secs / size).floor();
+    let Some(&(smaller, smaller_unit)) = UNITS.get(largest + 1) else {
+        let text = format!("{secs:.2}");
+        return format!("{} {unit}", text.trim_end_matches('0').trim_end_matches('.'));
+    };
+    let rest = ((secs - whole * size) / smaller).floor();
+    if rest > 0.0 {
+        format!("{whole} {unit} {rest} {smaller_unit}")
+    } else {
+        format!("{whole} {unit}")
+    }
+}
+
 /// "1 segment", "2 segments".
 pub fn counted(number: usize, noun: &str) -> String {
     format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
@@ -106,6 +127,11 @@ mod tests {
         assert_eq!(bytes(1536), "1.5 KiB");
         assert_eq!([1, 2].map(|of| counted(of, "plant")), ["1 plant", "2 plants"]);
         assert_eq!(duration(Duration::from_secs(3725)), "1 h 2 min");
+        let spans = [0.0, 0.5, 1.25, 59.9, 60.0, 90.0, 3_599.7, 468_012.0, 86_400.0].map(span);
+        assert_eq!(
+            spans,
+            ["0 s", "0.500 s", "1.25 s", "59.9 s", "1 min", "1 min 30 s", "1 h", "5 d 10 h", "1 d"]
+        );
         assert_eq!(percent(0.0123), "1.2 %");
         assert_eq!(significant(0.012_345), "0.0123");
         assert_eq!(significant(123.4), "123");

@@ -5,7 +5,7 @@ mod harmless;
 mod observer;
 mod printer;
 
-pub use format::{bytes, count, counted, duration, percent, significant, table};
+pub use format::{bytes, count, counted, duration, percent, significant, span, table};
 pub use harmless::{Lines, harmless, harmless_json};
 pub use observer::{Answer, Observer, Remark, Result, Shown, Unobserved};
 pub use printer::Printer;

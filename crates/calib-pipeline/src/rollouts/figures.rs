@@ -9,15 +9,13 @@ use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
 use crate::rollouts::trajectory_columns::Columns;
 
-/// Write a figure as `NAME.svg` and `NAME.png`.
-pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<()> {
+/// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
+pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<[String; 2]> {
     let (svg, png) = (figure.svg(), figure.png()?);
-    let name = file_name(name);
-    write_atomically(&directory.join(format!("{name}.svg")), |file| {
-        file.write_all(svg.as_bytes())
-    })?;
-    write_atomically(&directory.join(format!("{name}.png")), |file| file.write_all(&png))?;
-    Ok(())
+    let names = ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)));
+    write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
+    write_atomically(&directory.join(&names[1]), |file| file.write_all(&png))?;
+    Ok(names)
 }
 
 /// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.
@@ -74,6 +72,8 @@ const GRID_STARTS: usize = 4;
 /// The first rollout from each start, for one sensor: what was recorded, and what the model did.
 pub(crate) struct Starts {
     pub(crate) sensor: String,
+    /// What stands in brackets behind it.
+    pub(crate) unit: Option<String>,
     period_secs: f64,
     pairs: Vec<Start>,
 }
@@ -108,7 +108,7 @@ pub(crate) fn starts(
                 });
             }
         }
-        all.push(Starts { sensor: sensor.clone(), period_secs, pairs });
+        all.push(Starts { sensor: sensor.clone(), unit: None, period_secs, pairs });
     }
     Ok(all)
 }
@@ -166,7 +166,7 @@ fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> Rollou
     };
     RolloutGrid {
         sensor: first.sensor.clone(),
-        unit: None,
+        unit: first.unit.clone(),
         models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
         rows: starts.iter().enumerate().map(row).collect(),
     }
@@ -212,7 +212,7 @@ mod tests {
             values: vec![time as f64, 9.0],
         };
         let pairs = times.iter().map(start).collect();
-        Starts { sensor: "PIT300".to_owned(), period_secs: 1.0, pairs }
+        Starts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
     }
 
     #[test]

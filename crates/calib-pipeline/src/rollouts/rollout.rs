@@ -218,8 +218,10 @@ fn roll_out(
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
     let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
     let period_secs = model.manifest.period.as_secs();
+    let mut files = vec!["trajectories.parquet".to_owned()];
     for figure in figures::rollouts(&trajectories, &names, period_secs)? {
-        figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
+        let drawn = figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
+        files.extend(drawn.map(|name| format!("figures/{name}")));
     }
     let collapse = collapse::of(model, record, &all, sensors)?;
     let steps = config.dtw_steps.min(config.steps);
@@ -235,7 +237,7 @@ fn roll_out(
         })
         .collect();
     let compared = comparison.is_some().then_some(comparison::FILES);
-    let files = ["trajectories.parquet"].into_iter().chain(compared.into_iter().flatten());
+    files.extend(compared.into_iter().flatten().map(str::to_owned));
     let manifest = RolloutManifest {
         format: RolloutManifest::FORMAT,
         tool: TOOL.to_owned(),
@@ -247,7 +249,7 @@ fn roll_out(
         members,
         collapse,
         comparison,
-        files: artefact::fingerprints(directory, files)?,
+        files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
     };
     claim.complete(&manifest)?;
     Ok(manifest)

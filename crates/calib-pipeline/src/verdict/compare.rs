@@ -91,10 +91,14 @@ impl Part {
         let rollouts = rollout::finished(job, &manifest.model)?;
         let owned = |name: Option<&str>| name.map(str::to_owned);
         let (model, deployment) = (owned(job.model()), owned(job.deployment()));
-        let starts = match &rollouts {
+        let mut starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
+        for of in &mut starts {
+            let known = report.recorded.iter().find(|figure| figure.sensor == of.sensor);
+            of.unit = known.and_then(|figure| figure.unit.clone());
+        }
         let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
         let pairs = match compared {
             Some(_) => comparison::read(job)?,

@@ -14,7 +14,7 @@ use crate::{
         stale::Kept,
     },
     log::partition,
-    model::model_files::ModelManifest,
+    model::model_files::{self, ModelManifest},
     output::Printer,
     rollouts::rollout,
     sweep::{SweepManifest, unit_store},
@@ -69,12 +69,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(Outcome::Done);
     }
-    let report = report::assemble(&judged).with_context(|| {
-        format!(
-            "{} cannot be written; if results were edited, the steps with --force make them again",
-            paths.report().display()
-        )
-    })?;
+    let report = report::assemble(&judged)?;
     let written = report::write(job, &report, summary);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {
@@ -112,8 +107,15 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
         format!("the sweep is not complete; run `{}` again", job.command("sweep"))
     })?;
     let sensors = study.sweep.sensors.iter();
+    let profile = model_files::read_profile(&paths.model())?;
+    let doubts = profile.value_doubts();
     let verdicts = sensors
-        .map(|sensor| Ok(verdict_of(sensor, study.part(), (study, &manifest, &results))?))
+        .map(|sensor| {
+            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
+            let of_it = doubts.iter().filter(|(name, _)| name == sensor);
+            verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            Ok(verdict)
+        })
         .collect::<anyhow::Result<Vec<_>>>()
         .with_context(|| {
             format!(

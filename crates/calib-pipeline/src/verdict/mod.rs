@@ -5,6 +5,7 @@ pub(crate) mod compare_choices;
 pub(crate) mod compare_pairs;
 pub(crate) mod compare_tables;
 pub(crate) mod deployed;
+pub(crate) mod described;
 pub(crate) mod evaluate;
 pub(crate) mod kept_report;
 pub(crate) mod learning;

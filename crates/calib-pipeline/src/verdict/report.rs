@@ -2,7 +2,7 @@
 
 use std::{io::Write as _, path::Path};
 
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
@@ -29,6 +29,7 @@ use crate::{
     },
     sweep::{SweepManifest, recorded},
     verdict::{
+        described::Descriptions,
         evaluate::{Judged, Summary},
         kept_report, learning,
         report_data::{data_profile, subtitle},
@@ -99,6 +100,17 @@ pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 
 /// Everything that is known of a finished sweep and its model.
 pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
+    let cannot = || {
+        let page = judged.paths().report();
+        let page = page.display();
+        format!(
+            "{page} cannot be written; if results were edited, the steps with --force make them again"
+        )
+    };
+    assembled(judged).with_context(cannot)
+}
+
+fn assembled(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { job, manifest: sweep, summary, results } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
@@ -109,13 +121,17 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     );
     let profile = model_files::read_profile(&paths.model())?;
     let rollouts = rollout::finished(job, &model.content()?)?;
-    let (shown, starts) = match &rollouts {
+    let descriptions = Descriptions::of(job, &profile)?;
+    let (shown, mut starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
+    for of in &mut starts {
+        of.unit = descriptions.words(&of.sensor);
+    }
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
-    Ok(Report {
+    let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
         score: Score::nrmse(),
@@ -141,7 +157,9 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(job, &commands(&[study]), sweep)?,
-    })
+    };
+    descriptions.put_into(&mut report);
+    Ok(report)
 }
 
 /// What the rollouts were like, and the representations that could be used.

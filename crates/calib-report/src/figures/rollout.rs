@@ -176,7 +176,7 @@ fn limits<'a>(truths: impl Iterator<Item = &'a Trajectory>) -> (f64, f64) {
     }
 }
 
-/// The sensor with its unit.
+/// The sensor with its unit, if that is known.
 pub(super) fn axis_label(sensor: &str, unit: Option<&str>) -> String {
-    format!("{sensor} ({})", unit.unwrap_or("physical unit"))
+    unit.map_or_else(|| sensor.to_owned(), |unit| format!("{sensor} ({unit})"))
 }

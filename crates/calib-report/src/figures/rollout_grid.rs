@@ -95,7 +95,9 @@ impl RolloutGrid {
 
     fn heading(&self, column: usize) -> String {
         match column {
-            0 => format!("recorded, {}", self.unit.as_deref().unwrap_or("physical unit")),
+            0 => {
+                self.unit.as_ref().map_or("recorded".to_owned(), |unit| format!("recorded, {unit}"))
+            }
             _ => self.models.get(column - 1).cloned().unwrap_or_default(),
         }
     }

@@ -1,0 +1,180 @@
+//! A log of any form, written once as wide Parquet.
+
+use std::{collections::BTreeMap, io, path::Path};
+
+use calib_core::{Monitor, Timestamp};
+use calib_files::{Spill, write_atomically};
+use pl::{IntoColumn as _, NewChunkedArray as _};
+use polars::prelude as pl;
+use serde::Serialize;
+
+use crate::{
+    Contradictions, DataConfig, DataError, Shape,
+    log::{Batch, Codes, Log, SHOWN},
+    names::Names,
+    survey::told,
+};
+
+/// Memory that a row group takes before it is written, in bytes.
+const GROUP_BYTES: usize = 64 << 20;
+/// Rows of a row group at most.
+const GROUP_ROWS: usize = 1 << 20;
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Imported {
+    /// What a row of the files was.
+    pub shape: Shape,
+    /// Rows, each instant once.
+    pub rows: usize,
+    /// Columns beside the timestamp.
+    pub channels: usize,
+    /// Words that are missing values now, by channel, the most frequent first.
+    pub words: BTreeMap<String, Vec<(String, u64)>>,
+}
+
+/// Where the values of a channel wait for their row groups.
+struct Column {
+    name: String,
+    at: u64,
+    /// Of a channel of words: what its values number.
+    labels: Option<Vec<String>>,
+}
+
+/// Write the log that `data` names, with its rows in time order and each instant once, as one Parquet file: column
+/// `timestamp` (microseconds, no time zone: UTC where the log knows it) and one of `f64` for each channel, or of text where
+/// a channel has nothing but words. `data.include`, `exclude` and `resample` hold; ranges do not.
+///
+/// Memory holds the timestamps, a batch of channels, and a row group of at most 64 MB.
+///
+/// # Errors
+/// If the log cannot be read, contradicts itself, or the file cannot be written.
+pub fn import(
+    data: &DataConfig,
+    path: &Path,
+    monitor: &dyn Monitor,
+) -> Result<Imported, DataError> {
+    let data = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
+    let log = Log::open(&data, monitor)?;
+    let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+    include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+    let wanted: Vec<usize> = (0..log.channels.len())
+        .filter(|&channel| {
+            let channel = &log.channels[channel];
+            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
+            channel.readable && included && exclude.matching(&channel.name).is_none()
+        })
+        .collect();
+    let mut spill = Spill::new(&data.scratch)?;
+    let mut words = BTreeMap::new();
+    let columns = spill_columns(&log, &wanted, &mut spill, &mut words, monitor)?;
+    let rows = log.rows.timestamps.len();
+    write(path, &log.rows.timestamps, &columns, &spill, monitor)?;
+    Ok(Imported { shape: log.shape, rows, channels: columns.len(), words })
+}
+
+fn spill_columns(
+    log: &Log,
+    wanted: &[usize],
+    spill: &mut Spill,
+    words: &mut BTreeMap<String, Vec<(String, u64)>>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Column>, DataError> {
+    let mut columns = Vec::with_capacity(wanted.len());
+    let mut batch = Batch::default();
+    let (mut contradicting, mut examples) = (0, Vec::new());
+    monitor.begin("reading channels", wanted.len() as u64);
+    for channels in wanted.chunks(log.batch_size()) {
+        let read = log.read(channels, &mut batch, monitor)?;
+        for (&channel, values) in channels.iter().zip(read) {
+            let name = log.channels[channel].name.clone();
+            contradicting += values.contradicting;
+            let found = std::mem::take(&mut values.contradictions);
+            examples.extend(found.into_iter().map(|of| told(&name, &of)));
+            let has_words = !values.not_numbers.words.is_empty();
+            let labels = if has_words && values.values.iter().all(|value| value.is_nan()) {
+                let Codes { codes, labels } = log.read_codes(channel, monitor)?;
+                values.values = codes;
+                Some(labels)
+            } else {
+                if has_words {
+                    let found = values.not_numbers.words.iter();
+                    let mut found: Vec<(String, u64)> =
+                        found.map(|(word, times)| (word.clone(), *times)).collect();
+                    found.sort_by(|left, right| {
+                        right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0))
+                    });
+                    words.insert(name.clone(), found);
+                }
+                None
+            };
+            let at = spill.append(bytemuck::cast_slice(&values.values))?;
+            columns.push(Column { name, at, labels });
+        }
+    }
+    if contradicting > 0 && log.keeps() == Contradictions::Refuse {
+        examples.truncate(SHOWN);
+        return Err(DataError::Contradictions { count: contradicting, examples });
+    }
+    Ok(columns)
+}
+
+fn write(
+    path: &Path,
+    timestamps: &[Timestamp],
+    columns: &[Column],
+    spill: &Spill,
+    monitor: &dyn Monitor,
+) -> Result<(), DataError> {
+    let row_bytes = (columns.len() + 1) * size_of::<f64>();
+    let group = (GROUP_BYTES / row_bytes).clamp(1, GROUP_ROWS);
+    monitor.begin("writing rows", timestamps.len() as u64);
+    write_atomically(path, |file| {
+        let empty = frame(&[], 0, columns, spill)?;
+        let mut writer = pl::ParquetWriter::new(file)
+            .with_compression(pl::ParquetCompression::Zstd(None))
+            .batched(empty.schema())
+            .map_err(io::Error::other)?;
+        for (number, timestamps) in timestamps.chunks(group).enumerate() {
+            if monitor.interrupted() {
+                return Err(io::Error::other("interrupted"));
+            }
+            let frame = frame(timestamps, number * group, columns, spill)?;
+            writer.write_batch(&frame).map_err(io::Error::other)?;
+            monitor.advance(timestamps.len() as u64);
+        }
+        writer.finish().map_err(io::Error::other)?;
+        Ok(())
+    })?;
+    Ok(())
+}
+
+/// Rows from `first` on.
+fn frame(
+    timestamps: &[Timestamp],
+    first: usize,
+    columns: &[Column],
+    spill: &Spill,
+) -> io::Result<pl::DataFrame> {
+    let rows = timestamps.len();
+    let times = timestamps.iter().map(|time| time.as_micros()).collect::<Vec<i64>>();
+    let times = pl::Int64Chunked::from_vec("timestamp".into(), times)
+        .into_datetime(pl::TimeUnit::Microseconds, None)
+        .into_column();
+    let mut all = vec![times];
+    let mut values = vec![0.0_f64; rows];
+    for column in columns {
+        let at = column.at + (first * size_of::<f64>()) as u64;
+        spill.read(at, bytemuck::cast_slice_mut(&mut values)).map_err(io::Error::other)?;
+        let name = column.name.as_str().into();
+        let present = values.iter().map(|&value| (!value.is_nan()).then_some(value));
+        all.push(match &column.labels {
+            None => pl::Float64Chunked::from_iter_options(name, present).into_column(),
+            Some(labels) => {
+                let label = |code: Option<f64>| code.map(|code| labels[code as usize].as_str());
+                pl::StringChunked::from_iter_options(name, present.map(label)).into_column()
+            }
+        });
+    }
+    pl::DataFrame::new(rows, all).map_err(io::Error::other)
+}

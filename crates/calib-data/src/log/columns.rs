@@ -1,0 +1,221 @@
+//! A wide text file, column by column outside of the memory.
+
+use std::{ops::Range, sync::Arc};
+
+use calib_core::Monitor;
+use calib_files::{FileError, ScratchPlace, Spill};
+use rayon::prelude::*;
+
+use super::{clock::Clock, rows::NO_TIME};
+use crate::{
+    DataError,
+    text::{Cell, Decimal, Notation, Records, TextFile, Words, cell_of},
+    time::Stamp,
+};
+
+/// What text files were read into: cells, and the words among them.
+#[derive(Debug)]
+pub(crate) struct Store {
+    pub(crate) spill: Spill,
+    pub(crate) words: Words,
+}
+
+impl Store {
+    pub(crate) fn new(place: &ScratchPlace) -> Result<Self, DataError> {
+        Ok(Self { spill: Spill::new(place)?, words: Words::default() })
+    }
+
+    /// Cells that were appended at `at`.
+    pub(crate) fn read(&self, at: u64, count: usize) -> Result<Vec<u64>, FileError> {
+        let mut cells = vec![0_u64; count];
+        self.spill.read(at, bytemuck::cast_slice_mut(&mut cells))?;
+        Ok(cells)
+    }
+
+    pub(crate) fn append(&mut self, cells: &[u64]) -> Result<u64, FileError> {
+        self.spill.append(bytemuck::cast_slice(cells))
+    }
+}
+
+/// Where the columns of a file lie in a [`Store`].
+#[derive(Debug, Default)]
+pub(crate) struct Columns {
+    /// First row, number of rows, and the place of the first column; the others follow.
+    parts: Vec<(usize, usize, u64)>,
+    pub(crate) rows: usize,
+}
+
+impl Columns {
+    /// The cells of a column in `rows`.
+    pub(crate) fn read(
+        &self,
+        column: usize,
+        rows: &Range<usize>,
+        store: &Store,
+    ) -> Result<Vec<u64>, FileError> {
+        let mut cells = Vec::with_capacity(rows.len());
+        let first = self.parts.partition_point(|(start, count, _)| start + count <= rows.start);
+        for &(start, count, at) in &self.parts[first..] {
+            let inside = start.max(rows.start)..(start + count).min(rows.end);
+            if inside.is_empty() {
+                break;
+            }
+            let skipped = column * count + inside.start - start;
+            cells.extend(store.read(at + (skipped * size_of::<u64>()) as u64, inside.len())?);
+        }
+        Ok(cells)
+    }
+}
+
+/// A wide text file that was read.
+pub(crate) struct Imported {
+    pub(crate) times: Vec<i64>,
+    pub(crate) columns: Columns,
+    /// For each column, whether it holds text that is no number, and nothing else.
+    pub(crate) words_only: Vec<bool>,
+}
+
+/// Read all columns of `file` into `store`, and its times.
+pub(crate) fn import(
+    file: &TextFile,
+    time: usize,
+    clock: &mut Clock,
+    store: &mut Store,
+    monitor: &dyn Monitor,
+) -> Result<Imported, DataError> {
+    let decimal = file.decimal(time)?;
+    let width = file.columns().len();
+    let mut blocks = file.blocks()?;
+    let mut imported =
+        Imported { times: Vec::new(), columns: Columns::default(), words_only: vec![true; width] };
+    while let Some(block) = blocks.next(rayon::current_num_threads())? {
+        if monitor.interrupted() {
+            return Err(DataError::Interrupted);
+        }
+        let parts: Vec<Part> = block
+            .parts
+            .par_iter()
+            .map(|(range, line)| {
+                let records = file.records(&block.bytes[range.clone()], *line);
+                Part::read(records, width, time, clock.notation(), decimal)
+            })
+            .collect::<Result<_, _>>()?;
+        for part in parts {
+            imported.add(part, clock, store)?;
+        }
+    }
+    Ok(imported)
+}
+
+impl Imported {
+    fn add(
+        &mut self,
+        mut part: Part,
+        clock: &mut Clock,
+        store: &mut Store,
+    ) -> Result<(), DataError> {
+        let rows = part.stamps.len();
+        let times = part.stamps.into_iter().map(|stamp| clock.instant(stamp));
+        self.times.extend(times);
+        store.words.adopt(&part.words, &mut part.cells);
+        for (column, cells) in part.cells.chunks(rows.max(1)).enumerate() {
+            let number =
+                |&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite);
+            self.words_only[column] &= !cells.iter().any(number);
+        }
+        let at = store.append(&part.cells)?;
+        self.columns.parts.push((self.columns.rows, rows, at));
+        self.columns.rows += rows;
+        Ok(())
+    }
+}
+
+/// What one thread read: cells column by column.
+struct Part {
+    stamps: Vec<Option<Stamp>>,
+    cells: Vec<u64>,
+    words: Words,
+}
+
+impl Part {
+    fn read(
+        mut records: Records<'_>,
+        width: usize,
+        time: usize,
+        notation: &Notation,
+        decimal: Decimal,
+    ) -> Result<Self, DataError> {
+        let mut words = Words::default();
+        let mut stamps = Vec::new();
+        let mut by_row: Vec<u64> = Vec::new();
+        while records.advance()? {
+            stamps.push(stamp(&records, time, notation)?);
+            for column in 0..width {
+                let cell = if column == time {
+                    Cell::Missing
+                } else {
+                    cell(&records, column, decimal, &mut words)?
+                };
+                by_row.push(cell.encode());
+            }
+        }
+        let rows = stamps.len();
+        let mut cells = vec![0; by_row.len()];
+        for (row, record) in by_row.chunks_exact(width).enumerate() {
+            for (column, &cell) in record.iter().enumerate() {
+                cells[column * rows + row] = cell;
+            }
+        }
+        Ok(Self { stamps, cells, words })
+    }
+}
+
+/// The time of a record; `None` if it has none.
+pub(crate) fn stamp(
+    records: &Records<'_>,
+    column: usize,
+    notation: &Notation,
+) -> Result<Option<Stamp>, DataError> {
+    let text = records.text(column);
+    let text = text.trim();
+    if text.is_empty() {
+        return Ok(None);
+    }
+    notation.read(text).map(Some).ok_or_else(|| {
+        records.refused(format!(
+            "{text:?} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            notation.name()
+        ))
+    })
+}
+
+/// A cell of a record that may be a number.
+pub(crate) fn cell(
+    records: &Records<'_>,
+    column: usize,
+    decimal: Decimal,
+    words: &mut Words,
+) -> Result<Cell, DataError> {
+    let text = records.text(column);
+    cell_of(&text, decimal, words).ok_or_else(|| {
+        records.refused(format!(
+            "{text} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
+        ))
+    })
+}
+
+/// What a file of columns is read from.
+#[derive(Debug)]
+pub(crate) struct Stored {
+    pub(crate) columns: Columns,
+    pub(crate) times: Vec<i64>,
+    pub(crate) store: Arc<Store>,
+}
+
+impl Stored {
+    /// Instants of its rows, [`NO_TIME`] where there is none.
+    pub(crate) fn times(&self) -> Vec<i64> {
+        debug_assert!(self.times.len() == self.columns.rows || self.times.contains(&NO_TIME));
+        self.times.clone()
+    }
+}

@@ -1,0 +1,120 @@
+//! What a file of the log is, by its first rows.
+
+use std::{fs::File, io::Read as _, path::Path};
+
+use super::{
+    file::{FieldKind, LogFile},
+    source::Source,
+    values::to_labels,
+};
+use crate::{
+    DataConfig, DataError,
+    text::{Notation, TextFile, is_annotated},
+};
+
+/// A file that was opened, and nothing else.
+pub(crate) enum Head {
+    Parquet(Box<LogFile>),
+    Text(Box<TextFile>),
+    /// Annotated CSV of InfluxDB: tables with headers of their own.
+    Annotated(Source, u64),
+}
+
+/// A column by its header.
+#[derive(Clone, Debug)]
+pub(crate) struct HeadColumn {
+    pub(crate) name: String,
+    pub(crate) kind: FieldKind,
+}
+
+impl Head {
+    pub(crate) fn open(source: Source, data: &DataConfig) -> Result<Self, DataError> {
+        if is_parquet(&source.path)? {
+            return Ok(Self::Parquet(Box::new(LogFile::open(source)?)));
+        }
+        if is_annotated(&source.path)? {
+            let bytes = crate::text::size(&source.path)?;
+            return Ok(Self::Annotated(source, bytes));
+        }
+        Ok(Self::Text(Box::new(TextFile::open(&source.path, data)?)))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        match self {
+            Self::Parquet(file) => file.path(),
+            Self::Text(file) => &file.path,
+            Self::Annotated(source, _) => &source.path,
+        }
+    }
+
+    pub(crate) fn columns(&self) -> Vec<HeadColumn> {
+        match self {
+            Self::Parquet(file) => {
+                let columns = file.fields.iter();
+                columns
+                    .map(|field| HeadColumn { name: field.name.clone(), kind: field.kind })
+                    .collect()
+            }
+            Self::Text(file) => (0..file.columns().len())
+                .map(|column| HeadColumn {
+                    name: file.columns()[column].name.clone(),
+                    kind: kind_of(&file.dialect.cells(column)),
+                })
+                .collect(),
+            Self::Annotated(..) => Vec::new(),
+        }
+    }
+
+    /// The first cells of a column that are not empty, as text.
+    pub(crate) fn sample(&self, column: usize) -> Result<Vec<String>, DataError> {
+        match self {
+            Self::Parquet(file) => {
+                let rows = 0..file.rows.min(SAMPLE);
+                if rows.is_empty() {
+                    return Ok(Vec::new());
+                }
+                let column = file.read(&[column], &rows)?.swap_remove(0);
+                let labels = to_labels(&column).map_err(|error| file.damaged(&error))?;
+                Ok(labels.into_iter().flatten().collect())
+            }
+            Self::Text(file) => {
+                Ok(file.dialect.cells(column).into_iter().map(str::to_owned).collect())
+            }
+            Self::Annotated(..) => Ok(Vec::new()),
+        }
+    }
+}
+
+/// Rows of a Parquet file that are looked at.
+const SAMPLE: usize = 10_000;
+
+/// What the cells of a text column are; without any they may become numbers.
+fn kind_of(cells: &[&str]) -> FieldKind {
+    use crate::text::{Decimal, parse_number};
+    let is_number = |cell: &str| {
+        [Decimal::Point, Decimal::Comma].iter().any(|&of| parse_number(cell, of).is_some())
+    };
+    if cells.is_empty() || cells.iter().any(|cell| is_number(cell)) {
+        FieldKind::Number
+    } else if cells.iter().all(|cell| {
+        let found = crate::text::Candidates::of(&[cell], None).left;
+        !found.is_empty() && !matches!(found[0], Notation::Number(_))
+    }) {
+        FieldKind::Time
+    } else {
+        FieldKind::Text
+    }
+}
+
+/// Whether a file is Parquet: by its name, or else by its first bytes.
+fn is_parquet(path: &Path) -> Result<bool, DataError> {
+    if super::source::is_parquet(path) {
+        return Ok(true);
+    }
+    let mut magic = Vec::new();
+    let file: File = calib_files::open_regular(path)?;
+    file.take(4)
+        .read_to_end(&mut magic)
+        .map_err(|source| calib_files::FileError::io("read", path, source))?;
+    Ok(magic == b"PAR1" || magic.is_empty() && !super::source::is_text(path))
+}

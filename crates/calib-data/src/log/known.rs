@@ -1,0 +1,113 @@
+//! Names that writers of logs give to columns.
+
+pub(crate) const TAGS: [&str; 27] = [
+    "tag",
+    "tagname",
+    "tagid",
+    "tagpath",
+    "point",
+    "pointname",
+    "pointid",
+    "sensor",
+    "sensorname",
+    "sensorid",
+    "channel",
+    "channelname",
+    "channelid",
+    "signal",
+    "signalname",
+    "signalid",
+    "variable",
+    "variablename",
+    "name",
+    "item",
+    "itemname",
+    "itemid",
+    "metric",
+    "metricname",
+    "parameter",
+    "field",
+    "series",
+];
+pub(super) const VALUES: [&str; 15] = [
+    "value",
+    "val",
+    "values",
+    "pv",
+    "reading",
+    "data",
+    "floatvalue",
+    "intvalue",
+    "doublevalue",
+    "numericvalue",
+    "numvalue",
+    "valuedouble",
+    "valuenum",
+    "stringvalue",
+    "vvalue",
+];
+/// Of several, the first here tells best.
+pub(super) const QUALITIES: [&str; 12] = [
+    "opcquality",
+    "qualitydetail",
+    "dataintegrity",
+    "qualitycode",
+    "quality",
+    "qual",
+    "statuscode",
+    "isgood",
+    "good",
+    "status",
+    "goodquality",
+    "valuequality",
+];
+/// Columns beside a sample that are no channels.
+pub(super) const ASIDES: [&str; 22] = [
+    "unit",
+    "units",
+    "uom",
+    "engunits",
+    "engineeringunits",
+    "description",
+    "desc",
+    "label",
+    "comment",
+    "comments",
+    "annotated",
+    "questionable",
+    "substituted",
+    "datestring",
+    "server",
+    "source",
+    "id",
+    "webid",
+    "path",
+    "timezone",
+    "wwretrievalmode",
+    "resolution",
+];
+pub(super) const TIMES: [&str; 15] = [
+    "timestamp",
+    "time",
+    "datetime",
+    "ts",
+    "tstamp",
+    "date",
+    "timestamputc",
+    "timeutc",
+    "utctime",
+    "datetimeutc",
+    "localtime",
+    "timestamplocal",
+    "sampletime",
+    "eventtime",
+    "zeit",
+];
+/// Columns of words beside one channel that make no long table.
+pub(super) const MODES: [&str; 8] =
+    ["mode", "state", "phase", "step", "batch", "alarm", "event", "shift"];
+
+/// A name without what writers decorate it with: `_value`, `Tag Name` and `t_stamp` are value, tagname and tstamp.
+pub(crate) fn plain(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}

@@ -1,0 +1,84 @@
+//! Samples of one channel, each instant once.
+
+use crate::{Contradictions, text::Cell};
+
+/// How many contradictions of a log are shown.
+pub(crate) const SHOWN: usize = 3;
+
+/// Two values of a channel at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Contradiction {
+    pub(crate) time: i64,
+    pub(crate) values: [f64; 2],
+}
+
+/// Samples of which each has a time of its own.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Placed {
+    pub(crate) times: Vec<i64>,
+    pub(crate) cells: Vec<u64>,
+    /// Samples that said again what another had said.
+    pub(crate) repeated: u64,
+    /// Samples with another value than the one at their time.
+    pub(crate) contradicting: u64,
+    /// The first of these.
+    pub(crate) contradictions: Vec<Contradiction>,
+}
+
+/// Samples in order of time, of which several may have the same: the one that has a value is kept, and of several
+/// values the first or the last.
+pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Placed {
+    let mut placed = Placed::default();
+    for (&time, &cell) in times.iter().zip(cells) {
+        let (Some(&last), Some(kept)) = (placed.times.last(), placed.cells.last_mut()) else {
+            placed.times.push(time);
+            placed.cells.push(cell);
+            continue;
+        };
+        if last != time {
+            placed.times.push(time);
+            placed.cells.push(cell);
+            continue;
+        }
+        match (Cell::decode(*kept), Cell::decode(cell)) {
+            (_, Cell::Missing) => placed.repeated += 1,
+            (before, now) if before == now => placed.repeated += 1,
+            (Cell::Number(before), Cell::Number(now)) => {
+                placed.contradicting += 1;
+                if placed.contradictions.len() < SHOWN {
+                    placed.contradictions.push(Contradiction { time, values: [before, now] });
+                }
+                if keep == Contradictions::Last {
+                    *kept = cell;
+                }
+            }
+            // A number says more than a word or nothing.
+            (Cell::Number(_), _) => placed.repeated += 1,
+            _ => *kept = cell,
+        }
+    }
+    placed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_instant_comes_once_and_contradictions_are_told() {
+        let cells = |values: &[f64]| -> Vec<u64> {
+            let cell =
+                |&value: &f64| if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
+            values.iter().map(|value| cell(value).encode()).collect()
+        };
+        let nan = f64::NAN;
+        let times = [1, 1, 2, 2, 3, 3, 3];
+        let values = cells(&[nan, 5.0, 6.0, 6.0, 7.0, nan, 8.0]);
+        let placed = place(&times, &values, Contradictions::Refuse);
+        assert_eq!((placed.times, placed.cells), (vec![1, 2, 3], cells(&[5.0, 6.0, 7.0])));
+        assert_eq!((placed.repeated, placed.contradicting), (2, 1));
+        assert_eq!(placed.contradictions, [Contradiction { time: 3, values: [7.0, 8.0] }]);
+        let last = place(&times, &values, Contradictions::Last);
+        assert_eq!(last.cells, cells(&[5.0, 6.0, 8.0]));
+    }
+}

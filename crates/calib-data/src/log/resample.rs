@@ -1,0 +1,274 @@
+//! One clock for channels that were recorded at other times.
+//!
+//! Rows lie at multiples of the period since 1970, so that they do not depend on where a log begins. A row is there
+//! where any channel was recorded at most `max_age` before it; nothing crosses from one range to another.
+
+use std::ops::Range;
+
+use calib_core::{Period, Timestamp};
+
+use crate::{DataError, Resample};
+
+/// The rows of a resampled log.
+#[derive(Clone, Debug)]
+pub(crate) struct Grid {
+    resample: Resample,
+    period: i64,
+    max_age: i64,
+    /// Instants of the ranges, half-open: samples stand for rows of their own range only.
+    ranges: Vec<Range<i64>>,
+}
+
+/// Rows that are still to be chosen.
+pub(crate) struct Coverage {
+    /// For each range its first row and, for each row, whether it is there.
+    ranges: Vec<(i64, Vec<bool>)>,
+}
+
+impl Grid {
+    /// # Errors
+    /// If there would be more rows than are counted in 32 bits.
+    pub(crate) fn new(
+        resample: Resample,
+        period: Period,
+        max_age: i64,
+        ranges: Vec<Range<i64>>,
+    ) -> Result<Self, DataError> {
+        let grid = Self { resample, period: period.as_micros(), max_age, ranges };
+        let rows: i128 = grid
+            .ranges
+            .iter()
+            .map(|range| i128::from(range.end - range.start) / i128::from(grid.period) + 1)
+            .sum();
+        if rows >= i128::from(u32::MAX) {
+            return Err(DataError::TooManyRows { rows: u64::try_from(rows).unwrap_or(u64::MAX) });
+        }
+        Ok(grid)
+    }
+
+    /// The same rows, each with the last value.
+    pub(crate) fn of_last_values(&self) -> Self {
+        Self { resample: Resample::Last, ..self.clone() }
+    }
+
+    pub(crate) fn coverage(&self) -> Coverage {
+        let ranges = self.ranges.iter().map(|range| {
+            let first = self.row_from(range.start);
+            let rows = (range.end - 1 - first * self.period).div_euclid(self.period) + 1;
+            (first, vec![false; rows.max(0) as usize])
+        });
+        Coverage { ranges: ranges.collect() }
+    }
+
+    /// Mark the rows for which a sample at one of `times`, which are in order, is recent enough.
+    pub(crate) fn cover(&self, times: &[i64], coverage: &mut Coverage) {
+        for (range, (first, rows)) in self.ranges.iter().zip(&mut coverage.ranges) {
+            let mut marked = 0;
+            for &time in inside(times, range) {
+                let from = (self.row_from(time) - *first) as usize;
+                let to = (time + self.max_age).div_euclid(self.period) - *first + 1;
+                let to = (to.max(0) as usize).min(rows.len());
+                let from = from.max(marked);
+                if from < to {
+                    rows[from..to].fill(true);
+                    marked = to;
+                }
+            }
+        }
+    }
+
+    pub(crate) fn rows(&self, coverage: &Coverage) -> Vec<Timestamp> {
+        let of = |(first, rows): &(i64, Vec<bool>)| {
+            let (first, period) = (*first, self.period);
+            let covered = rows.iter().enumerate().filter(|(_, covered)| **covered);
+            covered
+                .map(move |(row, _)| Timestamp::from_micros((first + row as i64) * period))
+                .collect::<Vec<_>>()
+        };
+        coverage.ranges.iter().flat_map(of).collect()
+    }
+
+    /// The first row not before `time`.
+    fn row_from(&self, time: i64) -> i64 {
+        time.div_euclid(self.period) + i64::from(time.rem_euclid(self.period) > 0)
+    }
+
+    /// The values of a channel, NaN where there is none, in `rows`. Its samples have values and are in order.
+    pub(crate) fn values(&self, times: &[i64], values: &[f64], rows: &[Timestamp]) -> Vec<f64> {
+        let mut out = vec![f64::NAN; rows.len()];
+        for range in &self.ranges {
+            let of = |limit: i64| times.partition_point(|&time| time < limit);
+            let samples = of(range.start)..of(range.end);
+            let of = |limit: i64| rows.partition_point(|row| row.as_micros() < limit);
+            let (from, to) = (of(range.start), of(range.end));
+            let (times, values) = (&times[samples.clone()], &values[samples]);
+            for (row, out) in rows[from..to].iter().zip(&mut out[from..to]) {
+                let row = row.as_micros();
+                // Samples up to and with the row.
+                let before = times.partition_point(|&time| time <= row);
+                *out = self.value(times, values, row, before);
+            }
+        }
+        out
+    }
+
+    fn value(&self, times: &[i64], values: &[f64], row: i64, before: usize) -> f64 {
+        let Some(last) = before.checked_sub(1) else { return f64::NAN };
+        match self.resample {
+            Resample::Last if row - times[last] <= self.max_age => values[last],
+            Resample::Last => f64::NAN,
+            Resample::Mean => self.mean(times, values, row, last),
+            Resample::Linear => {
+                let Some(&after) = times.get(before) else {
+                    return if times[last] == row { values[last] } else { f64::NAN };
+                };
+                let span = after - times[last];
+                if times[last] == row {
+                    values[last]
+                } else if span <= self.max_age {
+                    let share = (row - times[last]) as f64 / span as f64;
+                    values[last] * (1.0 - share) + values[before] * share
+                } else {
+                    f64::NAN
+                }
+            }
+        }
+    }
+
+    /// Σ vᵢ dᵢ / Σ dᵢ over the values that stood in the period that ends at `row`, dᵢ being how long each did, and no
+    /// longer than `max_age` after it was recorded. A value at the row itself counts only if nothing stood before it.
+    fn mean(&self, times: &[i64], values: &[f64], row: i64, last: usize) -> f64 {
+        let begin = row - self.period;
+        let (mut sum, mut weight) = (0.0, 0.0);
+        let mut end = row;
+        for sample in (0..=last).rev() {
+            let from = times[sample].max(begin);
+            let to = end.min(times[sample].saturating_add(self.max_age));
+            if to > from {
+                let stood = (to - from) as f64;
+                sum += values[sample] * stood;
+                weight += stood;
+            }
+            end = times[sample];
+            if times[sample] <= begin {
+                break;
+            }
+        }
+        if weight > 0.0 {
+            sum / weight
+        } else if times[last] == row {
+            values[last]
+        } else {
+            f64::NAN
+        }
+    }
+}
+
+fn inside<'a>(times: &'a [i64], range: &Range<i64>) -> &'a [i64] {
+    let of = |limit: i64| times.partition_point(|&time| time < limit);
+    let from = of(range.start);
+    &times[from..of(range.end).max(from)]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::slice::from_ref;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn grid(resample: Resample, period: i64, max_age: i64, ranges: &[Range<i64>]) -> Grid {
+        let period = Period::from_micros(period).expect("positive");
+        Grid::new(resample, period, max_age, ranges.to_vec()).expect("few rows")
+    }
+
+    fn rows(grid: &Grid, times: &[i64]) -> Vec<Timestamp> {
+        let mut coverage = grid.coverage();
+        grid.cover(times, &mut coverage);
+        grid.rows(&coverage)
+    }
+
+    fn values(grid: &Grid, samples: &[(i64, f64)]) -> Vec<(i64, f64)> {
+        let (times, of): (Vec<i64>, Vec<f64>) = samples.iter().copied().unzip();
+        let rows = rows(grid, &times);
+        let values = grid.values(&times, &of, &rows);
+        rows.into_iter().map(Timestamp::as_micros).zip(values).collect()
+    }
+
+    #[test]
+    fn values_stand_until_they_are_too_old() {
+        let samples = [(3, 1.0), (12, 2.0), (50, 4.0)];
+        let last = values(&grid(Resample::Last, 10, 20, from_ref(&(0..60))), &samples);
+        assert_eq!(last, [(10, 1.0), (20, 2.0), (30, 2.0), (50, 4.0)]);
+        let linear = values(&grid(Resample::Linear, 10, 38, from_ref(&(0..60))), &samples);
+        let close = |(time, value): (i64, f64)| (time, (value * 1e6).round() / 1e6);
+        let expected =
+            [(10, 1.777_778), (20, 2.421_053), (30, 2.947_368), (40, 3.473_684), (50, 4.0)];
+        assert_eq!(linear.into_iter().map(close).collect::<Vec<_>>(), expected);
+        let mean = values(&grid(Resample::Mean, 10, 20, from_ref(&(0..60))), &samples);
+        // From 3 to 10 it was 1; from 10 to 12 still, then 2 until 32; at 50 there is nothing but the value itself.
+        assert_eq!(mean, [(10, 1.0), (20, 1.8), (30, 2.0), (50, 4.0)]);
+    }
+
+    #[test]
+    fn nothing_crosses_from_one_range_to_another() {
+        let samples = [(5, 1.0), (25, 2.0)];
+        for resample in [Resample::Last, Resample::Mean, Resample::Linear] {
+            let whole = grid(resample, 10, 100, &[0..20, 20..40]);
+            let first = grid(resample, 10, 100, from_ref(&(0..20)));
+            let cut: Vec<(i64, f64)> =
+                values(&whole, &samples).into_iter().filter(|(time, _)| *time < 20).collect();
+            let alone = values(&first, &samples[..1]);
+            assert_eq!(format!("{cut:?}"), format!("{alone:?}"), "{resample:?}");
+        }
+        let late = values(&grid(Resample::Last, 10, 100, &[0..20, 20..40]), &samples);
+        assert_eq!(late, [(10, 1.0), (30, 2.0)], "20 is before the first sample of its range");
+    }
+
+    #[test]
+    fn rows_that_cannot_be_counted_are_refused() {
+        let period = Period::from_micros(1).expect("positive");
+        let century = 0..4_000_000_000_000_i64;
+        assert!(Grid::new(Resample::Last, period, 1, vec![century]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn the_last_value_is_its_definition(
+            mut times in prop::collection::vec(-40_i64..40, 0..12),
+            period in 1_i64..9,
+            max_age in 1_i64..20,
+            (start, length) in (-50_i64..20, 1_i64..60),
+        ) {
+            times.sort_unstable();
+            times.dedup();
+            let samples: Vec<(i64, f64)> = times.iter().map(|&time| (time, time as f64)).collect();
+            let range = start..start + length;
+            let got = values(&grid(Resample::Last, period, max_age, from_ref(&range)), &samples);
+            let expected: Vec<(i64, f64)> = range.clone()
+                .filter(|row| row.rem_euclid(period) == 0)
+                .filter_map(|row| {
+                    let last = times.iter().rev().find(|time| **time <= row && range.contains(time))?;
+                    (row - last <= max_age).then_some((row, *last as f64))
+                })
+                .collect();
+            prop_assert_eq!(&got, &expected);
+            // The mean over a period is the mean over its microseconds.
+            let mean = values(&grid(Resample::Mean, period, max_age, from_ref(&range)), &samples);
+            for (row, value) in mean {
+                let at = |micro: i64| {
+                    let last = times.iter().rev().find(|time| **time <= micro && range.contains(time))?;
+                    (micro - last < max_age).then_some(*last as f64)
+                };
+                let stood: Vec<f64> = (row - period..row).filter_map(at).collect();
+                if stood.is_empty() {
+                    prop_assert!(value.is_nan() || times.contains(&row));
+                } else {
+                    let expected = stood.iter().sum::<f64>() / stood.len() as f64;
+                    prop_assert!((value - expected).abs() < 1e-9, "{} {}", value, expected);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! A log of which every channel has times of its own: long tables, and files of one tag each.
+//!
+//! Samples are sorted into their tags while they stream past, and lie outside of the memory. A channel is read by
+//! itself and put on the clock of all; memory holds that clock and the channels of a batch.
+
+use std::{collections::HashMap, ops::Range};
+
+use calib_core::Timestamp;
+
+use super::{
+    columns::Store,
+    place::{Placed, place},
+    rows::NO_TIME,
+};
+use crate::{Contradictions, DataError, text::Cell};
+
+/// Samples that wait in memory, all tags together: 64 MB.
+const WAITING: usize = 4 << 20;
+
+/// Samples on their way into a [`Series`].
+pub(crate) struct Sink {
+    pub(crate) store: Store,
+    tags: Vec<Tag>,
+    positions: HashMap<String, usize>,
+    waiting: usize,
+    pub(crate) null_times: u64,
+    pub(crate) bad_quality: u64,
+    pub(crate) rows: u64,
+}
+
+/// The samples of a tag.
+#[derive(Debug)]
+pub(crate) struct Tag {
+    pub(crate) name: String,
+    /// Where they lie: times, then cells, so many of each.
+    pieces: Vec<(u64, usize)>,
+    times: Vec<i64>,
+    cells: Vec<u64>,
+    /// Whether one of them is a number.
+    pub(crate) has_numbers: bool,
+    has_words: bool,
+    first: i64,
+    last: i64,
+}
+
+impl Sink {
+    pub(crate) fn new(store: Store) -> Self {
+        Self {
+            store,
+            tags: Vec::new(),
+            positions: HashMap::new(),
+            waiting: 0,
+            null_times: 0,
+            bad_quality: 0,
+            rows: 0,
+        }
+    }
+
+    /// The position of the tag called `name`, which is new or known.
+    pub(crate) fn tag(&mut self, name: &str) -> usize {
+        if let Some(&position) = self.positions.get(name) {
+            return position;
+        }
+        let position = self.tags.len();
+        self.tags.push(Tag {
+            name: name.to_owned(),
+            pieces: Vec::new(),
+            times: Vec::new(),
+            cells: Vec::new(),
+            has_numbers: false,
+            has_words: false,
+            first: i64::MAX,
+            last: i64::MIN,
+        });
+        self.positions.insert(name.to_owned(), position);
+        position
+    }
+
+    /// A sample of a tag. One without a value still says that the tag was looked at.
+    pub(crate) fn push(&mut self, tag: usize, time: i64, cell: u64) -> Result<(), DataError> {
+        self.rows += 1;
+        if time == NO_TIME {
+            self.null_times += 1;
+            return Ok(());
+        }
+        let tag = &mut self.tags[tag];
+        match Cell::decode(cell) {
+            Cell::Number(_) | Cell::NonFinite => tag.has_numbers = true,
+            Cell::Word(_) => tag.has_words = true,
+            Cell::Missing => {}
+        }
+        tag.first = tag.first.min(time);
+        tag.last = tag.last.max(time);
+        tag.times.push(time);
+        tag.cells.push(cell);
+        self.waiting += 1;
+        if self.waiting >= WAITING { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<(), DataError> {
+        for tag in self.tags.iter_mut().filter(|tag| !tag.times.is_empty()) {
+            let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
+            self.store.append(&tag.cells)?;
+            tag.pieces.push((at, tag.times.len()));
+            tag.times.clear();
+            tag.cells.clear();
+        }
+        self.waiting = 0;
+        Ok(())
+    }
+
+    /// Other names for the tags, in the order in which they were met.
+    pub(crate) fn rename(&mut self, names: Vec<String>) {
+        for (tag, name) in self.tags.iter_mut().zip(names) {
+            tag.name = name;
+        }
+    }
+
+    /// The series of all tags that have a sample, in order of their names.
+    pub(crate) fn finish(mut self) -> Result<Series, DataError> {
+        self.flush()?;
+        let mut tags = self.tags;
+        tags.retain(|tag| !tag.pieces.is_empty());
+        tags.sort_by(|left, right| left.name.cmp(&right.name));
+        Ok(Series { store: self.store, tags })
+    }
+}
+
+/// Channels with times of their own.
+#[derive(Debug)]
+pub(crate) struct Series {
+    pub(crate) store: Store,
+    pub(crate) tags: Vec<Tag>,
+}
+
+impl Tag {
+    pub(crate) fn type_name(&self) -> &'static str {
+        if self.has_words && !self.has_numbers { "text" } else { "numbers" }
+    }
+}
+
+impl Series {
+    /// The first and the last time of all.
+    pub(crate) fn span(&self) -> Option<(i64, i64)> {
+        let first = self.tags.iter().map(|tag| tag.first).min()?;
+        let last = self.tags.iter().map(|tag| tag.last).max()?;
+        Some((first, last))
+    }
+
+    /// The samples of a tag inside `window`, in order of time, and of arrival where times are equal.
+    pub(crate) fn samples(
+        &self,
+        tag: usize,
+        window: &Range<i64>,
+    ) -> Result<(Vec<i64>, Vec<u64>), DataError> {
+        let tag = &self.tags[tag];
+        let count = tag.pieces.iter().map(|(_, count)| count).sum();
+        let mut times: Vec<i64> = Vec::with_capacity(count);
+        let mut cells: Vec<u64> = Vec::with_capacity(count);
+        for &(at, count) in &tag.pieces {
+            times.extend(bytemuck::cast_slice::<u64, i64>(&self.store.read(at, count)?));
+            cells.extend(self.store.read(at + (count * size_of::<i64>()) as u64, count)?);
+        }
+        if !times.is_sorted() {
+            let mut order: Vec<usize> = (0..times.len()).collect();
+            order.sort_by_key(|&sample| times[sample]);
+            times = order.iter().map(|&sample| times[sample]).collect();
+            cells = order.into_iter().map(|sample| cells[sample]).collect();
+        }
+        let from = times.partition_point(|&time| time < window.start);
+        let to = times.partition_point(|&time| time < window.end).max(from);
+        Ok((times[from..to].to_vec(), cells[from..to].to_vec()))
+    }
+
+    /// Every instant inside `window` at which any tag has a sample, once and in order.
+    pub(crate) fn clock(&self, window: &Range<i64>) -> Result<Vec<Timestamp>, DataError> {
+        let mut clock: Vec<i64> = Vec::new();
+        for tag in 0..self.tags.len() {
+            let (times, _) = self.samples(tag, window)?;
+            unite(&mut clock, &times);
+            if u32::try_from(clock.len()).is_err() {
+                return Err(DataError::TooManyRows { rows: clock.len() as u64 });
+            }
+        }
+        Ok(clock.into_iter().map(Timestamp::from_micros).collect())
+    }
+
+    /// The samples of a tag, each instant once.
+    pub(crate) fn settled(
+        &self,
+        tag: usize,
+        window: &Range<i64>,
+        keep: Contradictions,
+    ) -> Result<Placed, DataError> {
+        let (times, cells) = self.samples(tag, window)?;
+        Ok(place(&times, &cells, keep))
+    }
+}
+
+/// Add the instants of `times`, which are in order, to those of `clock`.
+fn unite(clock: &mut Vec<i64>, times: &[i64]) {
+    let mut known = clock.iter().copied().peekable();
+    let is_new = |&time: &i64| {
+        while known.next_if(|&at| at < time).is_some() {}
+        known.peek() != Some(&time)
+    };
+    let mut new: Vec<i64> = times.iter().copied().filter(is_new).collect();
+    new.dedup();
+    if new.is_empty() {
+        return;
+    }
+    if clock.last().is_none_or(|&last| last < new[0]) {
+        clock.extend(new);
+        return;
+    }
+    let old = std::mem::take(clock);
+    clock.reserve(old.len() + new.len());
+    let mut new = new.into_iter().peekable();
+    for time in old {
+        while let Some(earlier) = new.next_if(|&new| new < time) {
+            clock.push(earlier);
+        }
+        clock.push(time);
+    }
+    clock.extend(new);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use calib_files::ScratchPlace;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn samples_come_back_by_tag_and_time() {
+        let store = Store::new(&ScratchPlace::Memory).expect("memory");
+        let mut sink = Sink::new(store);
+        let (b, a) = (sink.tag("b"), sink.tag("a"));
+        assert_eq!(sink.tag("b"), b);
+        let number = |value: f64| Cell::Number(value).encode();
+        for (tag, time, value) in [(b, 2, 1.0), (a, 5, 2.0), (b, 1, 3.0)] {
+            sink.push(tag, time, number(value)).expect("memory");
+        }
+        sink.flush().expect("memory");
+        sink.push(b, 9, number(4.0)).expect("memory");
+        sink.push(a, NO_TIME, number(5.0)).expect("memory");
+        assert_eq!((sink.null_times, sink.rows), (1, 5));
+        let series = sink.finish().expect("memory");
+        let names: Vec<&str> = series.tags.iter().map(|tag| tag.name.as_str()).collect();
+        assert_eq!(names, ["a", "b"]);
+        let (times, cells) = series.samples(1, &(0..10)).expect("memory");
+        assert_eq!(times, [1, 2, 9]);
+        assert_eq!(cells, [3.0, 1.0, 4.0].map(number));
+        assert_eq!(series.samples(1, &(2..9)).expect("memory").0, [2]);
+        assert_eq!(series.span(), Some((1, 9)));
+        let clock = series.clock(&(0..10)).expect("memory");
+        assert_eq!(clock, [1, 2, 5, 9].map(Timestamp::from_micros));
+    }
+
+    proptest! {
+        #[test]
+        fn clocks_unite(all in prop::collection::vec(prop::collection::vec(0_i64..30, 0..12), 0..5)) {
+            let mut clock = Vec::new();
+            for mut times in all.clone() {
+                times.sort_unstable();
+                unite(&mut clock, &times);
+            }
+            let expected: BTreeSet<i64> = all.into_iter().flatten().collect();
+            prop_assert_eq!(clock, expected.into_iter().collect::<Vec<_>>());
+        }
+    }
+}

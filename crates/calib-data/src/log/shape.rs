@@ -1,0 +1,312 @@
+//! What a row of the files is: a time with all channels, one sample of one tag, or one of the file's only tag.
+//!
+//! Names tell where they can, the first rows where names do not, and what could be two things is refused: a log that is
+//! read as what it is not loses most of its values without a trace.
+
+use std::collections::BTreeSet;
+
+use super::{
+    file::FieldKind,
+    head::{Head, HeadColumn},
+    known::{ASIDES, MODES, QUALITIES, TAGS, TIMES, VALUES, plain},
+    tag_of_path::tag_of_path,
+};
+use crate::{DataConfig, DataError, Shape, text::Quality};
+
+/// What the columns of a file of samples are.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Roles {
+    pub(crate) time: usize,
+    pub(crate) tag: TagOf,
+    /// Columns of the value; the first that has one in a row gives it.
+    pub(crate) values: Vec<usize>,
+    pub(crate) quality: Option<(usize, Quality)>,
+}
+
+/// Where the name of a tag comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum TagOf {
+    Column(usize),
+    File(String),
+}
+
+/// A log by its shape.
+#[derive(Debug)]
+pub(crate) enum Recognised {
+    Wide,
+    /// For each file.
+    Samples(Shape, Vec<Roles>),
+    Annotated,
+}
+
+/// The position of the time column of each file.
+pub(crate) fn time_column(head: &Head, columns: &[HeadColumn], data: &DataConfig) -> Option<usize> {
+    let named = |name: &str| columns.iter().position(|column| column.name == name);
+    if let Some(position) = named(&data.timestamp) {
+        return Some(position);
+    }
+    if data.timestamp != DataConfig::default().timestamp {
+        return None;
+    }
+    let known: Vec<usize> = (0..columns.len())
+        .filter(|&column| {
+            TIMES.contains(&plain(&columns[column].name).as_str())
+                && columns[column].kind != FieldKind::Other
+        })
+        .collect();
+    let times: Vec<usize> =
+        (0..columns.len()).filter(|&column| columns[column].kind == FieldKind::Time).collect();
+    let both: Vec<usize> = known.iter().copied().filter(|column| times.contains(column)).collect();
+    match (&both[..], &known[..], &times[..]) {
+        ([one], _, _) | ([], [one], _) => Some(*one),
+        // Text by another name that is nothing but times. Parquet columns of times are asked for.
+        ([], [], [one]) if matches!(head, Head::Text(_)) => Some(*one),
+        _ => None,
+    }
+}
+
+/// Tell what the files are.
+pub(crate) fn recognise(
+    heads: &[Head],
+    times: &[usize],
+    data: &DataConfig,
+) -> Result<Recognised, DataError> {
+    let refused = |reason: String| Err(DataError::Shape { reason });
+    let annotated = heads.iter().filter(|head| matches!(head, Head::Annotated(..))).count();
+    if annotated > 0 {
+        return if annotated == heads.len() {
+            Ok(Recognised::Annotated)
+        } else {
+            refused("some files are annotated CSV of InfluxDB and others are not; name those of one kind with data.path".to_owned())
+        };
+    }
+    if data.shape == Some(Shape::Wide) {
+        return Ok(Recognised::Wide);
+    }
+    let mut long = Vec::with_capacity(heads.len());
+    for (head, &time) in heads.iter().zip(times) {
+        long.push(long_roles(head, time, data)?);
+    }
+    if let Some(first) = long.iter().position(Option::is_some) {
+        let Some(roles) = long.iter().cloned().collect::<Option<Vec<Roles>>>() else {
+            let other = long.iter().position(Option::is_none).unwrap_or(0);
+            return refused(format!(
+                "{} is a long table, a row for each sample of a tag, and {} is not; name files of one kind with data.path",
+                heads[first].path().display(),
+                heads[other].path().display()
+            ));
+        };
+        return Ok(Recognised::Samples(Shape::Long, roles));
+    }
+    if data.shape == Some(Shape::Long) {
+        return refused(format!(
+            "{} has no column that is known to name tags, or none of values; say which they are with data.tag and data.value",
+            heads[0].path().display()
+        ));
+    }
+    file_per_tag(heads, times, data)
+}
+
+/// The roles of the columns, if the file is a long table.
+fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Roles>, DataError> {
+    let columns = head.columns();
+    let find = |key: &str, name: &str| {
+        columns.iter().position(|column| column.name == name).ok_or_else(|| DataError::Shape {
+            reason: format!(
+                "{} has no column {name:?}, which data.{key} names",
+                head.path().display()
+            ),
+        })
+    };
+    let others = || (0..columns.len()).filter(|&column| column != time);
+    let is = |column: usize, known: &[&str]| known.contains(&plain(&columns[column].name).as_str());
+    let values: Vec<usize> = match &data.value {
+        Some(name) => vec![find("value", name)?],
+        None => others().filter(|&column| is(column, &VALUES)).collect(),
+    };
+    let tag = match &data.tag {
+        Some(name) => Some(find("tag", name)?),
+        None => others()
+            .filter(|column| !values.contains(column))
+            .find(|&column| names_tags(&columns[column])),
+    };
+    let quality = quality_of(head, &columns, time, data)?;
+    if let (Some(tag), false) = (tag, values.is_empty()) {
+        let rest: Vec<&str> = others()
+            .filter(|&column| column != tag && !values.contains(&column))
+            .filter(|&column| {
+                columns[column].kind == FieldKind::Number
+                    && !is(column, &QUALITIES)
+                    && !is(column, &ASIDES)
+            })
+            .map(|column| columns[column].name.as_str())
+            .collect();
+        if data.tag.is_none() && data.shape.is_none() && !rest.is_empty() {
+            return Err(DataError::Shape {
+                reason: format!(
+                    "{} may be a long table, with tags in {:?}, or a wide one, with channels such as {:?}; say which with data.shape = \"long\" or \"wide\"",
+                    head.path().display(),
+                    columns[tag].name,
+                    rest[0]
+                ),
+            });
+        }
+        return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality }));
+    }
+    if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
+        return Err(DataError::Shape {
+            reason: format!(
+                "{} has tags in {:?}, and no column is known to hold their values; name it with data.value",
+                head.path().display(),
+                columns[tag].name
+            ),
+        });
+    }
+    unnamed_roles(head, &columns, time)
+}
+
+fn names_tags(column: &HeadColumn) -> bool {
+    let name = plain(&column.name);
+    let known = TAGS.contains(&name.as_str());
+    known && (column.kind == FieldKind::Text || name.ends_with("id"))
+}
+
+/// One column of words and one of numbers, whose names say nothing: their first rows may.
+fn unnamed_roles(
+    head: &Head,
+    columns: &[HeadColumn],
+    time: usize,
+) -> Result<Option<Roles>, DataError> {
+    let of = |kind: FieldKind| {
+        let others = (0..columns.len()).filter(|&column| column != time);
+        others.filter(|&column| columns[column].kind == kind).collect::<Vec<usize>>()
+    };
+    let (&[words], &[value]) = (&of(FieldKind::Text)[..], &of(FieldKind::Number)[..]) else {
+        return Ok(None);
+    };
+    let name = plain(&columns[words].name);
+    let known = [&MODES[..], &QUALITIES, &ASIDES].concat();
+    if known.contains(&name.as_str()) || columns.len() > 3 {
+        return Ok(None);
+    }
+    let sample = head.sample(words)?;
+    let distinct: BTreeSet<&String> = sample.iter().collect();
+    let changes = sample.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if distinct.len() < 2 {
+        return Ok(None);
+    }
+    if changes * 2 > sample.len() && distinct.len() * 2 < sample.len() {
+        let tag = TagOf::Column(words);
+        return Ok(Some(Roles { time, tag, values: vec![value], quality: None }));
+    }
+    Err(DataError::Shape {
+        reason: format!(
+            "{} has one column of words, {:?}, and one of numbers, {:?}: if the words name what was measured, set data.tag = {:?} and data.value = {:?}; else data.shape = \"wide\"",
+            head.path().display(),
+            columns[words].name,
+            columns[value].name,
+            columns[words].name,
+            columns[value].name
+        ),
+    })
+}
+
+fn quality_of(
+    head: &Head,
+    columns: &[HeadColumn],
+    time: usize,
+    data: &DataConfig,
+) -> Result<Option<(usize, Quality)>, DataError> {
+    let position = match &data.quality {
+        Some(name) => columns.iter().position(|column| column.name == *name),
+        None => QUALITIES.iter().find_map(|known| {
+            columns
+                .iter()
+                .enumerate()
+                .position(|(at, column)| at != time && plain(&column.name) == *known)
+        }),
+    };
+    let Some(position) = position else {
+        return match &data.quality {
+            Some(name) => Err(DataError::Shape {
+                reason: format!(
+                    "{} has no column {name:?}, which data.quality names",
+                    head.path().display()
+                ),
+            }),
+            None => Ok(None),
+        };
+    };
+    let sample = head.sample(position)?;
+    let codes: Vec<&str> = sample.iter().map(String::as_str).collect();
+    let quality = Quality::of(&codes, data).map_err(|reason| DataError::Shape {
+        reason: format!("{}, column {:?}: {reason}", head.path().display(), columns[position].name),
+    })?;
+    Ok(Some((position, quality)))
+}
+
+/// Whether each file holds one tag, and which.
+fn file_per_tag(
+    heads: &[Head],
+    times: &[usize],
+    data: &DataConfig,
+) -> Result<Recognised, DataError> {
+    let mut single = Vec::with_capacity(heads.len());
+    for (head, &time) in heads.iter().zip(times) {
+        single.push(single_value(head, time, data)?);
+    }
+    let is_asked = data.shape == Some(Shape::FilePerTag);
+    let Some(files) = single.into_iter().collect::<Option<Vec<(String, Roles)>>>() else {
+        if is_asked {
+            return Err(DataError::Shape {
+                reason: "data.shape is \"file_per_tag\", and a file has several columns of values; name the one to take with data.value".to_owned(),
+            });
+        }
+        return Ok(Recognised::Wide);
+    };
+    let columns: BTreeSet<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
+    let generic = |name: &str| VALUES.contains(&plain(name).as_str());
+    let by_file = files.iter().all(|(name, _)| generic(name));
+    let one_sensor = !by_file && columns.len() == 1;
+    let cut_by_date = by_file && stems.iter().all(String::is_empty);
+    if !is_asked && (files.len() < 2 || one_sensor || cut_by_date) {
+        return Ok(Recognised::Wide);
+    }
+    let roles = files
+        .iter()
+        .zip(stems)
+        .map(|((name, roles), stem)| {
+            let tag = if by_file && !stem.is_empty() { stem } else { name.clone() };
+            Roles { tag: TagOf::File(tag), ..roles.clone() }
+        })
+        .collect();
+    Ok(Recognised::Samples(Shape::FilePerTag, roles))
+}
+
+/// The only column of values beside the time, quality and what is about them.
+fn single_value(
+    head: &Head,
+    time: usize,
+    data: &DataConfig,
+) -> Result<Option<(String, Roles)>, DataError> {
+    let columns = head.columns();
+    let quality = quality_of(head, &columns, time, data)?;
+    let is_aside = |column: usize| {
+        let name = plain(&columns[column].name);
+        [&QUALITIES[..], &ASIDES].concat().contains(&name.as_str()) && columns.len() > 2
+    };
+    let values: Vec<usize> = match &data.value {
+        Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),
+        None => (0..columns.len())
+            .filter(|&column| {
+                column != time
+                    && Some(column) != quality.as_ref().map(|of| of.0)
+                    && !is_aside(column)
+            })
+            .collect(),
+    };
+    let [value] = values[..] else { return Ok(None) };
+    let tag = TagOf::File(String::new());
+    Ok(Some((columns[value].name.clone(), Roles { time, tag, values: vec![value], quality })))
+}

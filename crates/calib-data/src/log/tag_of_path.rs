@@ -1,0 +1,77 @@
+//! Which tag a file is of, by its name.
+
+use std::path::Path;
+
+use super::known::{TAGS, plain};
+
+/// The tag that a file is called after: its name without what packs it and without a date at its end; empty if it is
+/// nothing but a date. A folder `tag=NAME` goes before it.
+pub(super) fn tag_of_path(path: &Path) -> String {
+    let folder = path.parent().into_iter().flat_map(Path::components).find_map(|component| {
+        let (key, value) = component.as_os_str().to_str()?.split_once('=')?;
+        TAGS.contains(&plain(key).as_str()).then(|| value.to_owned())
+    });
+    folder.unwrap_or_else(|| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let endings = [".gz", ".zst", ".zstd", ".csv", ".tsv", ".txt", ".parquet", ".parq", ".pq"];
+        let mut stem = name.as_str();
+        for ending in endings {
+            let cut = stem.len().saturating_sub(ending.len());
+            if stem.get(cut..).is_some_and(|end| end.eq_ignore_ascii_case(ending)) {
+                stem = &stem[..cut];
+            }
+        }
+        without_date(stem).to_owned()
+    })
+}
+
+/// A name without a date at its end, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year and
+/// a month with something between them. A single number stays: it is a tag's.
+fn without_date(stem: &str) -> &str {
+    let is_part = |c: char| c.is_ascii_digit() || "-_.: T".contains(c);
+    let mut from = stem.trim_end_matches(is_part).len();
+    // What is left must not end in the middle of a word such as PIT: the T belongs to it.
+    while from < stem.len()
+        && !stem[from..].starts_with(|c: char| c.is_ascii_digit() || "-_. ".contains(c))
+    {
+        from += 1;
+    }
+    let (tag, end) = stem.split_at(from);
+    let fields: Vec<&str> =
+        end.split(|c: char| !c.is_ascii_digit()).filter(|field| !field.is_empty()).collect();
+    // Numbers of the tag itself may stand before the date: PIT_300_2024-03-01.
+    for skipped in 0..fields.len() {
+        let date = &fields[skipped..];
+        let year = |field: &str| field.len() == 4 && ("1970".."2100").contains(&field);
+        let is_date = match date {
+            [first, ..] if first.len() >= 8 && first.len() <= 14 && year(&first[..4]) => true,
+            [first, second, ..] => year(first) && second.len() == 2,
+            _ => false,
+        };
+        if is_date {
+            let starts: usize = end.find(date[0]).unwrap_or(0);
+            return stem[..tag.len() + starts].trim_end_matches(['-', '_', '.', ' ']);
+        }
+    }
+    stem
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tags_are_told_from_dates_in_names_of_files() {
+        let tag = |path: &str| tag_of_path(Path::new(path));
+        assert_eq!(tag("logs/PIT300.csv.gz"), "PIT300");
+        assert_eq!(tag("logs/PIT_300_2024-03-01.csv"), "PIT_300");
+        assert_eq!(tag("PIT300_20240301T060000.parquet"), "PIT300");
+        assert_eq!(tag("2024-03-01.csv"), "");
+        assert_eq!(tag("20240301.csv"), "");
+        assert_eq!(tag("FIC-2024.csv"), "FIC-2024", "a number of a tag");
+        assert_eq!(tag("12.csv"), "12");
+        assert_eq!(tag("UNIT 1 FIC.PV.csv"), "UNIT 1 FIC.PV");
+        assert_eq!(tag("tag=T-1/part-0.parquet"), "T-1");
+        assert_eq!(tag("T.csv"), "T");
+    }
+}

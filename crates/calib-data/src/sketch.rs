@@ -1,0 +1,296 @@
+//! What a log is like all over, for whoever has to choose how to read it: [`Sketch`].
+
+use std::ops::Range;
+
+use calib_core::{Monitor, Timestamp};
+use rayon::prelude::*;
+
+use crate::{
+    DataConfig, DataError, Shape,
+    channel::{Moments, Movement},
+    log::{Batch, ChannelValues, Log},
+    names::Names,
+    outliers::Fences,
+};
+
+/// Bins at most that a log is cut into.
+const BINS: usize = 64;
+/// Values at most of a channel that are kept for comparisons with others.
+const THINNED: usize = 4_000;
+/// Distances, in rows, over which it is seen how far channels move.
+const LAGS: [usize; 19] =
+    [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 150, 200, 300, 600, 1_000, 2_000, 3_000, 6_000, 10_000];
+
+/// A log, looked at all over: which channels are where, how they move, and what does not look like a sensor.
+#[derive(Clone, Debug)]
+pub struct Sketch {
+    /// What a row of the files is.
+    pub shape: Shape,
+    /// Whether times are UTC.
+    pub utc: bool,
+    /// The median step, or the period that was given, in seconds.
+    pub period_secs: f64,
+    /// Time of each row.
+    pub timestamps: Vec<Timestamp>,
+    /// Where the rows are cut into bins of equally many rows.
+    pub bins: Vec<Range<usize>>,
+    /// The channels that hold numbers, in the order of the files.
+    pub channels: Vec<ChannelSketch>,
+}
+
+/// One channel of a [`Sketch`].
+#[derive(Clone, Debug)]
+pub struct ChannelSketch {
+    /// Its name.
+    pub name: String,
+    /// The share of the rows of each bin that have a value.
+    pub present: Vec<f64>,
+    /// Whether it changes within each bin, spikes left aside.
+    pub moves: Vec<bool>,
+    /// Number of distinct values, if there are at most 256.
+    pub distinct: Option<u32>,
+    /// Its smallest and its largest value, spikes left aside; `None` without a value.
+    pub range: Option<[f64; 2]>,
+    /// The share of its changes that go up.
+    pub rises: f64,
+    /// The share of its changes that are as large as most are.
+    pub even: f64,
+    /// The share of successive rows without a change.
+    pub unchanged: f64,
+    /// Autocorrelation at each of these distances, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of the same
+    /// stretch without a gap (Matheron's variogram, 1963: gaps do not disturb it). Empty for a constant.
+    pub autocorrelation: Vec<(usize, f64)>,
+    /// Spikes.
+    pub spikes: u64,
+    /// Values at evenly spread rows, NaN where missing; all channels have the same rows.
+    pub thinned: Vec<f64>,
+    /// The longest run of rows that most runs of missing values do not exceed (the 95 % quantile); 0 without one.
+    pub missing_run: usize,
+    /// Median time between successive values, in seconds.
+    pub own_period_secs: Option<f64>,
+}
+
+/// Look at the log all over, whatever its ranges.
+///
+/// # Errors
+/// If the log cannot be read or contradicts itself.
+pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataError> {
+    let data = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
+    let log = Log::open(&data, monitor)?;
+    let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+    include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+    let wanted: Vec<usize> = (0..log.channels.len())
+        .filter(|&channel| {
+            let channel = &log.channels[channel];
+            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
+            channel.readable && included && exclude.matching(&channel.name).is_none()
+        })
+        .collect();
+    let rows = log.rows.timestamps.len();
+    let count = BINS.min(rows);
+    let bins: Vec<Range<usize>> =
+        (0..count).map(|bin| bin * rows / count..(bin + 1) * rows / count).collect();
+    let look = Look { log: &log, bins: &bins };
+    let mut channels = Vec::with_capacity(wanted.len());
+    let mut batch = Batch::default();
+    monitor.begin("looking at channels", wanted.len() as u64);
+    for some in wanted.chunks(log.batch_size()) {
+        let read = log.read(some, &mut batch, monitor)?;
+        let sketched = read
+            .par_iter_mut()
+            .zip(some)
+            .map(|(values, &channel)| look.channel(log.channels[channel].name.clone(), values));
+        channels.extend(sketched.collect::<Vec<_>>());
+    }
+    Ok(Sketch {
+        shape: log.shape,
+        utc: log.utc,
+        period_secs: log.period.as_secs(),
+        timestamps: log.rows.timestamps,
+        bins,
+        channels,
+    })
+}
+
+/// What all channels share.
+struct Look<'a> {
+    log: &'a Log,
+    bins: &'a [Range<usize>],
+}
+
+impl Look<'_> {
+    fn channel(&self, name: String, channel: &mut ChannelValues) -> ChannelSketch {
+        let values = &mut channel.values;
+        let (timestamps, stretches) = (&self.log.rows.timestamps, &self.log.steps.stretches);
+        let movement = Movement::of(values, timestamps, stretches);
+        let mut spikes = 0;
+        if let Some(fences) = Fences::of(values, movement.smallest_change) {
+            fences.spikes(values, stretches, |_| spikes += 1);
+            fences.treat(values, stretches, crate::Outliers::Missing);
+        }
+        let values = &*values;
+        let moments = Moments::of(values);
+        let changes = Changes::of(values, stretches);
+        let step = values.len().div_ceil(THINNED).max(1);
+        ChannelSketch {
+            name,
+            present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
+            moves: self.bins.iter().map(|bin| moves(&values[bin.clone()])).collect(),
+            distinct: movement.distinct,
+            range: moments.map(|of| [of.min, of.max]),
+            rises: changes.rises,
+            even: changes.even,
+            unchanged: movement.unchanged,
+            autocorrelation: moments
+                .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
+            spikes,
+            thinned: values.iter().step_by(step).copied().collect(),
+            missing_run: missing_run(values, stretches),
+            own_period_secs: own_period(values, timestamps),
+        }
+    }
+}
+
+fn present(values: &[f64]) -> f64 {
+    values.iter().filter(|value| !value.is_nan()).count() as f64 / values.len().max(1) as f64
+}
+
+fn moves(values: &[f64]) -> bool {
+    Moments::of(values).is_some_and(|of| of.min < of.max)
+}
+
+/// How a channel changes from one value to the next.
+struct Changes {
+    rises: f64,
+    even: f64,
+}
+
+impl Changes {
+    fn of(values: &[f64], stretches: &[Range<usize>]) -> Self {
+        let mut changes: Vec<f64> = Vec::new();
+        for stretch in stretches {
+            let there = values[stretch.clone()].iter().copied().filter(|value| !value.is_nan());
+            let there: Vec<f64> = there.collect();
+            changes.extend(there.windows(2).map(|pair| pair[1] - pair[0]).filter(|of| *of != 0.0));
+        }
+        if changes.is_empty() {
+            return Self { rises: 0.0, even: 0.0 };
+        }
+        let count = changes.len() as f64;
+        let rises = changes.iter().filter(|change| **change > 0.0).count() as f64 / count;
+        let middle = changes.len() / 2;
+        let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let is_even = |change: &&f64| (**change - median).abs() <= 1e-6 * median.abs();
+        Self { rises, even: changes.iter().filter(is_even).count() as f64 / count }
+    }
+}
+
+fn autocorrelation(values: &[f64], stretches: &[Range<usize>], variance: f64) -> Vec<(usize, f64)> {
+    if variance <= 0.0 {
+        return Vec::new();
+    }
+    let at = |lag: usize| {
+        let (mut sum, mut pairs) = (0.0, 0_usize);
+        for stretch in stretches.iter().filter(|stretch| stretch.len() > lag) {
+            let (first, second) = (
+                &values[stretch.start..stretch.end - lag],
+                &values[stretch.start + lag..stretch.end],
+            );
+            for (first, second) in first.iter().zip(second) {
+                let square = (second - first) * (second - first);
+                if !square.is_nan() {
+                    sum += square;
+                    pairs += 1;
+                }
+            }
+        }
+        (pairs >= 30).then(|| (lag, 1.0 - sum / pairs as f64 / (2.0 * variance)))
+    };
+    LAGS.iter().filter_map(|&lag| at(lag)).collect()
+}
+
+/// The 95 % quantile of the lengths of runs of missing values between two that are there, in a stretch.
+fn missing_run(values: &[f64], stretches: &[Range<usize>]) -> usize {
+    let mut runs: Vec<usize> = Vec::new();
+    for stretch in stretches {
+        let mut last = None;
+        for row in stretch.clone().filter(|&row| !values[row].is_nan()) {
+            if let Some(last) = last.filter(|last| row - last > 1) {
+                runs.push(row - last - 1);
+            }
+            last = Some(row);
+        }
+    }
+    if runs.is_empty() {
+        return 0;
+    }
+    let at = (runs.len() * 95 / 100).min(runs.len() - 1);
+    *runs.select_nth_unstable(at).1
+}
+
+fn own_period(values: &[f64], timestamps: &[Timestamp]) -> Option<f64> {
+    let there: Vec<Timestamp> = values
+        .iter()
+        .zip(timestamps)
+        .filter(|(value, _)| !value.is_nan())
+        .map(|(_, time)| *time)
+        .collect();
+    let mut steps: Vec<i64> = there.windows(2).map(|pair| pair[1].micros_since(pair[0])).collect();
+    if steps.is_empty() {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    Some(*steps.select_nth_unstable(middle).1 as f64 / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::slice::from_ref;
+
+    use super::*;
+
+    #[test]
+    fn autocorrelation_of_a_wave_is_its_cosine() {
+        let turn = std::f64::consts::TAU / 40.0;
+        let wave: Vec<f64> = (0..4_000).map(|row| (f64::from(row) * turn).sin()).collect();
+        let found = autocorrelation(&wave, from_ref(&(0..4_000)), 0.5);
+        for (lag, value) in found.into_iter().filter(|(lag, _)| *lag <= 100) {
+            let expected = (lag as f64 * turn).cos();
+            assert!((value - expected).abs() < 0.01, "{lag}: {value} and {expected}");
+        }
+    }
+
+    #[test]
+    fn gaps_and_missing_values_do_not_count() {
+        let mut values: Vec<f64> = (0..200).map(f64::from).collect();
+        values[50] = f64::NAN;
+        let found = autocorrelation(&values, &[0..100, 100..200], 1.0);
+        // A slope of one: the mean square at a lag is its square.
+        assert_eq!(found[0], (1, 0.5));
+        assert_eq!(found[1], (2, -1.0));
+        assert!(found.iter().all(|(lag, _)| *lag < 100), "no pair spans both stretches");
+    }
+
+    #[test]
+    fn runs_of_missing_values_are_between_values() {
+        let mut values = vec![1.0; 100];
+        values[..3].fill(f64::NAN);
+        values[10..14].fill(f64::NAN);
+        values[95..].fill(f64::NAN);
+        assert_eq!(missing_run(&values, from_ref(&(0..100))), 4);
+        assert_eq!(missing_run(&values[20..90], from_ref(&(0..70))), 0);
+    }
+
+    #[test]
+    fn totals_only_rise_and_clocks_rise_evenly() {
+        let whole = |rows: &[f64]| Changes::of(rows, from_ref(&(0..rows.len())));
+        let clock: Vec<f64> = (0..100).map(f64::from).collect();
+        let clock = whole(&clock);
+        assert_eq!((clock.rises, clock.even), (1.0, 1.0));
+        let total: Vec<f64> = (0..100).map(|row| f64::from(row * row)).collect();
+        let total = whole(&total);
+        assert!(total.rises == 1.0 && total.even < 0.1);
+        let wave: Vec<f64> = (0..400).map(|row| (f64::from(row) / 10.0).sin()).collect();
+        assert!((whole(&wave).rises - 0.5).abs() < 0.1);
+    }
+}

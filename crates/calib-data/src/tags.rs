@@ -1,0 +1,92 @@
+//! Lists of tags: what each channel is called by people, and its unit.
+
+use std::{collections::BTreeMap, path::Path};
+
+use calib_files::read_regular;
+
+use crate::{
+    DataError, Description,
+    log::{TAGS, plain},
+    text::{Marks, RecordReader, decode},
+};
+
+const UNITS: [&str; 7] = ["unit", "units", "uom", "engunits", "engunit", "engineeringunits", "eu"];
+const LABELS: [&str; 8] =
+    ["description", "desc", "label", "descriptor", "comment", "longname", "text", "displayname"];
+
+/// Read a list of tags: text with a header and a row for each tag, with a column of names (`tag`, `name`, `point` …), and one of units
+/// (`unit`, `uom`, `engunits` …), or of descriptions (`description`, `descriptor`, `label` …), or both. Cells are separated by tabs,
+/// semicolons or commas.
+///
+/// # Errors
+/// If the file cannot be read, or no columns have such names.
+pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError> {
+    let text = read_regular(path)?;
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&text);
+    let first = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
+    let separator = b"\t;,".iter().copied().max_by_key(|separator| {
+        (memchr::memchr_iter(*separator, first).count(), *separator == b'\t')
+    });
+    let marks = Marks { separator: separator.unwrap_or(b','), quote: b'"' };
+    let mut records = RecordReader::new(text, marks);
+    let mut header: Vec<String> = Vec::new();
+    if records.advance() {
+        header = (0..records.len()).map(|at| plain(&decode(records.cell(at)))).collect();
+    }
+    let find = |known: &[&str]| header.iter().position(|name| known.contains(&name.as_str()));
+    let (tag, unit, label) = (find(&TAGS), find(&UNITS), find(&LABELS));
+    let (Some(tag), true) = (tag, unit.is_some() || label.is_some()) else {
+        let reason = "expected a header with the names of tags (tag, name or point) and units (unit, uom) or descriptions (description, label)";
+        return Err(DataError::NotText { path: path.to_owned(), reason: reason.to_owned() });
+    };
+    let mut tags = BTreeMap::new();
+    while records.advance() {
+        let cell = |at: Option<usize>| {
+            let at = at.filter(|&at| at < records.len())?;
+            let text = decode(records.cell(at)).trim().to_owned();
+            (!text.is_empty()).then_some(text)
+        };
+        if let Some(name) = cell(Some(tag)) {
+            tags.insert(name, Description { unit: cell(unit), label: cell(label) });
+        }
+    }
+    Ok(tags)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn read(text: &str) -> Result<BTreeMap<String, Description>, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("tags.csv");
+        fs::write(&path, text).expect("written");
+        read_tags(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn units_and_descriptions_are_read() {
+        let tags = read(
+            "Tag Name;Descriptor;EngUnits\nPIT300;\"pressure; membrane\";kPa\nFIT100;;m3/h\n;x;y\n",
+        );
+        let tags = tags.expect("a list");
+        let of = |unit: &str, label: Option<&str>| Description {
+            unit: Some(unit.to_owned()),
+            label: label.map(str::to_owned),
+        };
+        assert_eq!(tags.len(), 2);
+        assert_eq!(tags["PIT300"], of("kPa", Some("pressure; membrane")));
+        assert_eq!(tags["FIT100"], of("m3/h", None));
+        assert_eq!(read("point,uom\nA,bar\n").expect("a list")["A"], of("bar", None));
+    }
+
+    #[test]
+    fn what_is_no_list_of_tags_says_what_one_is() {
+        for text in ["", "tag,value\nA,1\n", "unit,label\nbar,x\n"] {
+            let error = read(text).expect_err("no list");
+            assert!(error.contains("names of tags"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! What the first rows of a text file tell: what separates its cells, its header, its units.
+
+use std::collections::BTreeMap;
+
+use super::{
+    blocks::Marks,
+    number::{Decimal, Sign, parse, sign_of},
+    record::RecordReader,
+    stamps::Candidates,
+};
+
+/// Rows that are looked at.
+const LOOKED_AT: usize = 400;
+/// Rows between the header and the first time that may be units and descriptions.
+const UNIT_ROWS: usize = 3;
+
+/// What a text file is like.
+#[derive(Clone, Debug)]
+pub(crate) struct Dialect {
+    pub(crate) marks: Marks,
+    pub(crate) columns: Vec<TextColumn>,
+    /// Bytes and lines before the first row of values.
+    pub(crate) skip: (u64, u64),
+    /// The first rows of values.
+    pub(crate) sample: Vec<Vec<String>>,
+}
+
+/// A column as the header has it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct TextColumn {
+    pub(crate) name: String,
+    pub(crate) unit: Option<String>,
+    pub(crate) label: Option<String>,
+}
+
+/// A record, and the bytes and lines before it and before the next one.
+struct Row {
+    cells: Vec<String>,
+    begin: (u64, u64),
+    end: (u64, u64),
+}
+
+impl Dialect {
+    /// Of a file that begins with `head`, whole records.
+    pub(crate) fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
+        let marks = |separator: u8| Marks { separator, quote: b'"' };
+        let start = preamble(head);
+        let separators: Vec<u8> = match separator {
+            Some(separator) => vec![separator as u8],
+            None => declared(&head[..start]).map_or(b"\t;,|".to_vec(), |separator| vec![separator]),
+        };
+        let best = separators
+            .into_iter()
+            .filter_map(|separator| {
+                let rows = rows(head, start, marks(separator));
+                let width = usual_width(&rows)?;
+                Some((agreement(&rows, width), separator, rows, width))
+            })
+            // The first of equals: a tab separates cells rather than stands in them, and so on.
+            .reduce(|best, other| if other.0 > best.0 { other } else { best });
+        let Some((_, separator, rows, width)) = best else {
+            return Err(
+                "no character separates its cells; expected a comma, a semicolon, a tab or |, \
+                 or data.separator"
+                    .to_owned(),
+            );
+        };
+        Self::with_rows(marks(separator), rows, width)
+    }
+
+    fn with_rows(marks: Marks, rows: Vec<Row>, width: usize) -> Result<Self, String> {
+        // Titles above the table are narrower than it.
+        let mut rows = rows.into_iter().skip_while(|row| width_of(&row.cells) < width).peekable();
+        let Some(first) = rows.peek() else { return Err("it has no rows".to_owned()) };
+        let (mut skip, mut columns) = if is_data(&first.cells) {
+            (first.begin, unnamed(&first.cells)?)
+        } else {
+            (first.end, named(&first.cells)?)
+        };
+        if skip == first.end {
+            rows.next();
+        }
+        let mut above = Vec::new();
+        while let Some(row) = rows.peek()
+            && !is_data(&row.cells)
+            && above.len() < UNIT_ROWS
+            && is_about_columns(&row.cells)
+        {
+            skip = row.end;
+            above.extend(rows.next().map(|row| row.cells));
+        }
+        describe(&mut columns, &above);
+        let sample = rows.map(|row| row.cells).collect();
+        Ok(Self { marks, columns, skip, sample })
+    }
+
+    /// The cells of a column in the first rows that are not empty.
+    pub(crate) fn cells(&self, column: usize) -> Vec<&str> {
+        let cells = self.sample.iter().filter_map(|row| row.get(column));
+        cells.map(|cell| cell.trim()).filter(|cell| !cell.is_empty()).collect()
+    }
+
+    /// What the cells of all columns but `time` say about the decimal sign.
+    pub(crate) fn decimal(&self, time: usize) -> Result<Decimal, String> {
+        let mut seen: BTreeMap<&'static str, &str> = BTreeMap::new();
+        for column in (0..self.columns.len()).filter(|&column| column != time) {
+            for cell in self.cells(column) {
+                let sign = match sign_of(cell) {
+                    Sign::Point => "point",
+                    Sign::Comma => "comma",
+                    Sign::Either => "either",
+                    Sign::Nothing => continue,
+                };
+                seen.entry(sign).or_insert(cell);
+            }
+        }
+        match (seen.get("point"), seen.get("comma"), seen.get("either")) {
+            (Some(point), Some(comma), _) => Err(format!(
+                "it has {point} and {comma}: say with data.decimal = \".\" or \",\" which sign separates fractions"
+            )),
+            (Some(_), None, _) => Ok(Decimal::Point),
+            (None, Some(_), _) => Ok(Decimal::Comma),
+            (None, None, Some(either)) => Err(format!(
+                "{either} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
+            )),
+            (None, None, None) => Ok(Decimal::Unknown),
+        }
+    }
+}
+
+/// Where the table begins: after comments, empty lines and Excel's `sep=;`.
+fn preamble(head: &[u8]) -> usize {
+    let mut start = 0;
+    for line in head.split_inclusive(|&byte| byte == b'\n') {
+        let text = line.trim_ascii();
+        if !(text.is_empty() || text.starts_with(b"#") || declared(line).is_some()) {
+            break;
+        }
+        start += line.len();
+    }
+    start
+}
+
+/// The separator that a line `sep=;` names.
+fn declared(preamble: &[u8]) -> Option<u8> {
+    let line = preamble
+        .split(|&byte| byte == b'\n')
+        .map(<[u8]>::trim_ascii_end)
+        .find(|line| line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep="))?;
+    Some(line[4])
+}
+
+fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
+    let lines = memchr::memchr_iter(b'\n', &head[..start]).count() as u64;
+    let mut records = RecordReader::new(&head[start..], marks);
+    let mut rows = Vec::new();
+    let mut begin = (start as u64, lines);
+    while rows.len() < LOOKED_AT && records.advance() {
+        let cells = records.cells().map(|cell| decode(cell).into_owned()).collect();
+        let byte = start + records.position();
+        let ended = memchr::memchr_iter(b'\n', &head[start..byte]).count() as u64;
+        let end = (byte as u64, lines + ended);
+        rows.push(Row { cells, begin, end });
+        begin = end;
+    }
+    rows
+}
+
+/// Text as UTF-8, or else as the first page of Unicode has it, which is Latin 1: the degree sign of old exports.
+pub(crate) fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.into(),
+        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect::<String>().into(),
+    }
+}
+
+/// Number of cells, but for one empty cell after a last separator.
+fn width_of(cells: &[String]) -> usize {
+    cells.len() - usize::from(cells.last().is_some_and(|cell| cell.trim().is_empty()))
+}
+
+/// The number of cells that most rows have, if it is more than one. Where as many are wider, the table is those.
+fn usual_width(rows: &[Row]) -> Option<usize> {
+    let mut widths: BTreeMap<usize, usize> = BTreeMap::new();
+    for row in rows {
+        *widths.entry(row.cells.len()).or_default() += 1;
+    }
+    let (width, _) = widths
+        .into_iter()
+        .filter(|&(width, _)| width > 1)
+        .max_by_key(|&(width, count)| (count, width))?;
+    Some(
+        width
+            - usize::from(
+                rows.iter().all(|row| row.cells.len() != width || width_of(&row.cells) < width),
+            ),
+    )
+}
+
+/// Share of the rows, and how wide they are: what separates cells gives all rows the same number of them.
+fn agreement(rows: &[Row], width: usize) -> (usize, usize) {
+    let agree = rows.iter().filter(|row| (width..=width + 1).contains(&row.cells.len())).count();
+    // A hundredth more rows is more than any number of cells.
+    (agree * 100 / rows.len(), width)
+}
+
+/// Whether these are values: a time, and numbers or nothing beside it.
+fn is_data(cells: &[String]) -> bool {
+    let cells = || cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
+    let is_number =
+        |cell: &str| [Decimal::Point, Decimal::Comma].iter().any(|&of| parse(cell, of).is_some());
+    let is_time = |cell: &str| cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
+    cells().any(|cell| is_time(cell) || is_number(cell))
+}
+
+/// Whether a row without values says something about columns: units, descriptions. An empty row does not.
+fn is_about_columns(cells: &[String]) -> bool {
+    cells.iter().any(|cell| !cell.trim().is_empty())
+}
+
+fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
+    let cells = &cells[..width_of(cells)];
+    let mut columns: Vec<TextColumn> = Vec::new();
+    for (position, cell) in cells.iter().enumerate() {
+        let name = cell.trim();
+        let name =
+            if name.is_empty() { format!("column {}", position + 1) } else { name.to_owned() };
+        if columns.iter().any(|column| column.name == name) {
+            return Err(format!("two columns are called {name:?}; rename one"));
+        }
+        columns.push(TextColumn { name, ..TextColumn::default() });
+    }
+    Ok(columns)
+}
+
+/// Columns of a file without a header: a time and a value are recognised, more are not.
+fn unnamed(cells: &[String]) -> Result<Vec<TextColumn>, String> {
+    let width = width_of(cells);
+    if width != 2 {
+        return Err(format!(
+            "its first row is values: expected a header that names the {width} columns; add one"
+        ));
+    }
+    let names = ["timestamp", "value"].map(str::to_owned);
+    Ok(names.into_iter().map(|name| TextColumn { name, ..TextColumn::default() }).collect())
+}
+
+/// Units and descriptions from the rows below the header. Of two rows, units are shorter.
+fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
+    let length = |row: &&Vec<String>| row.iter().map(String::len).sum::<usize>();
+    let Some(units) = above.iter().min_by_key(length) else { return };
+    let labels = above.iter().filter(|row| *row != units).max_by_key(length);
+    let cell = |row: &Vec<String>, column: usize| {
+        let text =
+            row.get(column)?.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']);
+        (!text.is_empty() && text != "-").then(|| text.to_owned())
+    };
+    for (position, column) in columns.iter_mut().enumerate() {
+        column.unit = cell(units, position);
+        column.label = labels.and_then(|labels| cell(labels, position));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dialect(text: &str) -> Dialect {
+        Dialect::of(text.as_bytes(), None).expect("a table")
+    }
+
+    fn names(dialect: &Dialect) -> Vec<&str> {
+        dialect.columns.iter().map(|column| column.name.as_str()).collect()
+    }
+
+    #[test]
+    fn separators_are_told_by_rows_of_equal_length() {
+        let comma = dialect("time,a,b\n2024-01-01 00:00:00,1.5,2\n2024-01-01 00:01:00,,3\n");
+        assert_eq!((comma.marks.separator, names(&comma)), (b',', vec!["time", "a", "b"]));
+        assert_eq!(comma.decimal(0), Ok(Decimal::Point));
+        assert_eq!(comma.sample.len(), 2);
+        let german = dialect("Zeit;a;b\r\n01.01.2024 00:00;1,5;2,25\r\n01.01.2024 00:01;1,5;\r\n");
+        assert_eq!((german.marks.separator, german.decimal(0)), (b';', Ok(Decimal::Comma)));
+        assert_eq!(german.skip, (10, 1));
+        let tabs = dialect("time\ta, total\n2024-01-01\t1\n");
+        assert_eq!((tabs.marks.separator, names(&tabs)), (b'\t', vec!["time", "a, total"]));
+        let one = dialect("time;a\n2024-01-01;1,5\n2024-01-02;1,6\n");
+        assert_eq!(one.marks.separator, b';');
+        assert!(Dialect::of(b"time\n2024-01-01\n", None).is_err());
+    }
+
+    #[test]
+    fn titles_comments_units_and_quotes_are_understood() {
+        let text = "# exported\nsep=;\nPlant 7\n\"Time\";\"T, inlet\";P;\n;temperature of the inlet;pressure;\n-;°C;[kPa];\n01.02.2024 00:00;1;2;\n";
+        let found = dialect(text);
+        assert_eq!(names(&found), ["Time", "T, inlet", "P"]);
+        assert_eq!(found.columns[1].unit.as_deref(), Some("°C"));
+        assert_eq!(found.columns[1].label.as_deref(), Some("temperature of the inlet"));
+        assert_eq!(found.columns[2].unit.as_deref(), Some("kPa"));
+        assert_eq!(found.columns[0].unit, None);
+        let (bytes, lines) = found.skip;
+        assert_eq!((&text[bytes as usize..][..10], lines), ("01.02.2024", 6));
+        assert_eq!(found.sample[0][..3], ["01.02.2024 00:00", "1", "2"]);
+        let latin = Dialect::of(b"time,T [\xB0C]\n2024-01-01,1\n", None).expect("a table");
+        assert_eq!(names(&latin), ["time", "T [°C]"]);
+    }
+
+    #[test]
+    fn headers_may_lack_and_must_be_clear() {
+        let bare = dialect("2024-01-01 00:00:00,1.5\n2024-01-01 00:01:00,1.6\n");
+        assert_eq!(
+            (names(&bare), bare.skip, bare.sample.len()),
+            (vec!["timestamp", "value"], (0, 0), 2)
+        );
+        let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
+        assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("expected a header"));
+        assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
+    }
+
+    #[test]
+    fn a_decimal_sign_that_nothing_tells_is_asked_for() {
+        let of = |cells: &str| {
+            dialect(&format!("time;a\n2024-01-01;{}\n", cells.replace(' ', "\n2024-01-02;")))
+                .decimal(0)
+        };
+        assert_eq!(of("1 2"), Ok(Decimal::Unknown));
+        assert!(of("1,234 2,500").expect_err("asked").contains("data.decimal"));
+        assert_eq!(of("1,234 2,5"), Ok(Decimal::Comma));
+        assert_eq!(of("1,234 2.5"), Ok(Decimal::Point));
+        assert!(of("1,5 2.5").expect_err("asked").contains("1,5"));
+    }
+}

@@ -1,0 +1,143 @@
+//! One text file of the log.
+
+use std::path::{Path, PathBuf};
+
+use super::{
+    blocks::Blocks,
+    dialect::{Dialect, TextColumn, decode},
+    input::{self, Compression, fill, unreadable},
+    number::Decimal,
+    record::RecordReader,
+};
+use crate::{DataConfig, DataError};
+
+/// Bytes that tell what a file is like.
+const HEAD: usize = 1 << 20;
+
+/// A text file whose first rows have been read.
+#[derive(Debug)]
+pub(crate) struct TextFile {
+    pub(crate) path: PathBuf,
+    /// Its size on the disk.
+    pub(crate) bytes: u64,
+    pub(crate) dialect: Dialect,
+    /// Bytes of a row on the disk, roughly.
+    row_bytes: f64,
+    given_decimal: Option<char>,
+}
+
+impl TextFile {
+    pub(crate) fn open(path: &Path, data: &DataConfig) -> Result<Self, DataError> {
+        let bytes = input::size(path)?;
+        let (head, compression) = head(path)?;
+        let refused = |reason: String| DataError::NotText { path: path.to_owned(), reason };
+        if head.iter().take(1 << 12).any(|&byte| byte == 0) {
+            return Err(refused("it is not text".to_owned()));
+        }
+        let dialect = Dialect::of(&head, data.separator).map_err(refused)?;
+        let (skip, _) = dialect.skip;
+        let lines = memchr::memchr_iter(b'\n', &head[skip as usize..]).count().max(1);
+        let packed = match compression {
+            Compression::Plain => 1.0,
+            Compression::Gzip | Compression::Zstandard => TYPICAL_PACKING,
+        };
+        let row_bytes = ((head.len() as f64 - skip as f64) / lines as f64 / packed).max(1.0);
+        Ok(Self { path: path.to_owned(), bytes, dialect, row_bytes, given_decimal: data.decimal })
+    }
+
+    pub(crate) fn columns(&self) -> &[TextColumn] {
+        &self.dialect.columns
+    }
+
+    /// Rows that there probably are.
+    pub(crate) fn estimated_rows(&self) -> u64 {
+        (self.bytes as f64 / self.row_bytes) as u64
+    }
+
+    /// What separates fractions, by all columns but `time`.
+    pub(crate) fn decimal(&self, time: usize) -> Result<Decimal, DataError> {
+        match self.given_decimal {
+            Some(',') => Ok(Decimal::Comma),
+            Some(_) => Ok(Decimal::Point),
+            None => self
+                .dialect
+                .decimal(time)
+                .map_err(|reason| DataError::NotText { path: self.path.clone(), reason }),
+        }
+    }
+
+    /// The rows of values, from the first.
+    pub(crate) fn blocks(&self) -> Result<Blocks, DataError> {
+        let (input, _) = input::open(&self.path)?;
+        Blocks::new(input, self.path.clone(), self.dialect.marks, self.dialect.skip)
+    }
+
+    /// The records of a part of a block, before which there are `line` lines.
+    pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
+        Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
+    }
+}
+
+/// How much smaller numbers as text usually become.
+const TYPICAL_PACKING: f64 = 4.0;
+
+/// The first bytes of a file, whole records where there is an end of line at all.
+fn head(path: &Path) -> Result<(Vec<u8>, Compression), DataError> {
+    let (mut input, compression) = input::open(path)?;
+    let mut head = vec![0; HEAD];
+    let length = fill(&mut input, &mut head).map_err(|error| unreadable(path, &error))?;
+    head.truncate(length);
+    if length == HEAD
+        && let Some(end) = memchr::memrchr(b'\n', &head)
+    {
+        head.truncate(end + 1);
+    }
+    Ok((head, compression))
+}
+
+/// Records of a text file.
+pub(crate) struct Records<'a> {
+    reader: RecordReader<'a>,
+    file: &'a TextFile,
+    line: u64,
+}
+
+impl Records<'_> {
+    /// Go to the next record; false if there is none.
+    pub(crate) fn advance(&mut self) -> Result<bool, DataError> {
+        if !self.reader.advance() {
+            return Ok(false);
+        }
+        let (expected, got) = (self.file.columns().len(), self.reader.len());
+        let one_empty_more =
+            got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
+        if got == expected || one_empty_more {
+            return Ok(true);
+        }
+        let hint = if got > expected {
+            "a decimal comma outside of quotes makes two cells of one"
+        } else {
+            "is the file complete, and without notes below the table?"
+        };
+        Err(self.refused(format!("{got} cells, and the header names {expected} columns; {hint}")))
+    }
+
+    /// A cell of the record as it stands.
+    pub(crate) fn bytes(&self, column: usize) -> &[u8] {
+        self.reader.cell(column)
+    }
+
+    /// A cell of the record as text.
+    pub(crate) fn text(&self, column: usize) -> std::borrow::Cow<'_, str> {
+        decode(self.reader.cell(column))
+    }
+
+    /// An error of this record.
+    pub(crate) fn refused(&self, reason: String) -> DataError {
+        DataError::Record {
+            path: self.file.path.clone(),
+            line: self.line + self.reader.line(),
+            reason,
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The bytes of a text file, whatever it is compressed with.
+
+use std::{
+    fs::File,
+    io::{BufReader, Cursor, Read},
+    path::Path,
+};
+
+use calib_files::{FileError, open_regular};
+
+use crate::DataError;
+
+/// A text file that is being read.
+pub(crate) type Input = Box<dyn Read + Send>;
+
+/// How a file is compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compression {
+    Plain,
+    Gzip,
+    Zstandard,
+}
+
+/// Open a text file, unpacked, without the mark of UTF-8 that it may begin with.
+pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
+    let mut file = open_regular(path)?;
+    let refused = |source| FileError::io("read", path, source);
+    let mut magic = [0; 4];
+    let length = fill(&mut file, &mut magic).map_err(refused)?;
+    let file = Cursor::new(magic).take(length as u64).chain(file);
+    let file = BufReader::with_capacity(1 << 18, file);
+    let (mut input, compression): (Input, _) = match magic {
+        [0x1F, 0x8B, ..] => {
+            (Box::new(flate2::bufread::MultiGzDecoder::new(file)), Compression::Gzip)
+        }
+        [0x28, 0xB5, 0x2F, 0xFD] => {
+            let decoder = zstd::Decoder::with_buffer(file).map_err(refused)?;
+            (Box::new(decoder), Compression::Zstandard)
+        }
+        _ => (Box::new(file), Compression::Plain),
+    };
+    let mut mark = [0; 3];
+    let length = fill(&mut input, &mut mark).map_err(|error| unreadable(path, &error))?;
+    match mark {
+        [0xFF, 0xFE, _] | [0xFE, 0xFF, _] => Err(DataError::NotText {
+            path: path.to_owned(),
+            reason: "it is text in UTF-16; save or convert it as UTF-8".to_owned(),
+        }),
+        [0xEF, 0xBB, 0xBF] => Ok((input, compression)),
+        _ => Ok((Box::new(Cursor::new(mark).take(length as u64).chain(input)), compression)),
+    }
+}
+
+/// What decompression says of a damaged file.
+pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> DataError {
+    DataError::NotText { path: path.to_owned(), reason: error.to_string() }
+}
+
+/// Read until `bytes` is full or the file ends.
+pub(crate) fn fill(input: &mut dyn Read, bytes: &mut [u8]) -> std::io::Result<usize> {
+    let mut length = 0;
+    while length < bytes.len() {
+        match input.read(&mut bytes[length..]) {
+            Ok(0) => break,
+            Ok(read) => length += read,
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(length)
+}
+
+/// The size of a file as it lies on the disk.
+pub(crate) fn size(path: &Path) -> Result<u64, DataError> {
+    let file: File = open_regular(path)?;
+    Ok(file.metadata().map_err(|source| FileError::io("read", path, source))?.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, io::Write as _};
+
+    use super::*;
+
+    #[test]
+    fn packed_and_marked_files_are_the_same_text() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.csv");
+        let read = || {
+            let mut text = String::new();
+            open(&path).and_then(|(mut input, _)| {
+                input.read_to_string(&mut text).map_err(|error| unreadable(&path, &error))
+            })?;
+            Ok::<String, DataError>(text)
+        };
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gzip.write_all(b"time,a\n").expect("memory");
+        let gzip = gzip.finish().expect("memory");
+        let two_members = [gzip.clone(), gzip.clone()].concat();
+        let zstd = zstd::encode_all(&b"time,a\n"[..], 1).expect("memory");
+        for bytes in [&b"time,a\n"[..], b"\xEF\xBB\xBFtime,a\n", &gzip, &zstd] {
+            fs::write(&path, bytes).expect("written");
+            assert_eq!(read().expect("text"), "time,a\n");
+        }
+        fs::write(&path, two_members).expect("written");
+        assert_eq!(read().expect("text"), "time,a\ntime,a\n");
+        for bytes in ["", "a", "ab"] {
+            fs::write(&path, bytes).expect("written");
+            assert_eq!(read().expect("text"), bytes);
+        }
+        fs::write(&path, b"\xFF\xFEt\0").expect("written");
+        assert!(read().expect_err("UTF-16").to_string().contains("UTF-16"));
+        fs::write(&path, &gzip[..gzip.len() - 9]).expect("written");
+        assert!(read().is_err(), "a truncated file");
+    }
+}

@@ -1,0 +1,29 @@
+//! Logs as text: CSV and its relatives, packed or not.
+//!
+//! A file is read in blocks of whole records ([`blocks`]), whose parts become cells on all threads: eight bytes each
+//! ([`cell`]), kept column by column ([`columns`]) or tag by tag outside of the memory. What the file is like
+//! ([`dialect`], [`stamps`]) is told by its first rows.
+
+mod annotated;
+mod blocks;
+mod cell;
+mod dialect;
+mod file;
+mod input;
+mod number;
+mod quality;
+mod record;
+mod stamps;
+
+pub(crate) use self::{
+    annotated::{Annotated, Key, is_annotated, names as annotated_names},
+    blocks::Marks,
+    cell::{Cell, Words},
+    dialect::{TextColumn, decode},
+    file::{Records, TextFile},
+    input::size,
+    number::{Decimal, cell as cell_of, parse as parse_number},
+    quality::Quality,
+    record::RecordReader,
+    stamps::{Candidates, Notation, Zone},
+};

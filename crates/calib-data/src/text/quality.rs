@@ -1,0 +1,115 @@
+//! Quality codes of historians: which values count.
+
+use crate::DataConfig;
+
+/// Which codes are good.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Quality {
+    /// Those that the study names.
+    Given(Vec<String>),
+    /// Words such as `Good`, and yes or no.
+    Words,
+    /// OPC Classic: the two highest bits of the low byte are set, 192 to 255.
+    OpcClassic,
+    /// OPC UA: the two highest of 32 bits are clear; 0 is good.
+    OpcUa,
+}
+
+impl Quality {
+    /// Told by the study, or by the first codes of a log.
+    pub(crate) fn of(codes: &[&str], data: &DataConfig) -> Result<Self, String> {
+        if !data.good_quality.is_empty() {
+            return Ok(Self::Given(data.good_quality.iter().map(|code| lower(code)).collect()));
+        }
+        let numbers: Option<Vec<u64>> = codes.iter().map(|code| number(code)).collect();
+        let Some(numbers) = numbers else { return Ok(Self::Words) };
+        if numbers.iter().any(|code| (192..256).contains(code)) {
+            return Ok(Self::OpcClassic);
+        }
+        match numbers.iter().find(|&&code| code > 0 && code < UA_UNCERTAIN) {
+            None => Ok(Self::OpcUa),
+            Some(code) => Err(unknown(&code.to_string())),
+        }
+    }
+
+    /// Whether a value with this code counts. An empty code says nothing against it.
+    pub(crate) fn is_good(&self, code: &str) -> Result<bool, String> {
+        let code = code.trim();
+        if code.is_empty() {
+            return Ok(true);
+        }
+        match (self, number(code)) {
+            (Self::Given(good), _) => Ok(good.contains(&lower(code))),
+            (Self::Words, _) => Ok(is_good_word(&lower(code))),
+            (Self::OpcClassic, Some(code)) => Ok(code & 0xC0 == 0xC0),
+            (Self::OpcUa, Some(code)) if code == 0 || code >= UA_UNCERTAIN => Ok(code >> 30 == 0),
+            _ => Err(unknown(code)),
+        }
+    }
+}
+
+/// The least OPC UA code that is not good.
+const UA_UNCERTAIN: u64 = 1 << 30;
+
+fn unknown(code: &str) -> String {
+    format!(
+        "the meaning of the quality {code} is not known; name the good codes with data.good_quality, such as [\"192\"]"
+    )
+}
+
+fn number(code: &str) -> Option<u64> {
+    let code = code.trim();
+    match code.strip_prefix("0x").or(code.strip_prefix("0X")) {
+        Some(hexadecimal) => u64::from_str_radix(hexadecimal, 16).ok(),
+        None => code.parse().ok().or_else(|| {
+            code.parse::<f64>()
+                .ok()
+                .filter(|code| code.fract() == 0.0 && (0.0..1e15).contains(code))
+                .map(|code| code as u64)
+        }),
+    }
+}
+
+fn is_good_word(code: &str) -> bool {
+    let first = code.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+    ["good", "g", "ok", "true", "yes", "valid", "normal"].contains(&first)
+}
+
+fn lower(code: &str) -> String {
+    code.trim().to_lowercase()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn good(codes: &[&str], all: &[&str]) -> Vec<bool> {
+        let quality = Quality::of(codes, &DataConfig::default()).expect("known");
+        all.iter().map(|code| quality.is_good(code).expect("known")).collect()
+    }
+
+    #[test]
+    fn codes_of_opc_and_words_are_known() {
+        assert_eq!(
+            good(&["192", "0"], &["192", "216", "0", "64", ""]),
+            [true, true, false, false, true]
+        );
+        assert_eq!(good(&["192.0"], &["192.0"]), [true]);
+        assert_eq!(
+            good(&["0", "2147483648"], &["0", "0x40920000", "2150891520"]),
+            [true, false, false]
+        );
+        assert_eq!(
+            good(&["Good", "Bad"], &["GOOD", "Good, local override", "Bad", "Uncertain"]),
+            [true, true, false, false]
+        );
+        let quality = Quality::of(&["0", "1"], &DataConfig::default()).expect_err("unknown");
+        assert!(quality.contains("data.good_quality"), "{quality}");
+        let given = DataConfig { good_quality: vec!["0".to_owned()], ..DataConfig::default() };
+        let quality = Quality::of(&["0", "1"], &given).expect("given");
+        assert_eq!((quality.is_good("0"), quality.is_good("1")), (Ok(true), Ok(false)));
+        // Zeros alone are good in OPC UA and bad in OPC Classic: the first code that decides is refused.
+        let quality = Quality::of(&["0"], &DataConfig::default()).expect("zeros");
+        assert!(quality.is_good("192").is_err());
+    }
+}

@@ -1,0 +1,357 @@
+//! Times as text: which notation a column has, and the instants that its cells name.
+
+use std::collections::BTreeSet;
+
+use jiff::{civil, fmt::strtime, tz::TimeZone};
+
+use crate::{
+    TimestampUnit,
+    log::{NO_TIME, guess_unit, typical},
+    time::{Stamp, parse_stamp},
+};
+
+/// How the times of a column are written.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Notation {
+    /// ISO 8601.
+    Iso,
+    /// A number since 1970.
+    Number(TimestampUnit),
+    /// As `strptime` has it.
+    Pattern(String),
+}
+
+impl Notation {
+    /// The instant or wall-clock time that `text` names.
+    pub(crate) fn read(&self, text: &str) -> Option<Stamp> {
+        match self {
+            Self::Iso => parse_stamp(text),
+            Self::Number(unit) => {
+                let number: f64 = text.parse().ok().filter(|number: &f64| number.is_finite())?;
+                // Whole numbers keep all their digits: nanoseconds have more than an f64.
+                let micros = text.parse::<i64>().map_or_else(
+                    |_| (number * unit.micros()).round() as i64,
+                    |whole| unit.in_micros(whole),
+                );
+                Some(Stamp::Instant(micros))
+            }
+            Self::Pattern(pattern) => read_pattern(pattern, text),
+        }
+    }
+
+    /// What a person calls it.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::Iso => "ISO 8601".to_owned(),
+            Self::Number(unit) => format!("numbers of {}", unit.name()),
+            Self::Pattern(pattern) => pattern.clone(),
+        }
+    }
+}
+
+fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
+    let parsed = strtime::parse(pattern, text)
+        .or_else(|error| {
+            if text.contains(',') {
+                strtime::parse(pattern, text.replace(',', "."))
+            } else {
+                Err(error)
+            }
+        })
+        .ok()?;
+    if parsed.offset().is_some()
+        || parsed.iana_time_zone().is_some()
+        || parsed.timestamp().is_some()
+    {
+        return Some(Stamp::Instant(parsed.to_timestamp().ok()?.as_microsecond()));
+    }
+    let wall = parsed
+        .to_datetime()
+        .or_else(|_| parsed.to_date().map(|date| date.to_datetime(civil::Time::midnight())))
+        .ok()?;
+    Some(Stamp::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
+}
+
+/// Which notations a column of times may have, as far as its cells have shown.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidates {
+    pub(crate) left: Vec<Notation>,
+    /// A cell that all of them can read: what to show where they differ.
+    pub(crate) example: String,
+    /// The first cell that none of them could read.
+    pub(crate) unreadable: Option<String>,
+}
+
+impl Candidates {
+    /// Those that can read all of `cells`, of which none is empty.
+    pub(crate) fn of(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
+        let Some(&first) = cells.first() else {
+            return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
+        };
+        let mut all = vec![Notation::Iso];
+        if let Some(numbers) =
+            cells.iter().map(|cell| cell.parse::<f64>().ok()).collect::<Option<Vec<f64>>>()
+        {
+            let unit = unit.unwrap_or_else(|| {
+                guess_unit(typical(numbers.iter().map(|number| number.abs()), numbers.len()))
+            });
+            all = vec![Notation::Number(unit)];
+        } else if parse_stamp(first).is_none() {
+            all = patterns(first).into_iter().map(Notation::Pattern).collect();
+        }
+        let mut candidates = Self { left: all, example: first.to_owned(), unreadable: None };
+        for cell in cells {
+            candidates.note(cell);
+        }
+        if candidates.left.is_empty() && candidates.unreadable.is_none() {
+            candidates.unreadable = Some(first.to_owned());
+        }
+        candidates
+    }
+
+    /// Leave out those that cannot read `cell`.
+    pub(crate) fn note(&mut self, cell: &str) {
+        let left: Vec<Notation> =
+            self.left.iter().filter(|notation| notation.read(cell).is_some()).cloned().collect();
+        if left.is_empty() && !self.left.is_empty() {
+            self.unreadable.get_or_insert_with(|| cell.to_owned());
+        }
+        self.left = left;
+    }
+
+    /// Whether those that are left read some cells differently.
+    pub(crate) fn is_ambiguous(&self) -> bool {
+        self.left.len() > 1
+    }
+
+    /// Each notation with what it makes of the example.
+    pub(crate) fn readings(&self) -> String {
+        let readings = self.left.iter().map(|notation| {
+            let Some(Stamp::Instant(micros) | Stamp::Wall(micros)) = notation.read(&self.example)
+            else {
+                return notation.name();
+            };
+            let time = calib_core::Timestamp::from_micros(micros);
+            format!(
+                "{} with data.timestamp_format = \"{}\"",
+                crate::format_time(time),
+                notation.name()
+            )
+        });
+        readings.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The patterns that `example` may be written in: its date in every order that it allows, then its time.
+fn patterns(example: &str) -> Vec<String> {
+    let Some((date, time)) = split(example) else { return Vec::new() };
+    let Some(time) = time_pattern(time) else { return Vec::new() };
+    let orders = date_patterns(date);
+    orders.into_iter().map(|date| format!("{date}{time}")).collect()
+}
+
+/// The date, and the time with what stands before it.
+fn split(example: &str) -> Option<(&str, &str)> {
+    let Some(colon) = example.find(':') else { return Some((example, "")) };
+    let hour = example[..colon].rfind(|c: char| !c.is_ascii_digit())?;
+    // 20240301T0600 has no colon; 2024-03-01 T 06:00 has spaces on both sides.
+    let date = example[..=hour].trim_end_matches([' ', 'T', '_', '-', ',', ':', '\t']);
+    Some((date, &example[date.len()..]))
+}
+
+fn date_patterns(date: &str) -> Vec<String> {
+    let separators: Vec<&str> =
+        date.split(|c: char| c.is_ascii_alphanumeric()).filter(|part| !part.is_empty()).collect();
+    let fields: Vec<&str> =
+        date.split(|c: char| !c.is_ascii_alphanumeric()).filter(|part| !part.is_empty()).collect();
+    let orders: &[[&str; 3]] = &[["%d", "%m", "Y"], ["%m", "%d", "Y"], ["Y", "%m", "%d"]];
+    let ([first, second, third], [before, after]) = (&fields[..], &separators[..]) else {
+        return match fields[..] {
+            [digits] if digits.len() == 8 && separators.is_empty() => vec!["%Y%m%d".to_owned()],
+            _ => Vec::new(),
+        };
+    };
+    let fields = [*first, *second, *third];
+    // Nobody writes 24-Mar-12 for a day in 2024.
+    let has_name = fields
+        .iter()
+        .any(|field| field.len() >= 3 && field.bytes().all(|byte| byte.is_ascii_alphabetic()));
+    let orders = if has_name && fields[0].len() < 4 { &orders[..2] } else { orders };
+    let all_of = |order: &[&str; 3]| -> Option<String> {
+        let mut pattern = String::new();
+        for ((kind, text), separator) in order.iter().zip(fields).zip([*before, *after, ""]) {
+            pattern.push_str(field_pattern(kind, text)?);
+            pattern.push_str(&separator.replace('%', "%%"));
+        }
+        Some(pattern)
+    };
+    let found: BTreeSet<String> = orders.iter().filter_map(all_of).collect();
+    found.into_iter().collect()
+}
+
+/// How a field of a date is written, if it can be of this kind.
+fn field_pattern(kind: &str, text: &str) -> Option<&'static str> {
+    let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+    match (kind, text.len()) {
+        ("Y", 4) if digits => Some("%Y"),
+        ("Y", 2) if digits => Some("%y"),
+        ("%m", 1 | 2) if digits => Some("%m"),
+        ("%d", 1 | 2) if digits => Some("%d"),
+        ("%m", 3) if text.bytes().all(|byte| byte.is_ascii_alphabetic()) => Some("%b"),
+        ("%m", 4..) if text.bytes().all(|byte| byte.is_ascii_alphabetic()) => Some("%B"),
+        _ => None,
+    }
+}
+
+/// The pattern of a time of day, with what stands before and after it.
+fn time_pattern(time: &str) -> Option<String> {
+    if time.is_empty() {
+        return Some(String::new());
+    }
+    let start = time.find(|c: char| c.is_ascii_digit())?;
+    let (before, time) = time.split_at(start);
+    let end = time.find(|c: char| !c.is_ascii_digit() && c != ':').unwrap_or(time.len());
+    let (clock, mut rest) = time.split_at(end);
+    let seconds = match clock.split(':').count() {
+        2 => "",
+        3 => ":%S",
+        _ => return None,
+    };
+    if let Some(fraction) = rest.strip_prefix(['.', ',']) {
+        rest = fraction.trim_start_matches(|c: char| c.is_ascii_digit());
+    }
+    let seconds = if seconds.is_empty() { "" } else { ":%S%.f" };
+    let space = rest.len() - rest.trim_start().len();
+    let (gap, rest) = rest.split_at(space);
+    let upper = rest.trim_end().to_ascii_uppercase();
+    let (hour, after) = match upper.as_str() {
+        "" => ("%H", String::new()),
+        "AM" | "PM" => ("%I", format!("{gap}%p")),
+        "Z" | "UTC" | "GMT" => ("%H", format!("{gap}{}", rest.trim_end())),
+        zone if zone.starts_with(['+', '-']) => {
+            let colons = zone.contains(':');
+            ("%H", format!("{gap}{}", if colons { "%:z" } else { "%z" }))
+        }
+        _ => return None,
+    };
+    Some(format!("{before}{hour}:%M{seconds}{after}"))
+}
+
+/// Wall-clock times of a place, one after the other as they were recorded, as instants.
+#[derive(Clone, Debug)]
+pub(crate) struct Zone {
+    zone: TimeZone,
+    last: i64,
+}
+
+impl Zone {
+    /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
+    pub(crate) fn new(name: &str) -> Option<Self> {
+        Some(Self { zone: TimeZone::get(name).ok()?, last: NO_TIME })
+    }
+
+    /// The instant at which clocks there showed `wall`. An hour that they showed twice is the first one, until
+    /// they have gone back; an hour that they left out is read by the clock before it.
+    pub(crate) fn instant(&mut self, wall: i64) -> i64 {
+        if wall == NO_TIME {
+            return NO_TIME;
+        }
+        let Ok(clock) = jiff::Timestamp::from_microsecond(wall) else { return NO_TIME };
+        let ambiguous = self.zone.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
+        let seconds = match ambiguous.offset() {
+            jiff::tz::AmbiguousOffset::Unambiguous { offset } => offset.seconds(),
+            jiff::tz::AmbiguousOffset::Gap { before, .. } => before.seconds(),
+            jiff::tz::AmbiguousOffset::Fold { before, after } => {
+                let first = wall - i64::from(before.seconds()) * 1_000_000;
+                if first < self.last { after.seconds() } else { before.seconds() }
+            }
+        };
+        self.last = wall - i64::from(seconds) * 1_000_000;
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn notation(cells: &[&str]) -> Vec<String> {
+        Candidates::of(cells, None).left.iter().map(Notation::name).collect()
+    }
+
+    fn reading(pattern: &str, text: &str) -> Option<String> {
+        let stamp = Notation::Pattern(pattern.to_owned()).read(text)?;
+        let (Stamp::Instant(micros) | Stamp::Wall(micros)) = stamp;
+        Some(crate::format_time(calib_core::Timestamp::from_micros(micros)))
+    }
+
+    #[test]
+    fn notations_are_told_by_their_cells() {
+        assert_eq!(notation(&["2024-03-01 06:00", "2024-03-01T06:01:00.5Z"]), ["ISO 8601"]);
+        assert_eq!(notation(&["1709272800", "1709272860"]), ["numbers of seconds"]);
+        assert_eq!(notation(&["1709272800000"]), ["numbers of milliseconds"]);
+        assert_eq!(notation(&["01-Mar-24 06:00:00.500"]), ["%d-%b-%y %H:%M:%S%.f"]);
+        assert_eq!(notation(&["2024/03/01 06:00"]), ["%Y/%m/%d %H:%M"]);
+        assert_eq!(notation(&["3/13/2024 6:00:00 PM"]), ["%m/%d/%Y %I:%M:%S%.f %p"]);
+        assert_eq!(notation(&["13.03.2024 06:00:00,25"]), ["%d.%m.%Y %H:%M:%S%.f"]);
+        assert_eq!(notation(&["March 1, 2024 06:00:00"]), ["%B %d, %Y %H:%M:%S%.f"]);
+        assert_eq!(notation(&["20240301 06:00:00"]), ["ISO 8601"], "its basic form");
+        assert_eq!(notation(&["2024-03-01 06:00:00 UTC"]), ["%Y-%m-%d %H:%M:%S%.f UTC"]);
+        assert_eq!(notation(&["01.03.2024", "13.03.2024"]), ["%d.%m.%Y"]);
+        assert!(notation(&["yesterday"]).is_empty());
+        assert_eq!(Candidates::of(&["yesterday"], None).unreadable.as_deref(), Some("yesterday"));
+    }
+
+    #[test]
+    fn a_day_that_may_be_a_month_has_two_readings() {
+        let mut candidates = Candidates::of(&["03/04/2024 10:00", "04/04/2024 10:00"], None);
+        assert!(candidates.is_ambiguous());
+        let readings = candidates.readings();
+        assert!(
+            readings
+                .contains("2024-04-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\"")
+        );
+        assert!(
+            readings
+                .contains("2024-03-04 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\"")
+        );
+        candidates.note("13/04/2024 10:00");
+        assert_eq!(candidates.left, [Notation::Pattern("%d/%m/%Y %H:%M".to_owned())]);
+        candidates.note("04/13/2024 10:00");
+        assert_eq!(candidates.unreadable.as_deref(), Some("04/13/2024 10:00"));
+        assert_eq!(notation(&["01/02/03"]).len(), 3, "the year may be anywhere");
+    }
+
+    #[test]
+    fn patterns_are_read() {
+        let read = |pattern, text, expected: &str| {
+            assert_eq!(reading(pattern, text).as_deref(), Some(expected), "{pattern} {text}");
+        };
+        read("%d-%b-%y %H:%M:%S%.f", "01-MAR-24 06:00:00.5", "2024-03-01 06:00:00.5");
+        read("%d.%m.%Y %H:%M:%S%.f", "13.03.2024 06:00:00,25", "2024-03-13 06:00:00.25");
+        read("%m/%d/%Y %I:%M:%S%.f %p", "3/13/2024 12:00:01 AM", "2024-03-13 00:00:01");
+        read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
+        read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
+        assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
+        let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
+        assert_eq!(number, Some(Stamp::Instant(1_709_272_800_000_000)));
+    }
+
+    #[test]
+    fn the_hour_that_comes_twice_is_told_by_what_came_before() {
+        let hour = 3_600_000_000;
+        // 2024-10-27: clocks in Paris go from 3:00 back to 2:00, at 1:00 UTC.
+        let wall = |text: &str| match parse_stamp(text) {
+            Some(Stamp::Wall(micros)) => micros,
+            other => panic!("{other:?}"),
+        };
+        let start = wall("2024-10-27T00:00:00");
+        let mut zone = Zone::new("Europe/Paris").expect("a zone");
+        let shown = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
+        let instants =
+            shown.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
+        let half_hours = instants.map(|micros| micros / (hour / 2));
+        assert_eq!(half_hours, [-1, 0, 1, 2, 3, 4]);
+        assert!(Zone::new("Europe/Atlantis").is_none());
+    }
+}

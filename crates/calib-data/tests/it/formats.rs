@@ -1,0 +1,314 @@
+//! Logs in the forms in which programs and historians write them (`scripts/golden/log_formats.py`).
+
+use std::{
+    fmt::Write as _,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_core::Silent;
+use calib_data::{
+    Contradictions, DataConfig, Dataset, PreprocessConfig, Resample, Shape, inspect, load,
+};
+
+use crate::support::{Folder, NAN, load_with, log_at, refused, train_seconds, train_values};
+
+fn golden(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/formats").join(name)
+}
+
+fn read(name: &str, change: impl FnOnce(&mut DataConfig)) -> Dataset {
+    let mut data = DataConfig { train_fraction: 0.7, ..DataConfig::at(golden(name)) };
+    change(&mut data);
+    load(&data, &PreprocessConfig::default(), &Silent)
+        .unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+fn same_as_reference(name: &str, shape: Shape, change: impl FnOnce(&mut DataConfig)) {
+    let reference = read("pyarrow.parquet", |_| {});
+    let got = read(name, change);
+    let names = |of: &Dataset| -> Vec<String> {
+        of.normaliser.columns().iter().map(|column| column.name.clone()).collect()
+    };
+    assert_eq!(names(&got), names(&reference), "{name}");
+    assert_eq!(got.train.states().as_slice(), reference.train.states().as_slice(), "{name}");
+    assert_eq!(got.fingerprint, reference.fingerprint, "{name}");
+    assert_eq!(got.held_out_fingerprint, reference.held_out_fingerprint, "{name}");
+    assert_eq!(got.profile.shape, shape, "{name}");
+}
+
+#[test]
+fn wide_text_of_other_programs_is_the_same_log() {
+    for name in [
+        "polars.csv",
+        "polars.csv.gz",
+        "pyarrow.csv.zst",
+        "pandas.tsv",
+        "pandas-german.csv",
+        "pandas-us.csv",
+        "pandas-pi.csv",
+        "pandas-units.csv",
+        "pandas-epoch.csv",
+        "duckdb-zone.csv",
+    ] {
+        same_as_reference(name, Shape::Wide, |_| {});
+    }
+    same_as_reference("pandas-paris.csv", Shape::Wide, |data| {
+        data.time_zone = Some("Europe/Paris".to_owned());
+    });
+}
+
+#[test]
+fn long_tables_of_other_programs_are_the_same_log() {
+    for name in [
+        "pandas-long.csv",
+        "pandas-long-quality.csv",
+        "polars-long.csv",
+        "duckdb-long.parquet",
+        "ignition.csv",
+        "aveva.csv",
+        "influxdb.csv",
+    ] {
+        same_as_reference(name, Shape::Long, |_| {});
+    }
+}
+
+#[test]
+fn files_of_one_tag_each_are_the_same_log() {
+    for name in ["polars-per-tag", "pandas-per-tag", "duckdb-hive"] {
+        same_as_reference(name, Shape::FilePerTag, |_| {});
+    }
+}
+
+#[test]
+fn working_files_change_nothing() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for name in ["polars.csv", "pandas-long-quality.csv"] {
+        let in_memory = read(name, |_| {});
+        let on_disk = read(name, |data| {
+            data.scratch = calib_files::ScratchPlace::Disk(scratch.path().to_owned());
+        });
+        assert_eq!(in_memory.fingerprint, on_disk.fingerprint);
+    }
+    assert_eq!(fs::read_dir(scratch.path()).expect("readable").count(), 0);
+}
+
+#[test]
+fn bad_quality_is_missing_and_counted() {
+    let profile = read("pandas-long-quality.csv", |_| {}).profile;
+    let missing = |name: &str| profile.channel(name).expect("a channel").missing;
+    assert_eq!((profile.bad_quality, missing("PIT300"), missing("TIT101")), (7, 4, 3));
+    let words = &profile.channel("PIT300").expect("a channel").values;
+    assert!(words.as_ref().is_some_and(|values| values.min > 0.0), "-9999 was bad");
+}
+
+fn text(name: &str, text: &str) -> Folder {
+    let folder = Folder::new();
+    fs::write(folder.file(name), text).expect("written");
+    folder
+}
+
+fn message(folder: &Folder, change: impl FnOnce(&mut DataConfig)) -> String {
+    let mut data = folder.data();
+    change(&mut data);
+    refused(&data, &PreprocessConfig::default()).to_string()
+}
+
+#[test]
+fn a_day_that_may_be_a_month_is_asked_for() {
+    let rows = |days: std::ops::Range<u32>| {
+        let row = |day: u32| format!("0{}/{day:02}/2024 10:00,{day}\n", 3);
+        let rows: String = days.map(row).collect();
+        format!("time,a\n{rows}")
+    };
+    let folder = text("a.csv", &rows(1..9));
+    let error = message(&folder, |_| {});
+    assert!(
+        error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""),
+        "{error}"
+    );
+    assert!(
+        error.contains("2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\""),
+        "{error}"
+    );
+    let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
+    assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
+    // Another file, or a later row, tells.
+    fs::write(folder.file("b.csv"), rows(9..20)).expect("written");
+    let dataset = folder.load();
+    assert_eq!((dataset.train.rows(), dataset.period.as_secs()), (19, 86_400.0));
+}
+
+#[test]
+fn what_text_leaves_open_is_refused_with_the_line() {
+    let error = |content: &str| message(&text("a.csv", content), |_| {});
+    let short = error("time,a,b\n2024-01-01,1,2\n2024-01-02,1\n");
+    assert!(short.contains("a.csv, line 3: 2 cells, and the header names 3 columns"), "{short}");
+    let late = error("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n");
+    assert!(late.contains("soon"), "{late}");
+    let decimal = error("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
+    assert!(decimal.contains("data.decimal"), "{decimal}");
+    let header = error("2024-01-01,1,2\n2024-01-02,1,2\n");
+    assert!(header.contains("expected a header"), "{header}");
+    let no_time = error("a,b\n1.5,x\n2.5,y\n");
+    assert!(no_time.contains("has no column \"timestamp\""), "{no_time}");
+}
+
+#[test]
+fn one_file_per_tag_never_loses_tags() {
+    let folder = Folder::new();
+    let times = || 0..20_i64;
+    let values =
+        |factor: f64| -> Vec<f64> { times().map(|row| factor * (row % 7) as f64).collect() };
+    for (name, factor) in [("a", 1.0), ("b", 2.0), ("c", 3.0)] {
+        folder.write(&format!("{name}.parquet"), &log_at(times(), &[("value", &values(factor))]));
+    }
+    let dataset = folder.load();
+    let names: Vec<&str> =
+        dataset.profile.channels.iter().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(names, ["a", "b", "c"]);
+    assert_eq!(train_values(&dataset, "c"), values(3.0));
+    // The same as columns of one name each, on clocks of their own.
+    let folder = Folder::new();
+    folder.write("x.parquet", &log_at(0..10, &[("a", &values(1.0)[..10])]));
+    folder.write("y.parquet", &log_at(5..15, &[("b", &values(2.0)[..10])]));
+    let profile = folder.inspect();
+    assert_eq!((profile.shape, profile.rows), (Shape::FilePerTag, 15));
+    assert_eq!(profile.channel("b").expect("a channel").missing, 5);
+}
+
+#[test]
+fn wide_files_of_different_channels_are_merged_by_column() {
+    let folder = Folder::new();
+    let values: Vec<f64> = (0..20_u8).map(f64::from).collect();
+    let more: Vec<f64> = values.iter().map(|value| value * 2.0).collect();
+    folder.write("x.parquet", &log_at(0..20, &[("a", &values), ("b", &more)]));
+    folder.write("y.parquet", &log_at(0..20, &[("c", &more), ("d", &values)]));
+    let dataset = folder.load();
+    assert_eq!(train_values(&dataset, "c"), more);
+    assert_eq!((dataset.profile.rows, dataset.profile.contradictions.count), (20, 0));
+    let missing: u64 = dataset.profile.channels.iter().map(|channel| channel.missing).sum();
+    assert_eq!(missing, 0);
+}
+
+#[test]
+fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
+    let folder = Folder::new();
+    folder.write(
+        "a.parquet",
+        &log_at(
+            [0, 1, 1, 2, 2, 3, 3, 4, 4],
+            &[("a", &[0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5])],
+        ),
+    );
+    let error = message(&folder, |_| {});
+    assert!(error.contains("contradict each other in 4 values"), "{error}");
+    assert!(error.contains("at 1970-01-01 00:00:01 a is 1 and 1.5; at 1970-01-01 00:00:02 a is 2 and 2.5; at 1970-01-01 00:00:03 a is 3 and 3.5."), "{error}");
+    assert_eq!(folder.inspect().contradictions.count, 4, "to be looked at");
+    let keep = |contradictions| {
+        let data = DataConfig { contradictions, ..folder.data() };
+        train_values(&load_with(&data, &PreprocessConfig::default()), "a")
+    };
+    assert_eq!(keep(Contradictions::First), [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(keep(Contradictions::Last), [0.0, 1.5, 2.5, 3.5, 4.5]);
+    // Of samples too.
+    let long = text("a.csv", "time,tag,value\n2024-01-01,a,1\n2024-01-01,a,2\n2024-01-02,a,3\n");
+    assert!(message(&long, |_| {}).contains("a is 1 and 2"));
+}
+
+#[test]
+fn a_long_table_is_never_one_channel() {
+    // Names say it, whatever the clocks.
+    let named = text(
+        "a.csv",
+        "time;Tag Name;Value\n2024-01-01 00:00:00;b;1,5\n2024-01-01 00:00:30;a;2\n2024-01-01 00:01:00;b;3\n2024-01-01 00:01:30;a;4\n",
+    );
+    let names: Vec<String> =
+        named.inspect().channels.into_iter().map(|channel| channel.name).collect();
+    assert_eq!(names, ["a", "b"]);
+    // Names say nothing: the words alternate, as tags do.
+    let mut rows = String::new();
+    for row in 0..40 {
+        writeln!(rows, "2024-01-01 00:00:{row:02},{},{row}", ["x", "y", "z"][row % 3])
+            .expect("memory");
+    }
+    let unnamed = text("a.csv", &format!("when,what,how much\n{rows}"));
+    let data = DataConfig { timestamp: "when".to_owned(), ..unnamed.data() };
+    assert_eq!(
+        inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log").shape,
+        Shape::Long
+    );
+    // Words that seldom change are modes, or a tag that speaks seldom: that must be said.
+    let mut rows = String::new();
+    for row in 0..40 {
+        writeln!(rows, "2024-01-01 00:00:{row:02},{},{row}", ["x", "y"][row / 20]).expect("memory");
+    }
+    let unclear = text("a.csv", &format!("when,what,how much\n{rows}"));
+    let error = message(&unclear, |data| data.timestamp = "when".to_owned());
+    assert!(
+        error.contains("data.tag = \"what\"") && error.contains("data.shape = \"wide\""),
+        "{error}"
+    );
+    // A wide table with numbers beside what looks like a sample.
+    let both = text("a.csv", "time,sensor,value,pressure\n2024-01-01,x,1,2\n2024-01-02,x,1,3\n");
+    assert!(message(&both, |_| {}).contains("data.shape = \"long\" or \"wide\""));
+}
+
+#[test]
+fn changes_are_resampled_to_a_clock() {
+    let times = [0, 3, 10, 25, 31, 60, 61];
+    let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];
+    let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
+    let folder = Folder::new();
+    folder.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
+    let with = |resample| {
+        let data = DataConfig {
+            resample: Some(resample),
+            period_secs: Some(10.0),
+            max_age_secs: Some(30.0),
+            ..folder.data()
+        };
+        load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() })
+    };
+    let last = with(Resample::Last);
+    assert_eq!(train_seconds(&last), [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]);
+    assert_eq!(train_values(&last, "a"), [2.0, 2.0, 3.0, 3.0, 3.0, 4.0]);
+    assert_eq!(train_values(&last, "b"), [5.0, 5.0, 5.0, 6.0, 6.0, 6.0]);
+    let mean = with(Resample::Mean);
+    assert_eq!(train_values(&mean, "a"), [1.0, 2.0, 2.5, 3.0, 3.0, 3.0]);
+    // The same from samples.
+    let long = Folder::new();
+    let samples: String = [("a", a), ("b", b)]
+        .iter()
+        .flat_map(|(tag, values)| {
+            times
+                .iter()
+                .zip(values)
+                .filter(|(_, value)| !value.is_nan())
+                .map(move |(time, value)| format!("{time},{tag},{value}\n"))
+        })
+        .collect();
+    fs::write(long.file("a.csv"), format!("time,tag,value\n{samples}")).expect("written");
+    let data = DataConfig {
+        resample: Some(Resample::Last),
+        period_secs: Some(10.0),
+        max_age_secs: Some(30.0),
+        ..long.data()
+    };
+    let of_samples =
+        load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() });
+    assert_eq!(of_samples.fingerprint, last.fingerprint);
+    let error = refused(
+        &DataConfig { resample: Some(Resample::Last), ..folder.data() },
+        &PreprocessConfig::default(),
+    );
+    assert!(error.to_string().contains("data.period_secs"), "{error}");
+}
+
+#[test]
+fn text_beside_parquet_is_left_alone() {
+    let folder = Folder::new();
+    folder.write("a.parquet", &log_at(0..5, &[("a", &[1.0, 2.0, 3.0, 4.0, 5.0])]));
+    fs::write(folder.file("tags.csv"), "tag,unit\na,kPa\n").expect("written");
+    assert_eq!(folder.inspect().files, 1);
+}

@@ -1,0 +1,128 @@
+//! Any shape and notation of the same data gives the same states.
+
+use std::{
+    fmt::Write as _,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_core::{Silent, Timestamp};
+use calib_data::{DataConfig, Paths, PreprocessConfig, format_time, load, table::Table};
+use proptest::prelude::*;
+
+use crate::support::{Folder, NAN, optional};
+
+/// Rows with times in seconds and a value of some channels; the first channel has one in every row.
+fn tables() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
+    let value = || prop_oneof![4 => (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0), 1 => Just(NAN)];
+    (1_usize..4, 4_usize..30).prop_flat_map(move |(channels, rows)| {
+        let first = prop::collection::vec(
+            (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0),
+            rows,
+        );
+        let others = prop::collection::vec(prop::collection::vec(value(), rows), channels);
+        let steps = prop::collection::vec(prop_oneof![6 => Just(60_i64), 1 => 1_i64..300], rows);
+        (first, others, steps).prop_map(|(first, others, steps)| {
+            let mut time = 1_710_286_200;
+            let times = steps.into_iter().map(|step| {
+                time += step;
+                time
+            });
+            (times.collect(), [vec![first], others].concat())
+        })
+    })
+}
+
+const NAMES: [&str; 4] = ["A 1", "B,2", "C", "D"];
+
+/// The table in every shape and notation that it can have, each in a folder of its own.
+fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<PathBuf> {
+    let at = |seconds: i64| format_time(Timestamp::from_micros(seconds * 1_000_000));
+    let cell = |value: f64, comma: bool| match (value.is_nan(), comma) {
+        (true, _) => String::new(),
+        (_, false) => value.to_string(),
+        (_, true) => format!("{value:?}").replace('.', ","),
+    };
+    let mut made = Vec::new();
+    let mut make = |name: &str, files: Vec<(String, String)>| {
+        let at = folder.file(name);
+        fs::create_dir_all(&at).expect("created");
+        for (file, text) in files {
+            fs::write(at.join(file), text).expect("written");
+        }
+        made.push(at);
+    };
+    for (name, separator, comma) in
+        [("comma", ',', false), ("semicolon", ';', true), ("tab", '\t', false)]
+    {
+        let mut text = String::from("timestamp");
+        let header = NAMES.iter().take(channels.len());
+        header.for_each(|name| write!(text, "{separator}\"{name}\"").expect("memory"));
+        text.push('\n');
+        for (row, &time) in times.iter().enumerate() {
+            text.push_str(&at(time));
+            for of in channels {
+                write!(text, "{separator}{}", cell(of[row], comma)).expect("memory");
+            }
+            text.push_str("\r\n");
+        }
+        make(name, vec![("log.csv".to_owned(), text)]);
+    }
+    let sample = |tag: usize, row: usize| {
+        format!("\"{}\",{},{}\n", NAMES[tag], at(times[row]), channels[tag][row])
+    };
+    let there = |tag: usize, row: usize| !channels[tag][row].is_nan();
+    let rows = || 0..times.len();
+    let by_time = rows().flat_map(|row| {
+        (0..channels.len()).filter(move |&tag| there(tag, row)).map(move |tag| (tag, row))
+    });
+    let by_tag = (0..channels.len()).rev().flat_map(|tag| {
+        rows().rev().filter(move |&row| there(tag, row)).map(move |row| (tag, row))
+    });
+    let header = "tag,timestamp,value\n";
+    let text = |pairs: Vec<(usize, usize)>| -> String {
+        std::iter::once(header.to_owned())
+            .chain(pairs.into_iter().map(|(tag, row)| sample(tag, row)))
+            .collect()
+    };
+    make("long", vec![("log.csv".to_owned(), text(by_time.collect()))]);
+    make("by-tag", vec![("log.csv".to_owned(), text(by_tag.collect()))]);
+    let per_tag = (0..channels.len()).map(|tag| {
+        let rows = rows()
+            .filter(|&row| there(tag, row))
+            .map(|row| format!("{},{}\n", at(times[row]), channels[tag][row]));
+        (
+            format!("{}.csv", NAMES[tag]),
+            std::iter::once("timestamp,value\n".to_owned()).chain(rows).collect(),
+        )
+    });
+    make("per-tag", per_tag.collect());
+    made
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn any_shape_of_the_same_data_gives_the_same_states((times, channels) in tables()) {
+        let folder = Folder::new();
+        let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
+        let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
+            table.with_optional(*name, optional(values))
+        });
+        folder.write("wide.parquet", &wide);
+        let load = |path: &Path| {
+            let data = DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() };
+            let preprocess = PreprocessConfig { max_missing: 0.6, fill_limit: 3, ..PreprocessConfig::default() };
+            load(&data, &preprocess, &Silent).map(|of| (of.fingerprint, of.held_out_fingerprint)).map_err(|error| error.to_string())
+        };
+        let expected = load(&folder.file("wide.parquet"));
+        for path in write_shapes(&folder, &times, &channels) {
+            let got = load(&path);
+            match (&got, &expected) {
+                (Ok(got), Ok(expected)) => prop_assert_eq!(got, expected, "{}", path.display()),
+                (Err(_), Err(_)) => {}
+                _ => prop_assert!(false, "{}: {:?} and {:?}", path.display(), got, expected),
+            }
+        }
+    }
+}

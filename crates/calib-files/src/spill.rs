@@ -1,0 +1,108 @@
+use std::{
+    fs::File,
+    io::{Read as _, Seek as _, SeekFrom, Write as _},
+    path::PathBuf,
+    sync::{Mutex, PoisonError},
+};
+
+use crate::{FileError, ScratchPlace, create_directory};
+
+/// Bytes that are appended once and read back from anywhere, in memory or in a nameless file: what is too much
+/// for the memory, and of no use to anybody later.
+#[derive(Debug)]
+pub struct Spill {
+    storage: Storage,
+    bytes: u64,
+}
+
+#[derive(Debug)]
+enum Storage {
+    Heap(Vec<u8>),
+    Disk { file: Mutex<File>, directory: PathBuf },
+}
+
+impl Spill {
+    /// Nothing yet.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn new(place: &ScratchPlace) -> Result<Self, FileError> {
+        let storage = match place {
+            ScratchPlace::Memory => Storage::Heap(Vec::new()),
+            ScratchPlace::Disk(directory) => {
+                create_directory(directory)?;
+                let file = tempfile::tempfile_in(directory)
+                    .map_err(|source| FileError::io("make a working file in", directory, source))?;
+                Storage::Disk { file: Mutex::new(file), directory: directory.clone() }
+            }
+        };
+        Ok(Self { storage, bytes: 0 })
+    }
+
+    /// Append `bytes`; the place where they begin.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<u64, FileError> {
+        let at = self.bytes;
+        match &mut self.storage {
+            Storage::Heap(all) => all.extend_from_slice(bytes),
+            Storage::Disk { file, directory } => {
+                let file = file.get_mut().unwrap_or_else(PoisonError::into_inner);
+                file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(bytes)).map_err(
+                    |source| FileError::io("write a working file in", directory, source),
+                )?;
+            }
+        }
+        self.bytes += bytes.len() as u64;
+        Ok(at)
+    }
+
+    /// Read what lies from `at` on.
+    ///
+    /// # Errors
+    /// If the disk fails.
+    ///
+    /// # Panics
+    /// If so much was not appended.
+    pub fn read(&self, at: u64, bytes: &mut [u8]) -> Result<(), FileError> {
+        assert!(at + bytes.len() as u64 <= self.bytes, "only what was appended can be read");
+        match &self.storage {
+            Storage::Heap(all) => {
+                let start = at as usize;
+                bytes.copy_from_slice(&all[start..start + bytes.len()]);
+                Ok(())
+            }
+            Storage::Disk { file, directory } => {
+                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                file.seek(SeekFrom::Start(at))
+                    .and_then(|_| file.read_exact(bytes))
+                    .map_err(|source| FileError::io("read a working file in", directory, source))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_appended_is_read_back_from_anywhere() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let disk = ScratchPlace::Disk(directory.path().join("new"));
+        for place in [ScratchPlace::Memory, disk] {
+            let mut spill = Spill::new(&place).expect("room");
+            assert_eq!(spill.append(b"first").expect("room"), 0);
+            let mut read = [0; 3];
+            spill.read(1, &mut read).expect("there");
+            assert_eq!(&read, b"irs");
+            assert_eq!(spill.append(b"second").expect("room"), 5);
+            let mut read = [0; 8];
+            spill.read(3, &mut read).expect("there");
+            assert_eq!(&read, b"stsecond");
+        }
+        let left = std::fs::read_dir(directory.path().join("new")).expect("readable").count();
+        assert_eq!(left, 0, "working files have no name");
+    }
+}

@@ -1,0 +1,160 @@
+use calib_data::{Shape, Sketch};
+
+use crate::Scope;
+
+/// Runs of missing values are filled up to so many rows, whatever they are.
+const MOST_FILLED: usize = 120;
+/// What `preprocess.fill_limit` is where nothing speaks for more.
+const LEAST_FILLED: usize = 10;
+/// Channels with a value in fewer rows than this are on clocks of their own.
+const SPARSE: f64 = 0.5;
+
+/// What counts as a gap, and how far values are carried over missing ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cleaning {
+    /// `data.gap_tolerance`, and why.
+    pub gap_tolerance: (f64, String),
+    /// `preprocess.fill_limit`, and why.
+    pub fill_limit: (usize, String),
+}
+
+impl Cleaning {
+    /// Where most gaps are of one or two rows, these are no gaps; where most runs of missing values are longer than ten rows,
+    /// they are filled all the same.
+    pub fn of(sketch: &Sketch, scope: &Scope) -> Self {
+        let times = &sketch.timestamps[scope.rows.clone()];
+        let steps = times.windows(2).map(|pair| pair[1].micros_since(pair[0]) as f64 / 1e6);
+        let gaps: Vec<f64> =
+            steps.map(|secs| secs / sketch.period_secs).filter(|periods| *periods > 1.5).collect();
+        let within = |periods: f64| gaps.iter().filter(|gap| **gap <= periods).count();
+        let most = |periods: f64| !gaps.is_empty() && 2 * within(periods) > gaps.len();
+        let gap_tolerance = if most(2.5) {
+            (
+                2.5,
+                format!(
+                    "{} of {} gaps are single missing rows: they are none",
+                    within(2.5),
+                    gaps.len()
+                ),
+            )
+        } else if most(3.5) {
+            (
+                3.5,
+                format!(
+                    "{} of {} gaps are one or two missing rows: they are none",
+                    within(3.5),
+                    gaps.len()
+                ),
+            )
+        } else {
+            (1.5, format!("{} gaps are longer", gaps.len()))
+        };
+        let runs = scope.channels.iter().map(|&channel| sketch.channels[channel].missing_run);
+        let longest = runs.max().unwrap_or(0);
+        let fill_limit = match longest {
+            0 => (LEAST_FILLED, "hardly a value is missing".to_owned()),
+            1..=LEAST_FILLED => {
+                (LEAST_FILLED, format!("most runs of missing values are of at most {longest} rows"))
+            }
+            more if more <= MOST_FILLED => {
+                (more, format!("most runs of missing values are of at most {more} rows"))
+            }
+            more => (
+                MOST_FILLED,
+                format!(
+                    "runs of missing values reach {more} rows: the longest of them end a segment"
+                ),
+            ),
+        };
+        Self { gap_tolerance, fill_limit }
+    }
+}
+
+/// The clock that channels are put on which were recorded at times of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    /// `data.period_secs`.
+    pub period_secs: f64,
+    /// `data.max_age_secs`.
+    pub max_age_secs: f64,
+}
+
+impl Clock {
+    /// `None` where rows have values of most channels. Else the median of how often channels were recorded, rounded to what people
+    /// call a period, and ten times the slowest of them as the age at which a value is forgotten.
+    pub fn of(sketch: &Sketch) -> Option<Self> {
+        let share = |of: &calib_data::ChannelSketch| {
+            of.present.iter().sum::<f64>() / of.present.len().max(1) as f64
+        };
+        let alive: Vec<&calib_data::ChannelSketch> =
+            sketch.channels.iter().filter(|of| share(of) > 0.0).collect();
+        let sparse = alive.iter().filter(|of| share(of) < SPARSE).count();
+        if alive.len() < 2 || 2 * sparse <= alive.len() {
+            return None;
+        }
+        // A wide table that is mostly empty may be of plants that were recorded one after the other: then channels are as dense as rows,
+        // where they are.
+        let mut own: Vec<f64> = alive.iter().filter_map(|of| of.own_period_secs).collect();
+        own.sort_by(f64::total_cmp);
+        let median = *own.get(own.len() / 2)?;
+        if sketch.shape == Shape::Wide && median <= 2.0 * sketch.period_secs {
+            return None;
+        }
+        let slowest = own.get(own.len() * 9 / 10).copied().unwrap_or(median);
+        let period_secs = round(median);
+        Some(Self { period_secs, max_age_secs: round((10.0 * slowest).max(10.0 * period_secs)) })
+    }
+}
+
+/// The nearest of the spans that people count in.
+fn round(secs: f64) -> f64 {
+    const NICE: [f64; 22] = [
+        0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0,
+        1_200.0, 1_800.0, 3_600.0, 7_200.0, 21_600.0, 43_200.0, 86_400.0,
+    ];
+    let distance = |nice: f64| (nice / secs).ln().abs();
+    NICE.into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(secs)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Timestamp;
+
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    #[test]
+    fn single_missing_rows_are_no_gaps() {
+        let mut log = sketch(1_000, &[("A", wave(40.0))]);
+        let scope = Scope::of(&log).expect("a channel");
+        assert_eq!(Cleaning::of(&log, &scope).gap_tolerance.0, 1.5);
+        for (row, time) in log.timestamps.iter_mut().enumerate() {
+            let lost = (row / 100) as i64;
+            *time = Timestamp::from_micros(time.as_micros() + lost * 60_000_000);
+        }
+        log.channels[0].missing_run = 500;
+        let cleaning = Cleaning::of(&log, &scope);
+        assert_eq!((cleaning.gap_tolerance.0, cleaning.fill_limit.0), (2.5, 120));
+        assert!(cleaning.gap_tolerance.1.starts_with("9 of 9"), "{}", cleaning.gap_tolerance.1);
+    }
+
+    #[test]
+    fn channels_that_are_stored_on_change_get_a_clock() {
+        let every = |rows: usize, offset: usize| -> crate::testing::Channel {
+            Box::new(
+                move |row| {
+                    if row % rows == offset { (row as f64 / 50.0).sin() } else { f64::NAN }
+                },
+            )
+        };
+        let mut log = sketch(3_200, &[("A", every(3, 0)), ("B", every(7, 2)), ("C", every(4, 1))]);
+        log.shape = Shape::Long;
+        for (of, secs) in log.channels.iter_mut().zip([180.0, 420.0, 240.0]) {
+            of.own_period_secs = Some(secs);
+        }
+        let clock = Clock::of(&log).expect("on change");
+        assert_eq!((clock.period_secs, clock.max_age_secs), (300.0, 3_600.0));
+        let whole = sketch(640, &[("A", wave(9.0)), ("B", wave(7.0))]);
+        assert_eq!(Clock::of(&whole), None);
+    }
+}

@@ -1,0 +1,173 @@
+use std::ops::Range;
+
+use calib_core::Timestamp;
+use calib_data::{Sketch, format_time};
+
+use crate::{ProposeError, Scope};
+
+/// The share of the rows that is held out: enough for several windows, and two thirds are left to learn from.
+const HELD_OUT: f64 = 1.0 / 3.0;
+/// How far from there, in shares of the rows, a better place for the cut may be.
+const NEARBY: f64 = 0.08;
+/// A gap of so many periods is a place to cut.
+const GAP_PERIODS: f64 = 10.0;
+/// Rows of the log that a study wants at least.
+const LEAST: usize = 300;
+
+/// Where the log is cut into what is learnt from and what is held out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// The training range: its first moment, and the first after it.
+    pub train: [Timestamp; 2],
+    /// What is held out, likewise.
+    pub held_out: [Timestamp; 2],
+    /// Rows of the two.
+    pub rows: [usize; 2],
+    /// Why here.
+    pub reason: String,
+}
+
+impl Cut {
+    /// Hold out the last third of the rows (of time it could be anything: sessions may lie months apart), from a gap
+    /// on if one is near, else from midnight, else from a full hour.
+    ///
+    /// # Errors
+    /// If there are too few rows.
+    pub fn of(sketch: &Sketch, scope: &Scope) -> Result<Self, ProposeError> {
+        let times = &sketch.timestamps[scope.rows.clone()];
+        let rows = times.len();
+        if rows < LEAST {
+            return Err(ProposeError::TooShort { rows, least: LEAST });
+        }
+        let at = |share: f64| (share * rows as f64) as usize;
+        let aim = at(1.0 - HELD_OUT);
+        let near = at(1.0 - HELD_OUT - NEARBY)..at(1.0 - HELD_OUT + NEARBY).min(rows - 1);
+        let (cut, place) = place(times, near, aim, sketch.period_secs);
+        let end = Timestamp::from_micros(
+            times[rows - 1].as_micros() + (1e6 * sketch.period_secs).ceil() as i64,
+        );
+        let start = if place.is_empty() { times[cut] } else { moment(times, cut, place) };
+        Ok(Self {
+            train: [times[0], start],
+            held_out: [start, end],
+            rows: [cut, rows - cut],
+            reason: format!(
+                "{:.0} % of the rows are held out{place}",
+                100.0 * (rows - cut) as f64 / rows as f64
+            ),
+        })
+    }
+
+    /// The training range without what lies before its last `rows` rows, of a log with these `timestamps`.
+    #[must_use]
+    pub fn shortened(&self, timestamps: &[Timestamp], rows: usize) -> Self {
+        let end = timestamps.partition_point(|time| *time < self.train[1]);
+        let start = end.saturating_sub(rows.min(self.rows[0]));
+        let mut shortened = self.clone();
+        shortened.train[0] = timestamps[start];
+        shortened.rows[0] = end - start;
+        shortened
+    }
+
+    /// The range of the rows in both, of a log with these `timestamps`.
+    pub fn span(&self, timestamps: &[Timestamp]) -> Range<usize> {
+        let at = |moment: Timestamp| timestamps.partition_point(|time| *time < moment);
+        at(self.train[0])..at(self.held_out[1])
+    }
+
+    /// A range as a study has it.
+    pub(crate) fn toml(range: &[Timestamp; 2]) -> String {
+        let text = |time: &Timestamp| format_time(*time).replace(' ', "T");
+        format!("{{ start = {}, end = {} }}", text(&range[0]), text(&range[1]))
+    }
+}
+
+/// The row before which it is best to cut, and what is said of the place.
+fn place(
+    times: &[Timestamp],
+    near: Range<usize>,
+    aim: usize,
+    period_secs: f64,
+) -> (usize, &'static str) {
+    let step = |row: usize| times[row].micros_since(times[row - 1]);
+    let widest = near.clone().skip(1).max_by_key(|&row| (step(row), row));
+    if let Some(row) = widest.filter(|&row| step(row) as f64 / 1e6 > GAP_PERIODS * period_secs) {
+        return (row, ", from a gap on");
+    }
+    for (unit, said) in [(86_400, ", from midnight on"), (3_600, ", from a full hour on")] {
+        let starts = |row: &usize| unit_of(times[*row], unit) != unit_of(times[row - 1], unit);
+        if let Some(row) = near.clone().skip(1).filter(starts).min_by_key(|row| row.abs_diff(aim)) {
+            return (row, said);
+        }
+    }
+    (aim, "")
+}
+
+/// Days or hours since 1970.
+fn unit_of(time: Timestamp, secs: i64) -> i64 {
+    time.as_micros().div_euclid(secs * 1_000_000)
+}
+
+/// The moment that the held-out range starts at: a full hour where that is what was looked for.
+fn moment(times: &[Timestamp], cut: usize, place: &str) -> Timestamp {
+    let secs = if place.ends_with("midnight on") {
+        86_400
+    } else if place.ends_with("hour on") {
+        3_600
+    } else {
+        return times[cut];
+    };
+    Timestamp::from_micros(unit_of(times[cut], secs) * secs * 1_000_000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    fn scope(rows: usize) -> Scope {
+        Scope { rows: 0..rows, channels: vec![0], left_out: Vec::new(), is_part: false }
+    }
+
+    #[test]
+    fn a_third_of_the_rows_is_held_out_from_a_round_time_on() {
+        let log = sketch(30 * 1_440, &[("A", wave(40.0))]);
+        let cut = Cut::of(&log, &scope(30 * 1_440)).expect("enough");
+        assert_eq!(
+            Cut::toml(&cut.train),
+            "{ start = 1970-01-01T00:00:00, end = 1970-01-21T00:00:00 }"
+        );
+        assert_eq!(
+            Cut::toml(&cut.held_out),
+            "{ start = 1970-01-21T00:00:00, end = 1970-01-31T00:00:00 }"
+        );
+        assert_eq!(cut.rows, [20 * 1_440, 10 * 1_440]);
+        assert!(cut.reason.ends_with("from midnight on"), "{}", cut.reason);
+        let short = Cut::of(&log, &scope(600)).expect("enough");
+        assert_eq!(
+            Cut::toml(&short.held_out),
+            "{ start = 1970-01-01T07:00:00, end = 1970-01-01T10:00:00 }"
+        );
+    }
+
+    #[test]
+    fn sessions_are_not_cut_in_two_if_that_can_be_helped() {
+        let mut log = sketch(3_000, &[("A", wave(40.0))]);
+        for (row, time) in log.timestamps.iter_mut().enumerate() {
+            let session = row as i64 / 950;
+            *time = Timestamp::from_micros(time.as_micros() + session * 30 * 86_400_000_000);
+        }
+        let cut = Cut::of(&log, &scope(3_000)).expect("enough");
+        assert_eq!(cut.rows, [1_900, 1_100], "by rows, not by the months between");
+        assert_eq!(cut.held_out[0], log.timestamps[1_900]);
+        assert_eq!(cut.span(&log.timestamps), 0..3_000);
+        let latest = cut.shortened(&log.timestamps, 500);
+        assert_eq!((latest.rows, latest.train[0]), ([500, 1_100], log.timestamps[1_400]));
+    }
+
+    #[test]
+    fn too_few_rows_are_refused() {
+        let log = sketch(299, &[("A", wave(40.0))]);
+        assert!(Cut::of(&log, &scope(299)).is_err());
+    }
+}

@@ -1,0 +1,295 @@
+use std::fmt::Write as _;
+
+use calib_data::Sketch;
+use toml::Value;
+
+use crate::{
+    Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
+    size::{LEAST_STEPS, MEMBERS},
+};
+
+/// Steps of a rollout at most: enough to look at.
+const ROLLOUT_STEPS: usize = 3_000;
+/// Sensors that are named in a comment.
+const NAMED: usize = 12;
+/// The column in which comments begin, where there is room.
+const COMMENTS: usize = 44;
+
+/// A study file that explains itself.
+#[derive(Clone, Debug)]
+pub struct Draft<'a> {
+    /// What was looked at.
+    pub sketch: &'a Sketch,
+    /// `data.path`, as the study has it.
+    pub path: &'a str,
+    /// Which part and which channels.
+    pub scope: &'a Scope,
+    /// Which ranges.
+    pub cut: &'a Cut,
+    /// What counts as a gap.
+    pub cleaning: &'a Cleaning,
+    /// On which clock, if channels have clocks of their own.
+    pub clock: Option<Clock>,
+    /// `preprocess.subsample`, and why.
+    pub spacing: (usize, &'a str),
+    /// What to predict.
+    pub sensors: &'a Sensors,
+    /// How far ahead.
+    pub horizon: Horizon,
+    /// How much.
+    pub size: &'a Size,
+    /// What is said of the size.
+    pub size_reason: &'a str,
+}
+
+impl Draft<'_> {
+    /// States of the held-out range, about.
+    pub fn held_out_states(&self) -> usize {
+        self.cut.rows[1] / self.spacing.0
+    }
+
+    /// The study file.
+    pub fn text(&self) -> String {
+        let mut text = Lines::default();
+        text.line(
+            "# Proposed by `calib init`, which looked at the log and tried small models of it.",
+        );
+        text.line("# Every value has its reason beside it, and every one may be changed: docs/study.md has all keys.");
+        text.line("");
+        text.key("seed", "0", "root of all randomness");
+        self.data(&mut text);
+        self.preprocess(&mut text);
+        text.section("model");
+        text.key("members", &MEMBERS.to_string(), "leave-one-block-out ensemble");
+        text.key("neighbors", "3", "k");
+        text.section("rollout");
+        let steps = ROLLOUT_STEPS.min((self.held_out_states() / 2).max(LEAST_STEPS));
+        text.key("steps", &steps.to_string(), "enough to look at");
+        text.key(
+            "dtw_steps",
+            &steps.min(1_000).to_string(),
+            "of these, compared with what was recorded",
+        );
+        self.agent(&mut text);
+        self.sweep(&mut text);
+        text.0
+    }
+
+    fn data(&self, text: &mut Lines) {
+        let Self { sketch, scope, cut, .. } = self;
+        text.section("data");
+        text.key("path", &quoted(self.path), "");
+        if let Some(clock) = self.clock {
+            text.key(
+                "resample",
+                "\"last\"",
+                "channels were recorded at times of their own: each is put on one clock",
+            );
+            text.key(
+                "period_secs",
+                &number(clock.period_secs),
+                "about as often as half of them were recorded",
+            );
+            text.key(
+                "max_age_secs",
+                &number(clock.max_age_secs),
+                "what is older counts as missing",
+            );
+        }
+        if scope.is_part {
+            let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
+            text.line(&format!(
+                "# {:.0} % of the rows are used, {} of {} channels: the part where most of them are there together",
+                100.0 * share,
+                scope.channels.len(),
+                sketch.channels.len()
+            ));
+        }
+        text.line(&format!(
+            "# {}: {} rows to learn from, {} held out",
+            cut.reason, cut.rows[0], cut.rows[1]
+        ));
+        text.key("train", &Cut::toml(&cut.train), "");
+        text.key("held_out", &Cut::toml(&cut.held_out), "");
+        let (tolerance, why) = &self.cleaning.gap_tolerance;
+        text.key("gap_tolerance", &number(*tolerance), why);
+        if !scope.left_out.is_empty() {
+            text.line("exclude = [");
+            for of in &scope.left_out {
+                text.comment_after(&format!("    {},", quoted(&of.name)), &of.why.to_string());
+            }
+            text.line("]");
+        }
+    }
+
+    fn preprocess(&self, text: &mut Lines) {
+        let (limit, why) = &self.cleaning.fill_limit;
+        text.section("preprocess");
+        text.key("missing", "\"forward_fill\"", "values stand until the next");
+        text.key("fill_limit", &limit.to_string(), why);
+        let spikes: u64 =
+            self.scope.channels.iter().map(|&channel| self.sketch.channels[channel].spikes).sum();
+        if spikes > 0 {
+            let why = format!("{spikes} single samples lie far outside of everything else");
+            text.key("outliers", "\"missing\"", &why);
+        }
+        text.key("subsample", &self.spacing.0.to_string(), self.spacing.1);
+    }
+
+    fn agent(&self, text: &mut Lines) {
+        let Horizon { secs, states, gamma } = self.horizon;
+        text.section("agent");
+        text.key("value_function", "\"mlp\"", "");
+        text.key("hidden_layers", "2", "");
+        text.key("hidden_units", &self.size.hidden_units.to_string(), "");
+        text.key("batch_size", "32", "");
+        text.key(
+            "gamma",
+            &gamma.to_string(),
+            &format!("a horizon of {states:.0} states, {}: until half of what a sensor was is forgotten, but no more than a hundredth of a run", span(secs)),
+        );
+        text.key("learning_rate", "1e-3", "the default that the verdict compares with");
+    }
+
+    fn sweep(&self, text: &mut Lines) {
+        let size = self.size;
+        text.section("sweep");
+        let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
+        let proposed: Vec<String> =
+            self.sensors.proposed.iter().take(size.sensors).map(name).collect();
+        text.line("# They move throughout the log, stay where they have been before, and are as unlike each other as can be");
+        text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
+        let others: Vec<String> = self
+            .sensors
+            .proposed
+            .iter()
+            .skip(size.sensors)
+            .chain(&self.sensors.others)
+            .map(name)
+            .collect();
+        if !others.is_empty() {
+            let more = if others.len() > NAMED { ", …" } else { "" };
+            let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
+            text.line(&format!("# could be as well: {shown}{more}"));
+        }
+        let windows = (self.held_out_states() / size.steps.max(1)).clamp(1, 8);
+        let fit = match windows {
+            1 => "one window of what is held out".to_owned(),
+            many => format!("{many} windows fit beside each other in what is held out"),
+        };
+        text.line(&format!("# {}", self.size_reason));
+        text.key("steps", &size.steps.to_string(), &fit);
+        text.key("online_runs", &size.online_runs.to_string(), "");
+        text.key("member_runs", &size.member_runs.to_string(), "in each member");
+        text.key("log_replay_runs", &size.log_replay_runs.to_string(), "");
+        text.section("sweep.grid");
+        let axis = format!("{{ from = 1e-5, to = 1e-1, per_decade = {} }}", size.per_decade);
+        text.key("learning_rate", &axis, "");
+    }
+}
+
+/// Text that grows by lines.
+#[derive(Default)]
+struct Lines(String);
+
+impl Lines {
+    fn line(&mut self, line: &str) {
+        self.0.push_str(line);
+        self.0.push('\n');
+    }
+
+    fn section(&mut self, name: &str) {
+        self.line("");
+        self.line(&format!("[{name}]"));
+    }
+
+    fn key(&mut self, key: &str, value: &str, comment: &str) {
+        self.comment_after(&format!("{key} = {value}"), comment);
+    }
+
+    fn comment_after(&mut self, before: &str, comment: &str) {
+        if comment.is_empty() {
+            return self.line(before);
+        }
+        let width = COMMENTS.max(before.chars().count() + 2);
+        // Writing to memory cannot fail.
+        let _ = writeln!(self.0, "{before:width$}# {comment}");
+    }
+}
+
+/// As TOML has it.
+fn quoted(text: &str) -> String {
+    Value::String(text.to_owned()).to_string()
+}
+
+/// Without a fraction where there is none.
+fn number(value: f64) -> String {
+    value.to_string()
+}
+
+/// A span of time in the unit that suits it.
+fn span(secs: f64) -> String {
+    let (size, unit) = match secs {
+        secs if secs >= 2.0 * 86_400.0 => (86_400.0, "days"),
+        secs if secs >= 2.0 * 3_600.0 => (3_600.0, "h"),
+        secs if secs >= 120.0 => (60.0, "min"),
+        _ => (1.0, "s"),
+    };
+    let value = secs / size;
+    if value >= 10.0 { format!("{value:.0} {unit}") } else { format!("{value:.1} {unit}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        horizon,
+        testing::{sketch, wave},
+    };
+
+    #[test]
+    fn every_choice_stands_in_the_file_with_its_reason() {
+        let log = sketch(
+            20_000,
+            &[
+                ("A \"1\"", wave(40.0)),
+                ("B", wave(70.0)),
+                ("total", Box::new(|row| (row as f64).powf(1.1))),
+            ],
+        );
+        let scope = Scope::of(&log).expect("channels");
+        let sensors = Sensors::of(&log, &scope).expect("sensors");
+        let cut = Cut::of(&log, &scope).expect("rows");
+        let size = Size::trial(1_000, 2);
+        let draft = Draft {
+            sketch: &log,
+            path: "logs",
+            cleaning: &Cleaning::of(&log, &scope),
+            clock: None,
+            spacing: (2, "because"),
+            horizon: horizon(&log, &sensors.proposed, 2, 1_000),
+            scope: &scope,
+            cut: &cut,
+            sensors: &sensors,
+            size: &size,
+            size_reason: "sized to end within 10 min",
+        };
+        let text = draft.text();
+        let read: toml::Table = toml::from_str(&text).expect("TOML");
+        assert_eq!(read["data"]["path"].as_str(), Some("logs"));
+        assert_eq!(read["data"]["exclude"][0].as_str(), Some("total"));
+        assert_eq!(read["sweep"]["sensors"].as_array().map(Vec::len), Some(2));
+        assert_eq!(read["preprocess"]["subsample"].as_integer(), Some(2));
+        assert!(text.contains("# a total: it moves one way only"), "{text}");
+        assert!(text.contains("# because"), "{text}");
+        for line in text.lines().filter(|line| line.contains(" = ")) {
+            assert!(!line.ends_with("# "), "{line}");
+        }
+    }
+
+    #[test]
+    fn spans_are_read_in_their_unit() {
+        let spans = [5.0, 90.0, 600.0, 9_000.0, 400_000.0].map(span);
+        assert_eq!(spans, ["5.0 s", "90 s", "10 min", "2.5 h", "4.6 days"]);
+    }
+}

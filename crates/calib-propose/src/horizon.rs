@@ -1,0 +1,84 @@
+use calib_data::Sketch;
+
+/// A return looks as far ahead as half of the autocorrelation of its sensor is left.
+const LEFT: f64 = 0.5;
+/// States ahead, at least and at most.
+const STATES: (f64, f64) = (5.0, 50.0);
+/// The horizon is at most this share of a run: an agent that begins with nothing sees each return as often as that.
+const SHARE: f64 = 1.0 / 100.0;
+
+/// How far ahead agents predict.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Horizon {
+    /// In seconds.
+    pub secs: f64,
+    /// In states.
+    pub states: f64,
+    /// `agent.gamma`, which is `1 - 1 / states`.
+    pub gamma: f64,
+}
+
+impl Horizon {
+    /// Of so many seconds, where states are `spacing_secs` apart.
+    pub fn new(secs: f64, spacing_secs: f64) -> Self {
+        let states = (secs / spacing_secs).max(1.0);
+        // Three digits of what is left to 1 are more than anybody can tell.
+        let rest = 1.0 / states;
+        let digits = (1.0 - rest.log10().floor()).max(2.0);
+        let scale = 10_f64.powf(digits);
+        let gamma = ((1.0 - rest) * scale).round() / scale;
+        Self { secs: spacing_secs / (1.0 - gamma).max(1e-9), states: 1.0 / (1.0 - gamma), gamma }
+    }
+}
+
+/// The median, over the sensors, of the time at which half of their autocorrelation is left, within what runs of `steps` states
+/// allow. (Our choice: nearer, a sensor predicts itself; further, nothing does.)
+pub fn horizon(sketch: &Sketch, sensors: &[usize], spacing: usize, steps: usize) -> Horizon {
+    let mut all: Vec<f64> = sensors
+        .iter()
+        .map(|&sensor| {
+            let lags = &sketch.channels[sensor].autocorrelation;
+            let first = lags.iter().find(|(_, value)| *value < LEFT);
+            first.or(lags.last()).map_or(1.0, |(lag, _)| *lag as f64)
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    let rows = all.get(all.len() / 2).copied().unwrap_or(1.0);
+    let most = STATES.1.min(SHARE * steps as f64).max(STATES.0);
+    let states = (rows / spacing as f64).clamp(STATES.0, most);
+    let spacing_secs = sketch.period_secs * spacing as f64;
+    Horizon::new(states * spacing_secs, spacing_secs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    #[test]
+    fn gamma_is_a_horizon_in_seconds() {
+        let of = |secs, spacing| Horizon::new(secs, spacing).gamma;
+        assert_eq!([of(100.0, 1.0), of(100.0, 10.0), of(6_000.0, 60.0)], [0.99, 0.9, 0.99]);
+        assert_eq!(of(1_000.0, 30.0), 0.97);
+        assert_eq!(of(1_000.0, 1.0), 0.999);
+        assert_eq!(of(5.0, 10.0), 0.0, "less than a state ahead is the next state");
+        let horizon = Horizon::new(1_000.0, 30.0);
+        assert!((horizon.states - 33.3).abs() < 0.1 && (horizon.secs - 1_000.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn slow_sensors_are_predicted_further_ahead_within_what_runs_allow() {
+        let log = sketch(20_000, &[("fast", wave(60.0)), ("slow", wave(3_000.0))]);
+        let states = |sensors: &[usize], spacing, steps| {
+            horizon(&log, sensors, spacing, steps).states.round()
+        };
+        assert_eq!(
+            states(&[0], 1, 3_000),
+            15.0,
+            "the first distance looked at beyond a sixth of the wave"
+        );
+        assert_eq!(states(&[1], 1, 6_000), 50.0, "no more");
+        assert_eq!(states(&[1], 1, 3_000), 30.0, "a hundredth of the run");
+        assert_eq!(states(&[0], 10, 3_000), 5.0, "no less");
+    }
+}

@@ -1,0 +1,39 @@
+//! What to put into a study of a log that nobody has looked at yet: pure functions from measurements to choices, each with its
+//! reason in words.
+//!
+//! - [`Scope`]: which part of the log, and which channels of it.
+//! - [`Cut`]: the training range and what is held out, by rows.
+//! - [`Cleaning`]: what counts as a gap, and how far values are carried.
+//! - [`spacings`]: from one state to the next; trial models decide among them.
+//! - [`Sensors`]: which to predict.
+//! - [`horizon`]: how far ahead.
+//! - [`Size`]: how long and how often, to end within a time.
+//! - [`Draft`]: the study file with a comment for each of these; [`with_given`] what the user said beside it.
+//!
+//! The measurements are a [`Sketch`](calib_data::Sketch) of the log, and times that the caller took. The numbers of the rules
+//! are our choices, if nothing else is said.
+
+mod cleaning;
+mod cut;
+mod draft;
+mod error;
+mod given;
+mod horizon;
+mod scope;
+mod sensors;
+mod size;
+mod spacing;
+
+pub use cleaning::{Cleaning, Clock};
+pub use cut::Cut;
+pub use draft::Draft;
+pub use error::ProposeError;
+pub use given::with_given;
+pub use horizon::{Horizon, horizon};
+pub use scope::{LeftOut, Scope, Why};
+pub use sensors::Sensors;
+pub use size::{Costs, Size};
+pub use spacing::{SPACINGS, spacings};
+
+#[cfg(test)]
+mod testing;

@@ -1,0 +1,225 @@
+use std::{fmt, ops::Range};
+
+use calib_data::{ChannelSketch, Sketch};
+
+use crate::ProposeError;
+
+/// A channel is in a part of the log if it has a value in this share of its rows at least: `preprocess.max_missing` at its default.
+const PRESENT: f64 = 0.9;
+/// A channel of which this share of changes go the same way is a total.
+const ONE_WAY: f64 = 0.999;
+/// A total of which this share of steps are equal is a clock.
+const EVEN: f64 = 0.95;
+/// Fewer distinct values say nothing about the direction of changes: a switch that is thrown once only goes up.
+const FEW: u32 = 20;
+
+/// Which part of the log a study is about, and with which channels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scope {
+    /// Rows of the sketch.
+    pub rows: Range<usize>,
+    /// Positions of the channels that are used.
+    pub channels: Vec<usize>,
+    /// The others.
+    pub left_out: Vec<LeftOut>,
+    /// Whether there are rows outside.
+    pub is_part: bool,
+}
+
+/// A channel that is not used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// Its position.
+    pub channel: usize,
+    /// Its name.
+    pub name: String,
+    /// Why not.
+    pub why: Why,
+}
+
+/// Why a channel is left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Why {
+    /// It has no value there.
+    Empty,
+    /// It never changes there.
+    Constant,
+    /// It moves in one direction only.
+    Total,
+    /// It moves in one direction, by equal steps.
+    Clock,
+    /// It misses too much; the share that is missing.
+    Missing(f64),
+}
+
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty => write!(f, "has no value"),
+            Self::Constant => write!(f, "never changes"),
+            Self::Total => {
+                write!(f, "a total: it moves one way only, and no state of it comes again")
+            }
+            Self::Clock => write!(f, "a clock: it counts on evenly"),
+            Self::Missing(share) => write!(f, "misses {:.0} % of the rows", 100.0 * share),
+        }
+    }
+}
+
+impl Scope {
+    /// The part of the log, in whole bins, and the channels that together hold most: of each part, with the channels that
+    /// are there in nine of ten of its rows, `rows x share of rows with all of them x √channels` is largest.
+    ///
+    /// A channel more is worth less than the one before, because plants of a hundred sensors have no hundred degrees of freedom;
+    /// the square root is our choice.
+    ///
+    /// # Errors
+    /// If no channel is left.
+    pub fn of(sketch: &Sketch) -> Result<Self, ProposeError> {
+        let bins = sketch.bins.len();
+        let usable: Vec<usize> = (0..sketch.channels.len())
+            .filter(|&channel| unusable(&sketch.channels[channel]).is_none())
+            .collect();
+        let mut best: Option<(f64, Range<usize>, Vec<usize>)> = None;
+        // Narrower parts first: rows that add nothing are not taken.
+        for width in 1..=bins {
+            for start in 0..=bins - width {
+                let part = start..start + width;
+                if let Some((worth, channels)) = worth(sketch, &usable, part.clone())
+                    && best.as_ref().is_none_or(|(so_far, ..)| worth > so_far * 1.000_1)
+                {
+                    best = Some((worth, part, channels));
+                }
+            }
+        }
+        let Some((_, part, channels)) = best else {
+            let why = sketch.channels.iter().find_map(unusable).unwrap_or(Why::Empty);
+            let of = sketch.channels.first().map_or("there is none", |of| of.name.as_str());
+            return Err(ProposeError::NoChannel(format!("{of} {why}")));
+        };
+        let left_out = (0..sketch.channels.len())
+            .filter(|channel| !channels.contains(channel))
+            .map(|channel| {
+                let of = &sketch.channels[channel];
+                let why = unusable(of).unwrap_or_else(|| Why::Missing(1.0 - share(of, &part)));
+                LeftOut { channel, name: of.name.clone(), why }
+            });
+        Ok(Self {
+            rows: sketch.bins[part.start].start..sketch.bins[part.end - 1].end,
+            left_out: left_out.collect(),
+            is_part: part.len() < bins,
+            channels,
+        })
+    }
+}
+
+/// Why a channel is of no use anywhere.
+fn unusable(of: &ChannelSketch) -> Option<Why> {
+    let Some([low, high]) = of.range else { return Some(Why::Empty) };
+    if low == high {
+        return Some(Why::Constant);
+    }
+    let many = of.distinct.is_none_or(|distinct| distinct > FEW);
+    let one_way = of.rises >= ONE_WAY || of.rises <= 1.0 - ONE_WAY;
+    match (many && one_way, of.even >= EVEN) {
+        (true, true) => Some(Why::Clock),
+        (true, false) => Some(Why::Total),
+        _ => None,
+    }
+}
+
+/// The share of the rows of some bins that have a value of a channel.
+fn share(of: &ChannelSketch, part: &Range<usize>) -> f64 {
+    of.present[part.clone()].iter().sum::<f64>() / part.len() as f64
+}
+
+/// What a part of the log is worth, and the channels that make it so.
+fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, Vec<usize>)> {
+    let rows: usize = sketch.bins[part.clone()].iter().map(Range::len).sum();
+    let moves = |channel: &&usize| {
+        let of = &sketch.channels[**channel];
+        part.clone().any(|bin| of.moves[bin]) && share(of, &part) >= PRESENT
+    };
+    let mut channels: Vec<usize> = usable.iter().filter(moves).copied().collect();
+    if channels.is_empty() {
+        return None;
+    }
+    // A row counts if all of its channels are there: at most as many as have the rarest of them, in each bin.
+    let complete: f64 = part
+        .clone()
+        .map(|bin| {
+            let present = channels.iter().map(|&channel| sketch.channels[channel].present[bin]);
+            present.fold(1.0, f64::min) * sketch.bins[bin].len() as f64
+        })
+        .sum();
+    channels.sort_unstable();
+    Some((rows.min(complete as usize) as f64 * (channels.len() as f64).sqrt(), channels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    #[test]
+    fn a_whole_log_is_taken_whole() {
+        let log = sketch(6_400, &[("A", wave(40.0)), ("B", wave(90.0))]);
+        let scope = Scope::of(&log).expect("two channels");
+        assert_eq!((scope.rows, scope.channels, scope.is_part), (0..6_400, vec![0, 1], false));
+    }
+
+    #[test]
+    fn totals_clocks_and_constants_are_left_out() {
+        let log = sketch(
+            6_400,
+            &[
+                ("A", wave(40.0)),
+                ("clock", Box::new(|row| row as f64)),
+                ("total", Box::new(|row| (row as f64).powf(1.2) + (row % 3) as f64)),
+                ("still", Box::new(|_| 5.0)),
+                ("dead", Box::new(|_| f64::NAN)),
+                ("switch", Box::new(|row| if row > 3_000 { 1.0 } else { 0.0 })),
+            ],
+        );
+        let scope = Scope::of(&log).expect("one channel");
+        assert_eq!(scope.channels, [0, 5], "a switch that is thrown once is no total");
+        let why: Vec<(&str, Why)> =
+            scope.left_out.iter().map(|of| (of.name.as_str(), of.why)).collect();
+        let expected = [
+            ("clock", Why::Clock),
+            ("total", Why::Total),
+            ("still", Why::Constant),
+            ("dead", Why::Empty),
+        ];
+        assert_eq!(why, expected);
+    }
+
+    #[test]
+    fn where_wells_come_and_go_the_dense_part_is_taken() {
+        let from = |start: usize, end: usize, length: f64| -> crate::testing::Channel {
+            Box::new(move |row| {
+                if (start..end).contains(&row) { (row as f64 / length).sin() } else { f64::NAN }
+            })
+        };
+        let log = sketch(
+            6_400,
+            &[
+                ("1a", from(3_200, 6_400, 9.0)),
+                ("1b", from(3_200, 6_400, 8.0)),
+                ("2a", from(2_000, 6_400, 7.0)),
+                ("3a", from(0, 640, 7.0)),
+            ],
+        );
+        let scope = Scope::of(&log).expect("a part");
+        assert_eq!((scope.rows, scope.channels), (3_200..6_400, vec![0, 1, 2]));
+        assert!(scope.is_part);
+        assert_eq!(scope.left_out[0].why, Why::Missing(1.0));
+    }
+
+    #[test]
+    fn a_log_without_values_is_an_error() {
+        let log = sketch(640, &[("A", Box::new(|_| f64::NAN))]);
+        let error = Scope::of(&log).expect_err("nothing").to_string();
+        assert!(error.contains("A has no value"), "{error}");
+    }
+}

@@ -1,0 +1,179 @@
+use calib_data::{ChannelSketch, Sketch};
+
+use crate::{ProposeError, Scope};
+
+/// Sensors that are proposed.
+const PROPOSED: usize = 3;
+/// Fewer distinct values are a mode, not a measurement.
+const FEW: u32 = 20;
+/// A sensor that rests in more than this share of steps has little to predict.
+const RESTS: f64 = 0.95;
+/// The share of the bins in which a sensor has to move.
+const MOVES: f64 = 0.9;
+/// A sensor of less autocorrelation from row to row is mostly noise.
+const NOISE: f64 = 0.3;
+
+/// Which sensors to predict.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensors {
+    /// Those that are proposed, as positions of channels.
+    pub proposed: Vec<usize>,
+    /// Others that could be, the best first.
+    pub others: Vec<usize>,
+}
+
+impl Sensors {
+    /// Three channels that move throughout, are more than noise from one row to the next, stay in what is held out where they have
+    /// been before, and are as unlike each other as can be: the first is the one that rests least, each further one has the
+    /// smallest correlation with those before.
+    ///
+    /// # Errors
+    /// If no channel moves throughout.
+    pub fn of(sketch: &Sketch, scope: &Scope) -> Result<Self, ProposeError> {
+        let bins: Vec<usize> = (0..sketch.bins.len())
+            .filter(|&bin| {
+                let rows = &sketch.bins[bin];
+                rows.start >= scope.rows.start && rows.end <= scope.rows.end
+            })
+            .collect();
+        // The last third is held out; a sensor that stands still there says nothing.
+        let held_out = &bins[bins.len() * 2 / 3..];
+        let mut worth: Vec<(usize, f64)> = scope
+            .channels
+            .iter()
+            .filter_map(|&channel| {
+                let of = &sketch.channels[channel];
+                let moving = |bins: &[usize]| {
+                    bins.iter().filter(|&&bin| of.moves[bin]).count() as f64
+                        / bins.len().max(1) as f64
+                };
+                let is_sensor = of.distinct.is_none_or(|distinct| distinct > FEW)
+                    && of.unchanged <= RESTS
+                    && moving(&bins) >= MOVES
+                    && moving(held_out) >= MOVES;
+                is_sensor.then(|| (channel, liveliness(of) * familiar(sketch, scope, of)))
+            })
+            .collect();
+        worth.sort_by(|left, right| right.1.total_cmp(&left.1).then(left.0.cmp(&right.0)));
+        let mut proposed: Vec<usize> = Vec::new();
+        while proposed.len() < PROPOSED.min(worth.len()) {
+            let next = worth
+                .iter()
+                .filter(|(channel, _)| !proposed.contains(channel))
+                .map(|&(channel, worth)| {
+                    let alike = |&other: &usize| {
+                        correlation(
+                            &sketch.channels[channel].thinned,
+                            &sketch.channels[other].thinned,
+                        )
+                        .abs()
+                    };
+                    let most = proposed.iter().map(alike).fold(0.0, f64::max);
+                    (channel, worth * (1.0 - most))
+                })
+                .fold(None, |best: Option<(usize, f64)>, next| match best {
+                    Some(best) if best.1 >= next.1 => Some(best),
+                    _ => Some(next),
+                });
+            let Some((channel, _)) = next else { break };
+            proposed.push(channel);
+        }
+        if proposed.is_empty() {
+            return Err(ProposeError::NothingMoves);
+        }
+        let others = worth.into_iter().map(|(channel, _)| channel);
+        Ok(Self {
+            others: others.filter(|channel| !proposed.contains(channel)).collect(),
+            proposed,
+        })
+    }
+}
+
+/// The share of steps in which a sensor moves, a fifth of it where that is noise.
+fn liveliness(of: &ChannelSketch) -> f64 {
+    let near = of.autocorrelation.first().map_or(0.0, |(_, value)| *value);
+    (1.0 - of.unchanged) * if near < NOISE { 0.2 } else { 1.0 }
+}
+
+/// The share of the last third of the values that lie between the extremes of the others: where a sensor has never been, nobody can
+/// know what it does.
+fn familiar(sketch: &Sketch, scope: &Scope, of: &ChannelSketch) -> f64 {
+    let step = sketch.timestamps.len().div_ceil(of.thinned.len().max(1)).max(1);
+    let inside = scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(of.thinned.len());
+    let cut = inside.start + inside.len() * 2 / 3;
+    let there = |rows: std::ops::Range<usize>| {
+        of.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
+    };
+    let (before, after) = (there(inside.start..cut), there(cut..inside.end));
+    let low = before.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let known = after.iter().filter(|value| (low..=high).contains(*value)).count();
+    known as f64 / after.len().max(1) as f64
+}
+
+/// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.
+fn correlation(left: &[f64], right: &[f64]) -> f64 {
+    let both: Vec<(f64, f64)> = left
+        .iter()
+        .zip(right)
+        .filter(|(left, right)| !left.is_nan() && !right.is_nan())
+        .map(|(left, right)| (*left, *right))
+        .collect();
+    let count = both.len() as f64;
+    let mean = |side: fn(&(f64, f64)) -> f64| both.iter().map(side).sum::<f64>() / count;
+    let (x, y) = (mean(|pair| pair.0), mean(|pair| pair.1));
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for (left, right) in &both {
+        xx += (left - x).powi(2);
+        yy += (right - y).powi(2);
+        xy += (left - x) * (right - y);
+    }
+    let correlation = xy / (xx * yy).sqrt();
+    if correlation.is_finite() { correlation } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Channel, sketch, wave};
+
+    fn names(channels: &[(&str, Channel)]) -> Result<Vec<String>, ProposeError> {
+        let log = sketch(6_400, channels);
+        let sensors = Sensors::of(&log, &Scope::of(&log).expect("channels"))?;
+        Ok(sensors.proposed.iter().map(|&of| log.channels[of].name.clone()).collect())
+    }
+
+    #[test]
+    fn sensors_that_move_and_are_unlike_are_taken() {
+        let found = names(&[
+            ("mode", Box::new(|row| (row / 10 % 2) as f64)),
+            ("A", wave(40.0)),
+            ("twice A", Box::new(|row| 2.0 * (std::f64::consts::TAU * row as f64 / 40.0).sin())),
+            ("B", wave(70.0)),
+            ("C", wave(90.0)),
+            ("noise", Box::new(|row| ((row * 7_919 + row * row * 104_729) % 1_009) as f64)),
+        ]);
+        assert_eq!(found.expect("some"), ["A", "B", "C"]);
+    }
+
+    #[test]
+    fn what_goes_where_it_has_never_been_comes_last() {
+        let leaves: Channel = Box::new(|row| {
+            let away = if row > 4_300 { 100.0 } else { 0.0 };
+            away + (std::f64::consts::TAU * row as f64 / 40.0).sin()
+        });
+        let found =
+            names(&[("leaves", leaves), ("B", wave(70.0)), ("C", wave(90.0)), ("D", wave(50.0))]);
+        assert!(!found.expect("some").contains(&"leaves".to_owned()));
+    }
+
+    #[test]
+    fn what_stands_still_where_it_would_be_judged_is_not_taken() {
+        let stops: Channel =
+            Box::new(|row| if row < 4_000 { (row as f64 / 7.0).sin() } else { 0.3 });
+        assert_eq!(names(&[("stops", stops), ("B", wave(70.0))]).expect("one"), ["B"]);
+        let still: Channel =
+            Box::new(|row| if row < 4_000 { (row as f64 / 7.0).sin() } else { 0.3 });
+        assert_eq!(names(&[("stops", still)]), Err(ProposeError::NothingMoves));
+    }
+}

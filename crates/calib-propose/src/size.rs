@@ -1,0 +1,159 @@
+/// Members of an ensemble.
+pub(crate) const MEMBERS: usize = 5;
+/// The share of the time asked for that is planned with: machines have other things to do.
+const PLANNED: f64 = 0.85;
+/// Runs are at most so many times those of a level.
+const MOST: f64 = 2.5;
+/// What a network of half as many units takes.
+const SMALLER: f64 = 0.6;
+/// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
+const WINDOWS: f64 = 4.5;
+/// Half as many will do for runs that would be shorter than this.
+const ENOUGH_STEPS: f64 = 1_500.0;
+/// Steps of a run at least.
+pub(crate) const LEAST_STEPS: usize = 200;
+
+/// How long and how often agents are trained, and how many values are tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Size {
+    /// `sweep.steps`.
+    pub steps: usize,
+    /// Learning rates a decade from 1e-5 to 1e-1.
+    pub per_decade: usize,
+    /// `agent.hidden_units`, of two layers.
+    pub hidden_units: usize,
+    /// Sensors of those that are proposed.
+    pub sensors: usize,
+    /// `sweep.online_runs`.
+    pub online_runs: usize,
+    /// `sweep.member_runs`.
+    pub member_runs: usize,
+    /// `sweep.log_replay_runs`.
+    pub log_replay_runs: usize,
+}
+
+/// What was measured, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Costs {
+    /// What does not depend on the size of the sweep: reading, the model, rollouts, the report.
+    pub fixed_secs: f64,
+    /// One step of one agent of 2 x 64 hidden units, on all threads together.
+    pub agent_step_secs: f64,
+}
+
+impl Size {
+    /// Steps of a run at most, so that several windows fit in what is held out: four, or two of a short log.
+    pub fn most_steps(held_out_states: usize) -> usize {
+        let states = held_out_states as f64;
+        let steps = (states / WINDOWS).max((2.0 * states / WINDOWS).min(ENOUGH_STEPS)) as usize;
+        steps.max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
+    }
+
+    /// What the costs are measured with: small, and all of its kind.
+    pub fn trial(steps: usize, sensors: usize) -> Self {
+        Self {
+            steps,
+            sensors,
+            per_decade: 2,
+            hidden_units: 64,
+            online_runs: 1,
+            member_runs: 1,
+            log_replay_runs: 1,
+        }
+    }
+
+    /// From the least that says anything to what the paper has.
+    fn levels() -> [Self; 7] {
+        let level = |steps, per_decade, hidden_units, sensors, runs: [usize; 3]| Self {
+            steps,
+            per_decade,
+            hidden_units,
+            sensors,
+            online_runs: runs[0],
+            member_runs: runs[1],
+            log_replay_runs: runs[2],
+        };
+        [
+            level(600, 1, 32, 1, [4, 1, 4]),
+            level(1_000, 1, 32, 2, [4, 1, 4]),
+            level(1_500, 2, 32, 3, [4, 1, 4]),
+            level(2_000, 2, 64, 3, [8, 1, 8]),
+            level(3_000, 2, 64, 3, [8, 2, 8]),
+            level(6_000, 2, 64, 3, [8, 2, 8]),
+            level(10_000, 3, 64, 3, [16, 4, 16]),
+        ]
+    }
+
+    /// The largest that is done in `within_secs`, where runs have at most `most_steps` and there are so many `sensors`. The smallest, where
+    /// none is.
+    pub fn within(within_secs: f64, costs: Costs, most_steps: usize, sensors: usize) -> Self {
+        let fit = |level: Self| Self {
+            steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
+            sensors: level.sensors.min(sensors),
+            ..level
+        };
+        let planned = PLANNED * within_secs;
+        let mut levels = Self::levels().map(fit).into_iter();
+        let smallest = levels.next().unwrap_or_else(|| Self::trial(most_steps, sensors));
+        let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);
+        let swept = largest.secs(costs) - costs.fixed_secs;
+        let stretch = ((planned - costs.fixed_secs) / swept).clamp(1.0, MOST);
+        let more = |runs: usize| ((runs as f64 * stretch) as usize).max(runs);
+        Self {
+            online_runs: more(largest.online_runs),
+            member_runs: more(largest.member_runs),
+            log_replay_runs: more(largest.log_replay_runs),
+            ..largest
+        }
+    }
+
+    /// Learning rates, over four decades.
+    pub fn values(&self) -> usize {
+        4 * self.per_decade + 1
+    }
+
+    /// Steps of all agents.
+    pub fn agent_steps(&self) -> f64 {
+        let runs = self.online_runs + MEMBERS * self.member_runs + self.log_replay_runs;
+        (runs * self.steps * self.values() * self.sensors) as f64
+    }
+
+    /// How long it takes.
+    pub fn secs(&self, costs: Costs) -> f64 {
+        let smaller = if self.hidden_units < 64 { SMALLER } else { 1.0 };
+        costs.fixed_secs + self.agent_steps() * costs.agent_step_secs * smaller
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COSTS: Costs = Costs { fixed_secs: 20.0, agent_step_secs: 20e-6 };
+
+    #[test]
+    fn more_time_is_used_for_more_and_never_exceeded() {
+        let mut before = 0.0;
+        for within in [60.0, 120.0, 300.0, 600.0, 1_800.0] {
+            let size = Size::within(within, COSTS, 10_000, 3);
+            let secs = size.secs(COSTS);
+            assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {size:?}");
+            assert!(secs >= 0.5 * within.min(600.0), "{within}: {secs} {size:?}");
+            before = secs;
+        }
+    }
+
+    #[test]
+    fn several_windows_fit() {
+        let steps = [100, 1_000, 5_000, 15_000].map(Size::most_steps);
+        assert_eq!(steps, [98, 444, 1_500, 3_333]);
+    }
+
+    #[test]
+    fn short_logs_and_slow_machines_get_what_there_is() {
+        let short = Size::within(600.0, COSTS, 250, 1);
+        assert_eq!((short.steps, short.sensors), (250, 1));
+        let slow = Size::within(1.0, COSTS, 10_000, 3);
+        assert_eq!((slow.values(), slow.online_runs), (5, 4), "the smallest");
+    }
+}

@@ -1,0 +1,60 @@
+use calib_data::Sketch;
+
+use crate::Scope;
+
+/// Rows of the log from one state to the next that are tried.
+pub const SPACINGS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200];
+/// Neighbouring states that are more alike than this, for most of the fastest channels, hardly tell anything apart.
+const ALIKE: f64 = 0.98;
+/// States of the training range that are wanted at least.
+const LEAST_STATES: usize = 1_000;
+
+/// Values of `preprocess.subsample` that are worth a trial model, the first the best if its rollouts neither circle nor replay
+/// the log: from the first distance on at which the fastest quarter of the channels has lost some of its autocorrelation.
+///
+/// On rows that are nearer, the neighbours of a state are its own predecessors and successors, and walks shuffle on the spot.
+pub fn spacings(sketch: &Sketch, scope: &Scope, train_rows: usize) -> Vec<usize> {
+    let first = SPACINGS.into_iter().find(|&lag| quartile(sketch, scope, lag) <= ALIKE);
+    let most = (train_rows / LEAST_STATES).max(1);
+    let from = first.unwrap_or(1).min(most);
+    let worth: Vec<usize> = SPACINGS.into_iter().filter(|of| (from..=most).contains(of)).collect();
+    if worth.is_empty() { vec![from] } else { worth }
+}
+
+/// The lower quartile over channels of the autocorrelation at a distance.
+fn quartile(sketch: &Sketch, scope: &Scope, lag: usize) -> f64 {
+    let of = |&channel: &usize| {
+        let all = &sketch.channels[channel].autocorrelation;
+        all.iter().find(|(at, _)| *at >= lag).map(|(_, value)| *value)
+    };
+    let mut all: Vec<f64> = scope.channels.iter().filter_map(of).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 4).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    fn first(length: f64, rows: usize) -> usize {
+        let log = sketch(rows, &[("A", wave(length))]);
+        let scope = Scope::of(&log).expect("a channel");
+        spacings(&log, &scope, rows)[0]
+    }
+
+    #[test]
+    fn slow_channels_are_looked_at_further_apart() {
+        assert_eq!(first(10.0, 20_000), 1, "cos 36° is 0.81");
+        assert_eq!(first(100.0, 20_000), 5, "cos 11° is 0.981, cos 18° is 0.95");
+        assert_eq!(first(1_000.0, 2_000), 2, "no further than a thousand states allow");
+        assert_eq!(first(100.0, 200), 1);
+    }
+
+    #[test]
+    fn later_trials_are_further_apart() {
+        let log = sketch(20_000, &[("A", wave(10.0))]);
+        let scope = Scope::of(&log).expect("a channel");
+        assert_eq!(spacings(&log, &scope, 20_000), [1, 2, 3, 5, 10, 15, 20]);
+    }
+}

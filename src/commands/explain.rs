@@ -1,0 +1,207 @@
+//! What a key of a study means, from the schema that editors have.
+
+use anyhow::bail;
+use serde_json::Value;
+
+use calib_pipeline::{Outcome, Printer, output::table};
+
+/// Keys that are suggested for one that is not there.
+const SUGGESTED: usize = 6;
+/// How much alike names are that one may have meant.
+const ALIKE: f64 = 0.85;
+
+/// Explain a key, a section with its keys, or without a name all sections.
+pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<Outcome> {
+    let schema = calib_study::schema();
+    let Some(path) = key else {
+        printer.lines(&list(&schema, &schema, ""))?;
+        return Ok(Outcome::Done);
+    };
+    let path = path.trim().trim_matches(['[', ']']);
+    let Some(found) = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part))
+    else {
+        let all = keys(&schema, &schema, "");
+        let near = near(path, &all);
+        let hint = match near.as_slice() {
+            [] => "`calib explain` lists all sections".to_owned(),
+            near => format!("did you mean {}?", near.join(", ")),
+        };
+        bail!("no key `{path}`; {hint}");
+    };
+    if printer.is_for_machines() {
+        printer.json(&serde_json::json!({ "key": path, "schema": resolved(&schema, found) }))?;
+    } else {
+        printer.lines(&describe(&schema, found, path))?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// What a reference stands for.
+fn target<'a>(schema: &'a Value, of: &'a Value) -> &'a Value {
+    let reference = of["$ref"].as_str().or_else(|| {
+        ["allOf", "anyOf", "oneOf"].iter().find_map(|key| of[*key][0]["$ref"].as_str())
+    });
+    match reference.and_then(|path| path.rsplit('/').next()) {
+        Some(name) => &schema["definitions"][name],
+        None => of,
+    }
+}
+
+/// A key in a section, or a name in a table of names.
+fn inside<'a>(schema: &'a Value, at: &'a Value, part: &str) -> Option<&'a Value> {
+    let at = target(schema, at);
+    let named = at["additionalProperties"].as_object().map(|_| &at["additionalProperties"]);
+    at["properties"].get(part).or(named)
+}
+
+/// A definition with what stands beside its reference.
+fn resolved(schema: &Value, of: &Value) -> Value {
+    let mut whole = target(schema, of).clone();
+    if let (Some(whole), Some(own)) = (whole.as_object_mut(), of.as_object()) {
+        whole.extend(own.iter().map(|(key, value)| (key.clone(), value.clone())));
+    }
+    whole
+}
+
+/// Every key below one, as `section.key`.
+fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
+    let mut all = Vec::new();
+    for (name, of) in target(schema, at)["properties"].as_object().into_iter().flatten() {
+        let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
+        // Two levels: profiles and models hold all of it again.
+        if above.is_empty() {
+            all.extend(keys(schema, of, &path));
+        }
+        all.push(path);
+    }
+    all
+}
+
+/// Keys that are called nearly so, the nearest first.
+fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
+    let wanted = path.rsplit('.').next().unwrap_or(path).to_lowercase();
+    let likeness = |key: &'a String| {
+        let name = key.rsplit('.').next().unwrap_or(key);
+        let contains = wanted.len() > 2 && (name.contains(&wanted) || wanted.contains(name));
+        let likeness = strsim::jaro_winkler(&wanted, name) + f64::from(u8::from(contains));
+        (likeness, key.as_str())
+    };
+    let mut found: Vec<(f64, &str)> = all.iter().map(likeness).filter(|of| of.0 > ALIKE).collect();
+    found.sort_by(|left, right| right.0.total_cmp(&left.0));
+    found.into_iter().map(|(_, key)| key).take(SUGGESTED).collect()
+}
+
+/// The keys of a section, each with the first sentence about it.
+fn list(schema: &Value, at: &Value, above: &str) -> String {
+    let keys = target(schema, at)["properties"].as_object();
+    let rows: Vec<Vec<String>> = keys
+        .into_iter()
+        .flatten()
+        .map(|(name, of)| {
+            let about = about(schema, of);
+            let first = about.split_inclusive(". ").next().unwrap_or_default().trim().to_owned();
+            let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
+            vec![path, first]
+        })
+        .collect();
+    table(&["key", "meaning"], &rows)
+}
+
+fn about(schema: &Value, of: &Value) -> String {
+    let own = of["description"].as_str();
+    own.or_else(|| target(schema, of)["description"].as_str()).unwrap_or_default().to_owned()
+}
+
+fn describe(schema: &Value, of: &Value, path: &str) -> String {
+    let is_section = target(schema, of)["properties"].is_object();
+    let text = format!("{path}: {}\n", about(schema, of));
+    if is_section {
+        return format!("{text}\n{}", list(schema, of, path));
+    }
+    let allowed = match allowed(schema, of) {
+        none if none.is_empty() => none,
+        allowed => format!("allowed: {allowed}\n"),
+    };
+    let default = match &of["default"] {
+        Value::Null => String::new(),
+        default => format!("default: {default}\n"),
+    };
+    format!("{text}{allowed}{default}for once: --set {path}=VALUE; docs/study.md says more\n")
+}
+
+/// Which values a key may have, in words.
+fn allowed(schema: &Value, of: &Value) -> String {
+    let of = target(schema, of);
+    for alternatives in ["oneOf", "anyOf"] {
+        if let Some(all) = of[alternatives].as_array() {
+            let all: Vec<String> = all.iter().map(|one| allowed(schema, one)).collect();
+            return all.join(", or ");
+        }
+    }
+    if let Some(value) = of.get("const") {
+        let about =
+            of["description"].as_str().map(|text| format!(" ({})", text.trim_end_matches('.')));
+        return format!("{value}{}", about.unwrap_or_default());
+    }
+    if let Some(values) = of["enum"].as_array() {
+        return values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    }
+    let bound = |key: &str, word: &str| of[key].as_f64().map(|bound| format!("{word} {bound}"));
+    let bounds = [
+        bound("minimum", "at least"),
+        bound("exclusiveMinimum", "above"),
+        bound("maximum", "at most"),
+        bound("exclusiveMaximum", "below"),
+    ];
+    let bounds: Vec<String> = bounds.into_iter().flatten().collect();
+    let kind = match of["type"].as_str() {
+        Some("integer") => "a whole number",
+        Some("number") => "a number",
+        Some("string") => "text",
+        Some("boolean") => "true or false",
+        Some("array") => "a list",
+        Some("object") => "a table",
+        _ => return String::new(),
+    };
+    [vec![kind.to_owned()], bounds].concat().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(path: &str) -> String {
+        let schema = calib_study::schema();
+        let found = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part));
+        describe(&schema, found.expect(path), path)
+    }
+
+    #[test]
+    fn keys_and_sections_are_explained() {
+        let gamma = of("agent.gamma");
+        assert!(gamma.starts_with("agent.gamma: ") && gamma.contains("default: 0.99"), "{gamma}");
+        let missing = of("preprocess.missing");
+        assert!(missing.contains("\"forward_fill\""), "{missing}");
+        assert!(of("sweep").contains("sweep.member_runs"));
+        assert!(of("deployments.april.start").starts_with("deployments.april.start: "));
+        assert!(of("models.big.model.kind").starts_with("models.big.model.kind: "));
+    }
+
+    #[test]
+    fn every_key_has_a_meaning() {
+        let schema = calib_study::schema();
+        for key in keys(&schema, &schema, "") {
+            let text = of(&key);
+            assert!(text.len() > key.len() + 12, "{key}: {text}");
+        }
+    }
+
+    #[test]
+    fn near_keys_are_suggested() {
+        let schema = calib_study::schema();
+        let all = keys(&schema, &schema, "");
+        assert_eq!(near("agent.gama", &all)[0], "agent.gamma");
+        assert!(near("batch_size", &all).contains(&"agent.batch_size"));
+        assert!(near("zz", &all).is_empty());
+    }
+}

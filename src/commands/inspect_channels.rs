@@ -1,0 +1,96 @@
+//! What `calib inspect` shows of each channel.
+
+use calib_data::{ChannelProfile, Profile};
+
+use calib_pipeline::{
+    Descriptions, Printer,
+    output::{count, counted, percent, significant, span, table},
+};
+
+use crate::cli::InspectArgs;
+
+/// Channels that are listed without `--all`.
+const LISTED: usize = 60;
+
+/// The channels: what is dropped and why, and what is kept.
+pub(super) fn show_channels(
+    profile: &Profile,
+    descriptions: &Descriptions,
+    args: &InspectArgs,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let limit = if args.all { profile.channels.len() } else { LISTED };
+    let dropped: Vec<&ChannelProfile> =
+        profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();
+    let more = |shown: usize, of: usize| match of.saturating_sub(shown) {
+        0 => Ok(()),
+        left => printer.result(&format!("… and {} more; --all shows them", count(left))),
+    };
+    if !dropped.is_empty() {
+        printer.result("")?;
+        printer.result(&format!("dropped: {}", counted(dropped.len(), "channel")))?;
+        for channel in dropped.iter().take(limit) {
+            let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
+            printer.result(&format!("    {}: {why}{}", channel.name, notes(channel)))?;
+        }
+        more(limit, dropped.len())?;
+    }
+    let kept: Vec<&ChannelProfile> = profile.kept().collect();
+    if !kept.is_empty() {
+        let header = ["kept", "min", "max", "mean", "missing", "stuck", "step", "distinct", "unit"];
+        let described = kept.iter().any(|channel| descriptions.words(&channel.name).is_some());
+        let columns = if described { header.len() } else { header.len() - 1 };
+        let row = |channel: &&ChannelProfile| {
+            let mut row = channel_row(channel);
+            row.push(descriptions.words(&channel.name).unwrap_or_default());
+            row.truncate(columns);
+            row
+        };
+        let rows: Vec<Vec<String>> = kept.iter().take(limit).map(row).collect();
+        printer.result("")?;
+        printer.lines(&table(&header[..columns], &rows))?;
+        more(limit, kept.len())?;
+        for channel in kept.iter().take(limit) {
+            let notes = notes(channel);
+            if let Some(notes) = notes.strip_prefix("; ") {
+                printer.result(&format!("{}: {notes}", channel.name))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What in a channel was no number.
+fn notes(channel: &ChannelProfile) -> String {
+    let mut notes = Vec::new();
+    if !channel.words.is_empty() {
+        let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
+        notes.push(words.collect::<Vec<_>>().join(", "));
+    }
+    if channel.non_finite > 0 {
+        notes.push(format!("{} not finite", count(channel.non_finite as usize)));
+    }
+    if channel.far_out.spikes > 0 {
+        notes.push(counted(channel.far_out.spikes as usize, "spike"));
+    }
+    if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
+}
+
+fn channel_row(channel: &ChannelProfile) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    let values = channel.values.as_ref();
+    let distinct = values.map_or_else(
+        || "0".to_owned(),
+        |of| of.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
+    );
+    vec![
+        channel.name.clone(),
+        number(values.map(|of| of.min)),
+        number(values.map(|of| of.max)),
+        number(values.map(|of| of.mean)),
+        percent(channel.missing_fraction),
+        values.map_or_else(|| "–".to_owned(), |of| span(of.longest_stuck_secs)),
+        number(values.and_then(|of| of.smallest_change)),
+        distinct,
+    ]
+}

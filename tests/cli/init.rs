@@ -1,0 +1,92 @@
+//! A study of a log that nobody has looked at.
+
+use std::{fmt::Write as _, fs};
+
+use crate::harness::Place;
+
+/// A log of two minutes a row: two levels, a flow, its total, and a dead channel.
+fn log() -> String {
+    let mut text = String::from("time;LIT100;TIT200;FIT300;FQ300;XV400\n;kPa;°C;m3/h;m3;\n");
+    let (mut total, mut noise) = (0.0, 1_u32);
+    for row in 0..2_400_u32 {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let rough = f64::from(noise >> 16) / 65_536.0;
+        let at = f64::from(row);
+        let flow = 10.0 + (at / 5.0).sin() + rough;
+        total += flow / 30.0;
+        let (minute, day) = (2 * row % 1_440, 13 + 2 * row / 1_440);
+        writeln!(
+            text,
+            "2024-03-{day} {:02}:{:02}:00;{:.3};{:.3};{flow:.3};{total:.3};1",
+            minute / 60,
+            minute % 60,
+            150.0 + 20.0 * (at / 9.0).sin() + rough,
+            20.0 + 5.0 * (at / 60.0).cos() + 0.2 * rough,
+        )
+        .expect("memory");
+    }
+    text
+}
+
+fn read(place: &Place, name: &str) -> String {
+    fs::read_to_string(place.path().join(name)).expect("readable")
+}
+
+#[test]
+fn a_study_is_proposed_and_runs_to_a_verdict() {
+    let place = Place::new();
+    place.write("log.csv", &log());
+    let init = ["init", "log.csv", "--within", "5s", "--sensor", "LIT100", "--horizon", "20m"];
+    let said = place.calib(&init).succeeds();
+    assert!(said.contains("3 of 5 channels"), "{said}");
+    let study = read(&place, "study.toml");
+    for line in
+        ["FQ300", "a total: it moves one way only", "XV400", "never changes", "[sweep.grid]"]
+    {
+        assert!(study.contains(line), "{line} in {study}");
+    }
+    assert!(study.contains("gamma = 0.9 "), "ten states of two minutes: {study}");
+    let again = place.calib(&init).fails(2);
+    assert!(again.contains("--force"), "{again}");
+    let ran = place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    assert!(ran.contains("LIT100"), "{ran}");
+    let page = read(&place, "study-results/report.html");
+    assert!(page.contains("LIT100 (kPa)"), "the unit of the header stands along the axis");
+    assert!(!page.contains("physical unit)"), "and nothing where there is none");
+}
+
+#[test]
+fn what_was_given_holds_for_the_study() {
+    let place = Place::new();
+    place.write("log.csv", &log());
+    let json = place.calib(&[
+        "init",
+        "log.csv",
+        "plant.toml",
+        "--within=1s",
+        "--set=data.time_zone=Europe/Paris",
+        "--set=data.exclude=[\"FIT*\", \"FQ*\"]",
+        "--json",
+    ]);
+    let json: serde_json::Value = serde_json::from_str(&json.succeeds()).expect("JSON");
+    assert_eq!(json["channels"], 2);
+    assert_eq!(json["study"], "plant.toml");
+    let study = read(&place, "plant.toml");
+    assert!(study.contains("time_zone = \"Europe/Paris\"  # given"), "{study}");
+    assert!(study.contains("exclude = [\"FIT*\", \"FQ*\"]  # given"), "{study}");
+}
+
+#[test]
+fn a_log_without_a_sensor_says_so() {
+    let place = Place::new();
+    let mut text = String::from("time,A\n");
+    for row in 0..400 {
+        writeln!(text, "2024-03-13 {:02}:{:02}:00,5", row / 60, row % 60).expect("memory");
+    }
+    place.write("log.csv", &text);
+    let error = place.calib(&["init", "log.csv"]).fails(2);
+    assert!(error.contains("A never changes"), "{error}");
+    assert!(!place.path().join("study.toml").exists());
+    let unknown = place.calib(&["init", "log.csv", "--within", "soon"]).fails(2);
+    assert!(unknown.contains("expected a time such as 90s"), "{unknown}");
+}
