@@ -3,11 +3,13 @@
 use std::{path::PathBuf, sync::LazyLock};
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
+use calib_knn::IndexKind;
+use calib_pipeline::{
+    Answer, MemorySize, ProposeOptions, STEP_PATTERNS, Standing, ValidityExtent, ValidityOptions,
+};
 use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-
-use crate::memory::MemorySize;
 
 /// Headings of options.
 const OUTPUT: &str = "What is shown";
@@ -108,15 +110,6 @@ pub(crate) enum Command {
         /// The directory to write to
         directory: PathBuf,
     },
-}
-
-/// Whom the result is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Answer {
-    /// Lines and tables
-    ForPeople,
-    /// JSON
-    ForMachines,
 }
 
 impl Command {
@@ -481,10 +474,6 @@ pub(crate) struct ImportArgs {
     pub(crate) json: bool,
 }
 
-/// The step patterns of the paper's Table 1.
-pub(crate) const STEP_PATTERNS: [&str; 4] =
-    ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];
-
 #[derive(Debug, Args)]
 pub(crate) struct DtwArgs {
     /// The first series: FILE.npy, FILE.csv or FILE.parquet, with :COLUMN where there are several
@@ -513,6 +502,69 @@ pub(crate) struct DtwArgs {
     /// Print the distances as JSON
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
+}
+
+impl From<Device> for calib_pipeline::Device {
+    fn from(device: Device) -> Self {
+        match device {
+            Device::Cpu => Self::Cpu,
+            Device::Cuda => Self::Cuda,
+            Device::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<Index> for IndexKind {
+    fn from(index: Index) -> Self {
+        match index {
+            Index::Auto => Self::Auto,
+            Index::KdTree => Self::KdTree,
+            Index::Join => Self::Join,
+            Index::Scan => Self::Scan,
+        }
+    }
+}
+
+impl From<Spill> for calib_pipeline::Spill {
+    fn from(spill: Spill) -> Self {
+        match spill {
+            Spill::Auto => Self::Auto,
+            Spill::Never => Self::Never,
+            Spill::Always => Self::Always,
+        }
+    }
+}
+
+impl From<BuildOptions> for calib_pipeline::BuildOptions {
+    fn from(options: BuildOptions) -> Self {
+        let BuildOptions { device, verify, index, memory, spill } = options;
+        Self {
+            device: device.map(Into::into),
+            verify,
+            index: index.map(Into::into),
+            memory: memory.map(|size| size.0),
+            spill: spill.into(),
+        }
+    }
+}
+
+impl From<ValidityArgs> for ValidityOptions {
+    fn from(args: ValidityArgs) -> Self {
+        let ValidityArgs { studies, set, draw, output, resamples, seed, .. } = args;
+        let extent = match (args.dry_run, args.judge_only) {
+            (true, _) => ValidityExtent::Plan,
+            (false, true) => ValidityExtent::Judge,
+            (false, false) => ValidityExtent::Run,
+        };
+        Self { studies, set, draw, output, resamples, seed, extent }
+    }
+}
+impl From<InitArgs> for ProposeOptions {
+    fn from(args: InitArgs) -> Self {
+        let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;
+        let standing = if force { Standing::Replaced } else { Standing::Kept };
+        Self { logs, study, within, sensors, horizon, set, standing }
+    }
 }
 
 #[cfg(test)]

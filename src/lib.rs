@@ -1,16 +1,12 @@
 //! calib: which hyperparameters to deploy, from a plant's logs alone.
 //!
-//! This crate is the command line: it reads a study, calls the workspace's crates in the order
-//! in which data flows, and writes what they return. The way is
-//! log files → frames → states → neighbour tables → streams → runs → ranks → verdict → report;
-//! each file in `commands` shows its part of it on one screen.
+//! This crate is the command line: what may be typed (`cli`), what it asks of the pipeline (`commands`), and what is
+//! read of it (`output`). What is computed, and in which order, is in `calib-pipeline`.
 
 mod cli;
-mod clock;
 mod commands;
 mod exit;
 mod faults;
-mod memory;
 mod output;
 #[cfg(unix)]
 mod signals;
@@ -21,8 +17,10 @@ use std::{
     io::{self, Write as _},
     panic,
     process::ExitCode,
+    sync::Arc,
 };
 
+use calib_pipeline::Printer;
 use clap::Parser as _;
 
 pub use cli::Cli;
@@ -43,16 +41,19 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(error.exit_code() as u8);
         }
     };
-    let printer = output::Printer::new(&cli.global);
+    let terminal = output::Terminal::new(cli.global.color);
+    let printer = Printer::new(Arc::new(terminal));
+    let printer = if cli.global.quiet { printer.quiet() } else { printer };
     #[cfg(unix)]
     signals::tell_of_lost_pages();
+    hush_readers();
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
         faults::arm()?;
         commands::run(cli, &printer)
     }));
     let status = match outcome {
-        Ok(Ok(status)) => status,
-        Ok(Err(error)) => exit::report(&error, &printer),
+        Ok(Ok(outcome)) => outcome.into(),
+        Ok(Err(error)) => exit::report(&error, terminal),
         Err(_) => {
             printer
                 .error("this is a bug in calib: please report the message above and the command");
@@ -60,4 +61,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     ExitCode::from(status as u8)
+}
+
+/// The Parquet reader's panics on damaged files are errors of the file, and told as such.
+fn hush_readers() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        if !calib_data::may_be_of_a_reader() {
+            usual(panic);
+        }
+    }));
 }

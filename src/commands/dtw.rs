@@ -3,14 +3,14 @@ use std::{io::Write as _, path::Path};
 use anyhow::{Context as _, bail};
 use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
 use calib_files::write_output;
+use calib_pipeline::{
+    Outcome, Printer,
+    output::{count, table},
+};
 use serde::Serialize;
 
 use super::series;
-use crate::{
-    cli::DtwArgs,
-    exit::ExitStatus,
-    output::{Printer, count, table},
-};
+use crate::cli::DtwArgs;
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -37,7 +37,7 @@ impl PatternResult {
 }
 
 /// Compare two series, with one or several step patterns.
-pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let query = series::read(&args.query).context("query")?;
     let reference = series::read(&args.reference).context("reference")?;
     let query = Series::with_channels(&query.values, query.channels)?;
@@ -66,7 +66,7 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<ExitStatu
     } else {
         show(&results, printer)?;
     }
-    Ok(ExitStatus::Done)
+    Ok(Outcome::Done)
 }
 
 fn compared(

@@ -3,7 +3,7 @@
 use anyhow::bail;
 use serde_json::Value;
 
-use crate::{exit::ExitStatus, output::Printer};
+use calib_pipeline::{Outcome, Printer, output::table};
 
 /// Keys that are suggested for one that is not there.
 const SUGGESTED: usize = 6;
@@ -11,11 +11,11 @@ const SUGGESTED: usize = 6;
 const ALIKE: f64 = 0.85;
 
 /// Explain a key, a section with its keys, or without a name all sections.
-pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<Outcome> {
     let schema = calib_study::schema();
     let Some(path) = key else {
         printer.lines(&list(&schema, &schema, ""))?;
-        return Ok(ExitStatus::Done);
+        return Ok(Outcome::Done);
     };
     let path = path.trim().trim_matches(['[', ']']);
     let Some(found) = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part))
@@ -33,7 +33,7 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<ExitSt
     } else {
         printer.lines(&describe(&schema, found, path))?;
     }
-    Ok(ExitStatus::Done)
+    Ok(Outcome::Done)
 }
 
 /// What a reference stands for.
@@ -104,7 +104,7 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
             vec![path, first]
         })
         .collect();
-    crate::output::table(&["key", "meaning"], &rows)
+    table(&["key", "meaning"], &rows)
 }
 
 fn about(schema: &Value, of: &Value) -> String {
@@ -114,20 +114,19 @@ fn about(schema: &Value, of: &Value) -> String {
 
 fn describe(schema: &Value, of: &Value, path: &str) -> String {
     let is_section = target(schema, of)["properties"].is_object();
-    let mut text = format!("{path}: {}\n", about(schema, of));
+    let text = format!("{path}: {}\n", about(schema, of));
     if is_section {
         return format!("{text}\n{}", list(schema, of, path));
     }
-    let allowed = allowed(schema, of);
-    if !allowed.is_empty() {
-        text.push_str(&format!("allowed: {allowed}\n"));
-    }
-    match &of["default"] {
-        Value::Null => {}
-        default => text.push_str(&format!("default: {default}\n")),
-    }
-    text.push_str(&format!("for once: --set {path}=VALUE; docs/study.md says more\n"));
-    text
+    let allowed = match allowed(schema, of) {
+        none if none.is_empty() => none,
+        allowed => format!("allowed: {allowed}\n"),
+    };
+    let default = match &of["default"] {
+        Value::Null => String::new(),
+        default => format!("default: {default}\n"),
+    };
+    format!("{text}{allowed}{default}for once: --set {path}=VALUE; docs/study.md says more\n")
 }
 
 /// Which values a key may have, in words.

@@ -1,15 +1,11 @@
 use anyhow::ensure;
 use calib_data::{DataConfig, Imported, Shape};
+use calib_pipeline::{Outcome, Printer, output::count, working_files};
 
-use crate::{
-    cli::ImportArgs,
-    exit::ExitStatus,
-    memory::working_files,
-    output::{Printer, count},
-};
+use crate::cli::ImportArgs;
 
 /// Write a log of any form as one wide Parquet file.
-pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let out = args.out.display();
     ensure!(
         args.out.extension().is_some_and(|extension| extension == "parquet"),
@@ -22,7 +18,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<ExitSt
     let imported = calib_data::import(&data, &args.out, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&imported)?;
-        return Ok(ExitStatus::Done);
+        return Ok(Outcome::Done);
     }
     let Imported { shape, rows, channels, words } = imported;
     printer.result(&format!(
@@ -36,7 +32,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<ExitSt
             words.iter().take(WORDS).map(|(word, times)| format!("\"{word}\" x{times}")).collect();
         printer.result(&format!("{channel}: {} became missing values", words.join(", ")))?;
     }
-    Ok(ExitStatus::Done)
+    Ok(Outcome::Done)
 }
 
 /// Words of a channel that are shown.

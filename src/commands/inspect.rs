@@ -2,25 +2,20 @@ use anyhow::{Context as _, ensure};
 use calib_data::{
     Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
 };
-use calib_study::{Job, Request};
+use calib_pipeline::{
+    Descriptions, Job, Outcome, Printer, Request, check_log, data_of,
+    output::{bytes, count, span, table},
+    working_files,
+};
 
-use super::{
-    described::{self, Descriptions},
-    import::shape_name,
-    inspect_channels::show_channels,
-    plant_of_study,
-};
-use crate::{
-    cli::InspectArgs,
-    exit::ExitStatus,
-    memory,
-    output::{Printer, bytes, count, span, table},
-};
+use super::{import::shape_name, inspect_channels::show_channels};
+use crate::cli::InspectArgs;
 
 /// Show what is in a log, and what preprocessing would make of it.
-pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+    check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&profile)?;
@@ -40,7 +35,9 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
     }
-    for name in job.iter().flat_map(|job| described::unknown(&job.study().sensors, &profile)) {
+    for name in
+        job.iter().flat_map(|job| calib_pipeline::unknown_sensors(&job.study().sensors, &profile))
+    {
         printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
     }
     let refused = profile.contradictions.count > 0 && data.contradictions == Contradictions::Refuse;
@@ -57,7 +54,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<ExitS
             "no channel or no transition is left: nothing could be built from this log as it is",
         );
     }
-    Ok(if usable { ExitStatus::Done } else { ExitStatus::Negative })
+    Ok(if usable { Outcome::Done } else { Outcome::Negative })
 }
 
 /// A study's own sections, or the defaults for data alone.
@@ -68,7 +65,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
             profile: args.profile.clone(),
             ..Request::new(&args.data)
         })?;
-        let (study, data) = (job.study(), plant_of_study::data(&job)?);
+        let (study, data) = (job.study(), data_of(&job)?);
         let of = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
@@ -84,8 +81,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    memory::check_log(&study.data)?;
-    let data = DataConfig { scratch: memory::working_files(), ..study.data };
+    let data = DataConfig { scratch: working_files(), ..study.data };
     Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }
 

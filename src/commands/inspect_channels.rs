@@ -2,11 +2,12 @@
 
 use calib_data::{ChannelProfile, Profile};
 
-use super::described::Descriptions;
-use crate::{
-    cli::InspectArgs,
-    output::{Printer, count, counted, percent, significant, span, table},
+use calib_pipeline::{
+    Descriptions, Printer,
+    output::{count, counted, percent, significant, span, table},
 };
+
+use crate::cli::InspectArgs;
 
 /// Channels that are listed without `--all`.
 const LISTED: usize = 60;

@@ -1,23 +1,22 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_files::write_atomically;
-use calib_study::{Job, Request};
+use calib_files::{read_regular, write_atomically};
+use calib_pipeline::{Job, Outcome, Printer, Request};
 
-use super::chain;
-use crate::{cli::QuickstartArgs, exit::ExitStatus, output::Printer};
+use crate::cli::QuickstartArgs;
 
 /// The study that quickstart runs; `configs/quickstart.toml` in the repository.
 const STUDY: &str = include_str!("../../configs/quickstart.toml");
 
 /// Simulate a plant, run the whole chain on it, and leave everything in a directory.
-pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<ExitStatus> {
+pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let directory = &args.directory;
     printer.heading(
         "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
     );
     let study = write_study(directory, args.seed)?;
-    let status = chain::run(&Job::resolve(Request::new(&study))?, printer)?;
+    let status = calib_pipeline::run(&Job::resolve(Request::new(&study))?, printer)?;
     printer.say(&format!(
         "Open the report in a browser; then copy {}, point its data.path at your own logs, and remove [simulate].",
         study.display(),
@@ -31,13 +30,13 @@ fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf
     // The schema lies beside the original only.
     let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
     let text = text.replace("seed = 0", &format!("seed = {seed}"));
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found == text => return Ok(path),
-        Ok(_) => anyhow::bail!(
+    match read_regular(&path) {
+        Ok(found) if found == text.as_bytes() => return Ok(path),
+        _ if path.exists() => anyhow::bail!(
             "{} exists and is another study; run the steps on it one by one, or choose another directory",
             path.display()
         ),
-        Err(_) => {}
+        _ => {}
     }
     write_atomically(&path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     Ok(path)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use calib_data::table::{Table, read_parquet, read_parquet_columns};
 use calib_files::{read_array, read_csv};
+use calib_pipeline::check_table;
 
 /// Columns that a message lists.
 const LISTED: usize = 20;
@@ -109,9 +110,11 @@ fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
 fn from_parquet(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
     let context = || path.display().to_string();
     if let Some(name) = column {
+        check_table(path, Some(&[name])).with_context(context)?;
         let table = read_parquet_columns(path, &[name]).with_context(context)?;
         return table.numbers(name).with_context(context);
     }
+    check_table(path, None).with_context(context)?;
     let table = read_parquet(path)?;
     let is_numeric = |name| Table::values(&table, name).is_some_and(|of| of.numbers().is_some());
     let names: Vec<(&str, bool)> = table.names().map(|name| (name, is_numeric(name))).collect();

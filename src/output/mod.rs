@@ -1,11 +1,8 @@
 //! What a person or a machine reads: results on stdout, talk and progress on stderr.
 
-mod format;
-mod harmless;
-mod printer;
 mod progress;
+mod terminal;
 
-pub(crate) use format::{bytes, count, counted, duration, percent, significant, span, table};
-pub(crate) use harmless::{Lines, harmless};
-pub(crate) use printer::Printer;
-pub(crate) use progress::{ProgressMonitor, watch_for_interrupts};
+pub(crate) use calib_pipeline::output::{Lines, harmless};
+pub(crate) use progress::watch_for_interrupts;
+pub(crate) use terminal::{Terminal, excerpt};

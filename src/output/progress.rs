@@ -8,9 +8,8 @@ use std::{
 };
 
 use calib_core::Monitor;
+use calib_pipeline::{Shown, Stopwatch, output::duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-
-use crate::{clock::Stopwatch, output::duration};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -50,7 +49,8 @@ const FIRST_LINE: Duration = Duration::from_secs(2);
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl ProgressMonitor {
-    pub(crate) fn new(quiet: bool) -> Self {
+    pub(crate) fn new(shown: Shown) -> Self {
+        let quiet = shown == Shown::No;
         let terminal = std::io::stderr().is_terminal();
         let target = if quiet || !terminal {
             ProgressDrawTarget::hidden()

@@ -49,6 +49,22 @@ fn logs(place: &Place) -> Vec<PathBuf> {
 
 #[test]
 #[cfg(target_os = "linux")]
+fn a_simulated_log_is_checked_when_it_is_read_and_not_again() {
+    let place = Place::with_plant();
+    let run = || place.calib(&["run", "study.toml"]);
+    run();
+    let watched = opened::watch(&logs(&place));
+    assert!(run().code() < 2);
+    assert_eq!(watched.count(), 0);
+    let day = logs(&place).pop().expect("a day");
+    let bytes = fs::read(&day).expect("there");
+    fs::write(&day, [&bytes[..100], &[1; 100], &bytes[200..]].concat()).expect("writable");
+    let refused = run().fails(2);
+    assert!(refused.contains("is not what was simulated"), "{refused}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
 fn what_is_there_is_shown_without_a_look_into_the_log() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
@@ -150,4 +166,50 @@ fn only_what_the_study_reads_is_kept() {
     let dry = place.calib(&["build-model", "study.toml", "--dry-run"]);
     dry.succeeds();
     assert_eq!(fs::read_dir(states).expect("there").count(), 1, "a dry run writes nothing");
+}
+
+#[test]
+fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
+    let place = Place::with_study();
+    let plan = |args: &[&str]| {
+        let args = [&["run", "study.toml", "--dry-run", "--json"], args].concat();
+        let told: serde_json::Value =
+            serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON");
+        let steps = told["steps"].as_array().expect("steps").clone();
+        let to_do = steps.iter().filter(|step| step["state"] == "to_do");
+        to_do.map(|step| step["step"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(plan(&[]), ["reading the log", "build-model", "rollout", "sweep", "evaluate"]);
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_eq!(plan(&[]), ["rollout", "sweep", "evaluate"]);
+    let told = place.calib(&["run", "study.toml"]);
+    told.succeeds();
+    assert!(
+        told.stderr().contains("up to date: reading the log, build-model\n"),
+        "{}",
+        told.stderr()
+    );
+    assert_eq!(plan(&[]), ["evaluate"]);
+    assert_eq!(plan(&["--set", "agent.gamma=0.8"]), ["sweep", "evaluate"]);
+    assert_eq!(plan(&["--set", "rollout.steps=300"]), ["rollout", "evaluate"]);
+    assert_eq!(plan(&["--force"]).len(), 5);
+    place.edit_study("members = 3", "members = 4");
+    assert_eq!(plan(&[]), ["build-model", "rollout", "sweep", "evaluate"]);
+}
+
+#[test]
+fn what_others_put_beside_prepared_logs_stays() {
+    let place = Place::with_study();
+    let run = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).succeeds();
+    run("preprocess.subsample=1");
+    let states = place.path().join("study-results/dataset");
+    let own = fs::read_dir(&states).expect("there").flatten().next().expect("one").path();
+    fs::create_dir(states.join("notes")).expect("made");
+    fs::write(states.join("notes/mine.txt"), "mine").expect("written");
+    fs::write(own.join("mine.txt"), "mine").expect("written");
+    run("preprocess.subsample=2");
+    assert!(states.join("notes/mine.txt").exists());
+    let left: Vec<_> =
+        fs::read_dir(&own).expect("there").flatten().map(|entry| entry.file_name()).collect();
+    assert_eq!(left, ["mine.txt"]);
 }

@@ -110,7 +110,14 @@ fn killed_training_goes_on_to_the_same_bytes() {
     let checkpoint = place.path().join("killed/model/checkpoint.safetensors");
     for round in 1..40_u64 {
         let mut child = place.command(&args).spawn().expect("calib runs");
-        thread::sleep(Duration::from_millis(40 + 7 * round));
+        // Until there is something to go on with, and a little longer each time.
+        for _ in 0..10_000 {
+            if checkpoint.exists() || child.try_wait().expect("a status").is_some() {
+                break;
+            }
+            thread::sleep(Duration::from_millis(2));
+        }
+        thread::sleep(Duration::from_millis(3 * round));
         if child.try_wait().expect("a status").is_some() {
             break;
         }

@@ -21,7 +21,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     let before = place.content("study-results");
     let again = place.calib(&["run", "study.toml"]);
     again.succeeds();
-    assert_eq!(again.stderr().matches("up to date").count(), 3, "{}", again.stderr());
+    assert_eq!(again.stderr().matches("up to date").count(), 4, "{}", again.stderr());
     assert!(!again.stderr().contains("day files"), "{}", again.stderr());
     assert!(place.content("study-results") == before);
 
@@ -36,7 +36,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     // What is stale is made again, and what is not stays.
     let fewer = place.calib(&["run", "study.toml", "--set", "rollout.steps=300"]);
     fewer.succeeds();
-    assert_eq!(fewer.stderr().matches("up to date").count(), 2, "{}", fewer.stderr());
+    assert_eq!(fewer.stderr().matches("up to date").count(), 3, "{}", fewer.stderr());
     assert!(fewer.stderr().contains("wrote study-results/rollout"), "{}", fewer.stderr());
     let json = place.calib(&["run", "study.toml", "--json", "-q", "--force"]).succeeds();
     let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");

@@ -117,6 +117,7 @@ fn pipes_are_refused_instead_of_waited_for() {
     assert!(place.calib(&["run", "s.toml"]).fails(2).contains("a pipe"));
     place.calib(&["inspect", "logs.parquet"]).fails(2);
     place.calib(&["inspect", "*.parquet"]).fails(2);
+    assert!(place.calib(&["validity", "s.toml"]).fails(2).contains("a pipe"));
 }
 
 /// A log of one row a minute, in which `values` gives the first channel.
@@ -257,4 +258,32 @@ fn results_are_no_logs() {
     assert_eq!(of("."), of("data"));
     let refused = place.calib(&["inspect", "study-results"]).fails(2);
     assert!(refused.contains("results of calib, which are no logs"), "{refused}");
+}
+
+#[test]
+fn a_simulated_log_is_what_was_simulated() {
+    let place = Place::new();
+    let args =
+        ["simulate", "data", "--days", "2", "--channels", "4", "--period", "600", "--seed", "3"];
+    place.calib(&args).succeeds();
+    let day = place.path().join("data/2022-11-01.parquet");
+    let whole = fs::read(&day).expect("readable");
+    let mut other = whole.clone();
+    let middle = other.len() / 2;
+    other[middle] ^= 4;
+    fs::write(&day, other).expect("writable");
+    let refused = place.calib(&args).fails(2);
+    assert!(refused.contains("2022-11-01.parquet is not what was simulated"), "{refused}");
+    fs::remove_file(&day).expect("removed");
+    place.calib(&args).succeeds();
+    assert_eq!(fs::read(&day).expect("readable"), whole);
+    let record = place.path().join("data/simulation.json");
+    let text = fs::read_to_string(&record).expect("readable");
+    fs::write(&record, text.replacen("\"days\": 2", "\"days\": 9", 1)).expect("writable");
+    let refused = place.calib(&args).fails(2);
+    assert!(refused.contains("it is not known what the logs in data"), "{refused}");
+    // No more is removed than what is known to have been simulated.
+    fs::write(place.path().join("data/2022-11-05.parquet"), "theirs").expect("writable");
+    place.calib(&[&args[..], &["--force"]].concat()).fails(2);
+    assert!(day.exists() && place.path().join("data/2022-11-05.parquet").exists());
 }

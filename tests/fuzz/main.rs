@@ -2,7 +2,8 @@
 //! refused, or what was written.
 //!
 //! 256 cases a parser run with the other tests. More by hand: `PROPTEST_CASES=1000000 cargo test --release --test fuzz`.
-//! Parsers that only the command line reaches (studies, profiles, manifests, units, imports) are in `tests/torture/hostile.rs`.
+//! What only the command line does with what they return (manifests and units with other values under a fingerprint that fits,
+//! imports) is in `tests/torture/hostile.rs`.
 
 use std::{fs, path::Path};
 
@@ -14,7 +15,7 @@ use calib_files::{
     Tensor, Tensors, map_npy, read_array, read_csv, read_sealed_json, read_sealed_tensors,
     read_tensors, write_npy, write_sealed_json, write_tensors,
 };
-use calib_study::of_data;
+use calib_study::{Each, Job, Protocol, Request, of_data};
 use proptest::{collection::vec, prelude::*, sample::Index};
 
 /// One change to some bytes.
@@ -220,6 +221,24 @@ proptest! {
             prop_assert_eq!(parse_time(&format_time(time)), Some(time), "{}", text);
         }
         let _ = Moment::new(&text);
+    }
+
+    #[test]
+    fn studies(edits in edits(), which in any::<Index>()) {
+        let whole = corpus("toml");
+        let bytes = edited(&whole[which.index(whole.len())], &edits);
+        let (_place, path) = Place::with("study.toml", &bytes);
+        if let Ok(drawn) = Protocol::find(&path) {
+            prop_assert!(drawn.is_none() || bytes.windows(8).any(|part| part == b"validity"));
+        }
+        for profile in [None, Some("small".to_owned())] {
+            let Ok(job) = Job::resolve(Request { profile, ..Request::new(&path) }) else { continue };
+            // What is valid as a whole may not be in one of its models.
+            if let Ok(models) = job.models() {
+                prop_assert!(!models.is_empty());
+            }
+            let _ = job.parts(Each::Rollouts);
+        }
     }
 
     #[test]

@@ -177,7 +177,7 @@ impl Bases {
                 };
                 (
                     args.join(" "),
-                    run(&place, args, &["study", "profile", "data", "sensor", "model"]),
+                    run(&place, args, &["study", "profile", "data", "sensor", "model", "sweep."]),
                 )
             }
             "import" => import(&self.plain, draws),

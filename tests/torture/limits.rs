@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use crate::harness::Place;
+use crate::{campaign::number, harness::Place};
 
 /// How a command may end, and how it may not.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub(crate) enum Ended {
     Wrong(String),
 }
 
-/// Seconds after which a command hangs.
+/// Seconds after which a command hangs; `CALIB_SECONDS` where others use the machine as well.
 const SECONDS: u64 = 30;
 /// Addresses that a command may take.
 #[cfg(unix)]
@@ -36,7 +36,8 @@ pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
     limit(&mut command);
     let mut child = command.spawn().expect("calib runs");
     let mut status = None;
-    for _ in 0..SECONDS * 200 {
+    let seconds = number("CALIB_SECONDS", SECONDS);
+    for _ in 0..seconds * 200 {
         status = child.try_wait().expect("a status");
         if status.is_some() {
             break;
@@ -46,7 +47,7 @@ pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
     let Some(status) = status else {
         child.kill().expect("it runs");
         child.wait().expect("a status");
-        return Ended::Wrong(format!("hangs: nothing after {SECONDS} s"));
+        return Ended::Wrong(format!("hangs: nothing after {seconds} s"));
     };
     let told = fs::read(&stderr).expect("readable");
     let told = String::from_utf8_lossy(&told).replace(&*place.path().to_string_lossy(), "PLACE");
@@ -86,17 +87,18 @@ fn limit(command: &mut std::process::Command) {
     }
 }
 
-/// Words by which a message says what to do, what was expected, or what there is instead.
-const REMEDIES: [&str; 42] = [
+/// Words by which a message says what to do, what was expected, or what there is instead; a caret below the place of a
+/// TOML file that is no TOML says as much.
+const REMEDIES: [&str; 47] = [
     "expected",
     "run `",
     "choose",
-    "Choose",
     "give ",
     "remove",
     "set ",
     "use ",
     "must be",
+    "must have",
     "leave",
     "name ",
     "needs",
@@ -108,10 +110,15 @@ const REMEDIES: [&str; 42] = [
     "again",
     "try ",
     "check ",
-    "Check ",
     "above",
     "did you mean",
     "keys are",
+    "there are",
+    "the glob pattern is malformed",
+    "known keys",
+    "known values",
+    "profiles are",
+    "^",
     "take ",
     "lower",
     "raise",
@@ -127,7 +134,7 @@ const REMEDIES: [&str; 42] = [
     "shows every",
     "scale the",
     "columns are",
-    "No such file",
+    "no such file",
     "is not a readable",
     "is not a channel",
 ];

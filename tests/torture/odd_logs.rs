@@ -112,11 +112,26 @@ fn a_log_of_a_hundred_million_equal_rows_is_refused() {
     let place = place(&shape, &mut Draws(1));
     let small = fs::metadata(place.path().join("logs/a.parquet")).expect("there").len();
     assert!(small < 1000, "{small} bytes");
-    let Ended::Refused(told) = run(&place, &["inspect", "logs"], &["logs"]) else {
-        panic!("not refused")
-    };
-    assert!(
-        told.contains("100000000") || told.contains("100,000,000") || told.contains("memory"),
-        "{told}"
-    );
+    let series = "logs/a.parquet:P";
+    for args in [
+        &["inspect", "logs"][..],
+        &["inspect", "study.toml"],
+        &["build-model", "study.toml"],
+        &["dtw", series, series],
+    ] {
+        let ended = run(&place, args, &["logs"]);
+        let Ended::Refused(told) = &ended else { panic!("{args:?}: {ended:?}") };
+        assert!(told.contains("of memory"), "{told}");
+    }
+}
+
+/// The reader panics on some types that nothing here wants.
+#[test]
+fn a_column_of_a_type_that_cannot_be_read_is_named() {
+    for kind in ["map key", "struct", "list of lists"] {
+        let shape = Shape { kind, content: "wave", times: "us", files: "one" };
+        let place = place(&shape, &mut Draws(1));
+        let ended = run(&place, &["dtw", "logs/a.parquet:P", "series.csv"], &["column P"]);
+        assert!(matches!(ended, Ended::Refused(_)), "{kind}: {ended:?}");
+    }
 }

@@ -232,6 +232,15 @@ impl AgentConfig {
     }
 }
 
+/// With an exponent where digits alone would be hundreds.
+fn in_short(value: &dyn Display) -> String {
+    let text = value.to_string();
+    match text.parse::<f64>() {
+        Ok(number) if text.len() > 20 => format!("{number:e}"),
+        _ => text,
+    }
+}
+
 fn require(
     holds: bool,
     field: &'static str,
@@ -241,7 +250,7 @@ fn require(
     if holds {
         Ok(())
     } else {
-        Err(ConfigError { field, got: got.to_string(), expected: expected.to_owned() })
+        Err(ConfigError { field, got: in_short(got), expected: expected.to_owned() })
     }
 }
 
@@ -280,6 +289,7 @@ mod tests {
             "agent hyperparameter `learning_rate`: expected 0 or a number from 1e-45 to 1e38 \
              (parameters are in single precision), got NaN"
         );
+        assert!(bad(|config| config.learning_rate = 1e300).to_string().ends_with("got 1e300"));
         assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
         assert_eq!(bad(|config| config.traces = vec![0.9, 1.0]).field, "traces");
         assert_eq!(

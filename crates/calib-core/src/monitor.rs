@@ -14,6 +14,20 @@ pub trait Monitor: Sync {
     }
 }
 
+impl<M: Monitor + ?Sized> Monitor for Box<M> {
+    fn begin(&self, task: &str, total: u64) {
+        (**self).begin(task, total);
+    }
+
+    fn advance(&self, units: u64) {
+        (**self).advance(units);
+    }
+
+    fn interrupted(&self) -> bool {
+        (**self).interrupted()
+    }
+}
+
 /// A monitor that nobody watches.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;

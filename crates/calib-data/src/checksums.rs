@@ -10,7 +10,7 @@ use std::{
     path::Path,
 };
 
-use calib_files::FileError;
+use calib_files::{FileError, open_regular};
 use flate2::read::MultiGzDecoder;
 use polars::prelude as pl;
 use polars_parquet_format::{
@@ -53,7 +53,7 @@ pub(crate) fn verify(
     };
     let damage = |chunk: &Chunk| -> Result<Option<String>, FileError> {
         let of_system = |source| FileError::io("read", path, source);
-        let mut file = File::open(path).map_err(of_system)?;
+        let mut file = open_regular(path)?;
         file.seek(SeekFrom::Start(chunk.bytes[0])).map_err(of_system)?;
         match chunk.check(file) {
             Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),
@@ -94,6 +94,10 @@ fn chunks(metadata: &pl::FileMetadata, is_wanted: impl Fn(&str) -> bool) -> Vec<
 impl Chunk {
     /// Look through the pages; what is wrong with the first that is not whole.
     fn check(&self, file: File) -> io::Result<Option<String>> {
+        // Pages are taken into memory as they are: none is larger than the file.
+        if self.bytes[1] > file.metadata()?.len() {
+            return Ok(Some("is cut off".to_owned()));
+        }
         let mut reader = BufReader::with_capacity(WINDOW, file);
         let (mut seen, mut place) = (0_i64, self.bytes[0]);
         let mut content = Vec::new();

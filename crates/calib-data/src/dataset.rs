@@ -45,7 +45,7 @@ impl Dataset {
 
 /// What reading takes beside the states: a batch of channels, and for each row of the log its time and flags.
 const READING: u64 = 320 << 20;
-const READING_A_ROW: u64 = 24;
+const READING_A_ROW: u64 = 28;
 
 /// Read, clean, split and normalise a log.
 ///
@@ -231,7 +231,7 @@ impl Survey {
                 .map(|(channel, sensor)| (channel.values.as_slice(), sensor.bounds))
                 .collect();
             for matrix in matrices.iter_mut() {
-                matrix.fill(first, &bounded);
+                matrix.fill(first, &bounded)?;
             }
             for (trace, &decay) in preprocess.traces.iter().enumerate() {
                 let traced: Vec<Vec<f64>> = channels
@@ -248,28 +248,33 @@ impl Survey {
                     .map(|(values, sensor)| (values.as_slice(), sensor.bounds))
                     .collect();
                 for matrix in matrices.iter_mut() {
-                    matrix.fill((trace + 1) * count + first, &bounded);
+                    matrix.fill((trace + 1) * count + first, &bounded)?;
                 }
             }
         }
-        self.fill_features(preprocess, matrices);
-        Ok(())
+        self.fill_features(preprocess, matrices)
     }
 
-    fn fill_features(&self, preprocess: &PreprocessConfig, matrices: &mut [&mut Matrix<'_>]) {
+    fn fill_features(
+        &self,
+        preprocess: &PreprocessConfig,
+        matrices: &mut [&mut Matrix<'_>],
+    ) -> Result<(), DataError> {
         let mut next = self.sensors.len() * (1 + preprocess.traces.len());
-        let mut add = |values: Vec<f64>| {
+        let mut add = |values: Vec<f64>| -> Result<(), DataError> {
             for matrix in matrices.iter_mut() {
-                matrix.fill(next, &[(&values, Bounds::IDENTITY)]);
+                matrix.fill(next, &[(&values, Bounds::IDENTITY)])?;
             }
             next += 1;
+            Ok(())
         };
         if preprocess.time_of_day {
-            features::time_of_day(&self.log.rows.timestamps).into_iter().for_each(&mut add);
+            features::time_of_day(&self.log.rows.timestamps).into_iter().try_for_each(&mut add)?;
         }
         if let Some(modes) = &self.modes {
-            (0..modes.labels.len()).map(|mode| modes.one_hot(mode)).for_each(&mut add);
+            (0..modes.labels.len()).map(|mode| modes.one_hot(mode)).try_for_each(&mut add)?;
         }
+        Ok(())
     }
 
     /// Treat and fill what the first pass did, and clip.

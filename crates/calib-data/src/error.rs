@@ -241,7 +241,10 @@ pub enum DataError {
         reason: String,
     },
     /// No channel is left.
-    #[error("no channel is left of {channels}: {reasons}. `calib inspect` shows every channel")]
+    #[error(
+        "no channel is left of {channels} in the training range: {reasons}. `calib inspect` shows every channel; \
+         data.train or data.train_fraction says which rows are for training"
+    )]
     NoChannels {
         /// Number of channels in the log.
         channels: usize,

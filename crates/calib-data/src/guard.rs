@@ -1,18 +1,32 @@
 //! Reading files that may be damaged.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use polars::prelude as pl;
 
 /// Longest reason that is passed on.
 const REASON: usize = 240;
 
+/// Readers at work on all threads. A reader has threads of its own, so it cannot be told whose panic one is.
+static READING: AtomicUsize = AtomicUsize::new(0);
+
+/// Whether a panic may be that of a reader on a damaged file, which becomes an error: nobody need be told of it.
+pub fn may_be_of_a_reader() -> bool {
+    READING.load(Ordering::Relaxed) > 0
+}
+
 /// Do what reads a file; the error is what was wrong with it, in one line.
 ///
 /// The Parquet reader panics on some damaged files. That is an error of the file like any other.
 pub(crate) fn guard<T>(read: impl FnOnce() -> pl::PolarsResult<T>) -> Result<T, String> {
     // Whatever the reader leaves half-done is dropped with it: nothing of it is used after a panic.
-    match catch_unwind(AssertUnwindSafe(read)) {
+    READING.fetch_add(1, Ordering::Relaxed);
+    let read = catch_unwind(AssertUnwindSafe(read));
+    READING.fetch_sub(1, Ordering::Relaxed);
+    match read {
         Ok(result) => result.map_err(|error| one_line(&error.to_string())),
         Err(panic) => {
             let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
@@ -40,7 +54,10 @@ mod tests {
     fn panics_and_errors_become_one_line() {
         let error = guard::<()>(|| Err(pl::polars_err!(ComputeError: "first\nsecond")));
         assert_eq!(error, Err("first".to_owned()));
-        let panic = guard::<()>(|| panic!("bad {}", "thrift"));
+        let panic = guard::<()>(|| {
+            assert!(may_be_of_a_reader());
+            panic!("bad {}", "thrift")
+        });
         assert_eq!(panic, Err("the reader failed: bad thrift".to_owned()));
         assert_eq!(guard(|| Ok(7)), Ok(7));
         assert_eq!(one_line(&"é".repeat(500)).chars().count(), REASON + 1);

@@ -49,6 +49,7 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
+pub use guard::may_be_of_a_reader;
 pub use import::{Imported, import};
 pub use log::{Declared, log_files};
 pub use outliers::Fences;

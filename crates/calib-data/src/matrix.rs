@@ -1,9 +1,9 @@
 //! The states of one range, while they are filled column by column.
 
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 use calib_core::{Bounds, Column, Frames, FramesError, Physical, States, StatesError, Timestamp};
-use calib_files::{Scratch, ScratchPlace};
+use calib_files::{Scratch, ScratchFile, ScratchPlace};
 use rayon::prelude::*;
 
 use crate::{DataError, sample::Samples, survey::Part, time::format_time};
@@ -15,9 +15,15 @@ const BLOCK_ROWS: usize = 256;
 /// are written one after the other would touch each page of the rows once for each batch of channels.
 pub(crate) struct Matrix<'a> {
     part: &'a Part,
-    place: ScratchPlace,
-    values: Scratch<f32>,
+    values: Values,
     width: usize,
+}
+
+enum Values {
+    /// In memory, row by row.
+    Rows(Scratch<f32>),
+    /// In a file, column by column.
+    Columns(ScratchFile<f32>, PathBuf),
 }
 
 impl<'a> Matrix<'a> {
@@ -26,39 +32,37 @@ impl<'a> Matrix<'a> {
         width: usize,
         place: &ScratchPlace,
     ) -> Result<Self, DataError> {
-        let values = Scratch::zeroed(part.samples.rows() * width, place)?;
-        Ok(Self { part, place: place.clone(), values, width })
-    }
-
-    fn is_by_columns(&self) -> bool {
-        self.place != ScratchPlace::Memory
+        let len = part.samples.rows() * width;
+        let values = match place {
+            ScratchPlace::Memory => Values::Rows(Scratch::zeroed(len, place)?),
+            ScratchPlace::Disk(directory) => {
+                Values::Columns(ScratchFile::new(len, directory)?, directory.clone())
+            }
+        };
+        Ok(Self { part, values, width })
     }
 
     /// Fill the columns from `first` on with the sampled, normalised values of `columns`.
-    pub(crate) fn fill(&mut self, first: usize, columns: &[(&[f64], Bounds)]) {
+    pub(crate) fn fill(
+        &mut self,
+        first: usize,
+        columns: &[(&[f64], Bounds)],
+    ) -> Result<(), DataError> {
         let (samples, width): (&Samples, usize) = (&self.part.samples, self.width);
-        let rows = samples.rows();
-        if rows == 0 {
-            return;
-        }
-        if self.is_by_columns() {
-            let filled = &mut self.values[first * rows..][..columns.len() * rows];
-            for (column, &(values, bounds)) in filled.chunks_exact_mut(rows).zip(columns) {
-                column.par_iter_mut().enumerate().for_each(|(row, state)| {
-                    *state = bounds.normalise(Physical(samples.value(values, row))).0;
-                });
-            }
-            return;
-        }
-        self.values.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
-            // Column by column: reads are contiguous, writes stay in the cache.
-            for (column, &(values, bounds)) in (first..).zip(columns) {
-                for (row, state) in rows.chunks_exact_mut(width).enumerate() {
-                    let physical = samples.value(values, block * BLOCK_ROWS + row);
-                    state[column] = bounds.normalise(Physical(physical)).0;
+        match &mut self.values {
+            Values::Rows(states) => fill_rows(states, samples, width, first, columns),
+            Values::Columns(file, _) => {
+                let rows = samples.rows();
+                let mut filled = vec![0.0; rows];
+                for (column, &(values, bounds)) in (first..).zip(columns) {
+                    filled.par_iter_mut().enumerate().for_each(|(row, state)| {
+                        *state = bounds.normalise(Physical(samples.value(values, row))).0;
+                    });
+                    file.write(column * rows, &filled)?;
                 }
             }
-        });
+        }
+        Ok(())
     }
 
     /// All columns are filled.
@@ -69,10 +73,9 @@ impl<'a> Matrix<'a> {
     ) -> Result<Frames, DataError> {
         let samples = &self.part.samples;
         let (rows, width) = (samples.rows(), self.width);
-        let values = if self.is_by_columns() {
-            by_rows(&self.values, rows, width, &self.place)?
-        } else {
-            self.values
+        let values = match self.values {
+            Values::Rows(states) => states,
+            Values::Columns(file, directory) => by_rows(&file, rows, width, directory)?,
         };
         let timestamps = samples.timestamps(log);
         let states =
@@ -92,23 +95,45 @@ impl<'a> Matrix<'a> {
     }
 }
 
+fn fill_rows(
+    states: &mut [f32],
+    samples: &Samples,
+    width: usize,
+    first: usize,
+    columns: &[(&[f64], Bounds)],
+) {
+    states.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
+        // Column by column: reads are contiguous, writes stay in the cache.
+        for (column, &(values, bounds)) in (first..).zip(columns) {
+            for (row, state) in rows.chunks_exact_mut(width).enumerate() {
+                let physical = samples.value(values, block * BLOCK_ROWS + row);
+                state[column] = bounds.normalise(Physical(physical)).0;
+            }
+        }
+    });
+}
+
 /// The same values row by row. Strips of rows are written one after the other; each reads a piece of every column.
 fn by_rows(
-    columns: &[f32],
+    columns: &ScratchFile<f32>,
     rows: usize,
     width: usize,
-    place: &ScratchPlace,
+    directory: PathBuf,
 ) -> Result<Scratch<f32>, DataError> {
-    /// Values of a strip: what a few megabytes hold, so that pieces of columns are some thousand values long.
+    /// Values of a strip, so that pieces of columns are some thousand values long.
     const STRIP: usize = 1 << 22;
-    let mut states = Scratch::zeroed(rows * width, place)?;
+    let mut states = Scratch::zeroed(rows * width, &ScratchPlace::Disk(directory))?;
     let strip_rows = (STRIP / width.max(1)).clamp(1, rows.max(1));
-    for (strip, filled) in states.chunks_mut((strip_rows * width).max(1)).enumerate() {
-        let first = strip * strip_rows;
+    let mut strip = vec![0.0; strip_rows * width];
+    for (number, filled) in states.chunks_mut((strip_rows * width).max(1)).enumerate() {
+        let (first, len) = (number * strip_rows, filled.len() / width);
+        let pieces = strip.par_chunks_mut(strip_rows).enumerate();
+        pieces.try_for_each(|(column, piece)| {
+            columns.read(column * rows + first, &mut piece[..len])
+        })?;
         filled.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, part)| {
-            let start = first + block * BLOCK_ROWS;
             for column in 0..width {
-                let values = &columns[column * rows + start..];
+                let values = &strip[column * strip_rows + block * BLOCK_ROWS..];
                 for (state, &value) in part.chunks_exact_mut(width).zip(values) {
                     state[column] = value;
                 }
@@ -129,8 +154,9 @@ mod tests {
         fn columns_become_rows(rows in 0_usize..2000, width in 1_usize..40) {
             let columns: Vec<f32> = (0..rows * width).map(|at| at as f32).collect();
             let disk = tempfile::tempdir().expect("a directory");
-            let place = ScratchPlace::Disk(disk.path().to_owned());
-            let states = by_rows(&columns, rows, width, &place).expect("room");
+            let file = ScratchFile::new(columns.len(), disk.path()).expect("room");
+            file.write(0, &columns).expect("room");
+            let states = by_rows(&file, rows, width, disk.path().to_owned()).expect("room");
             for row in 0..rows {
                 for column in 0..width {
                     prop_assert_eq!(states[row * width + column], columns[column * rows + row]);

@@ -100,7 +100,7 @@ impl DynamicsConfig {
         let number = |key, expected: &str, got: f64| DynamicsError::Config {
             key,
             expected: expected.to_owned(),
-            got: got.to_string(),
+            got: format!("{got:?}"),
         };
         if !(1e-45..=1e38).contains(&self.learning_rate) {
             let expected =

@@ -42,7 +42,6 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
     let header = std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
     let kind = Kind::of(entry(header, "'descr'")?)?;
     let shape = shape(entry(header, "'shape'")?)?;
-    let values: Vec<f64> = data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)).collect();
     let expected = shape.iter().try_fold(kind.size, |product, &length| product.checked_mul(length));
     if expected != Some(data.len()) {
         return Err(format!(
@@ -51,12 +50,21 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
             data.len()
         ));
     }
-    let values = if entry(header, "'fortran_order'")?.starts_with("True") {
-        row_major(&values, &shape)
-    } else {
-        values
-    };
+    let count = data.len() / kind.size;
+    let mut values = room(count)?;
+    values.extend(data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)));
+    if entry(header, "'fortran_order'")?.starts_with("True") {
+        values = row_major(&values, &shape, room(count)?);
+    }
     Ok(Array { shape, values })
+}
+
+/// Room for `count` numbers, or that there is none.
+fn room(count: usize) -> Result<Vec<f64>, String> {
+    let mut values = Vec::new();
+    let reserved = values.try_reserve_exact(count);
+    reserved.map_err(|_| format!("its {count} numbers do not fit into memory; take fewer"))?;
+    Ok(values)
 }
 
 /// What follows `key` in the header's dictionary.
@@ -121,9 +129,8 @@ impl Kind {
 }
 
 /// Column-major values in row-major order.
-fn row_major(values: &[f64], shape: &[usize]) -> Vec<f64> {
+fn row_major(values: &[f64], shape: &[usize], mut ordered: Vec<f64>) -> Vec<f64> {
     let mut index = vec![0; shape.len()];
-    let mut ordered = Vec::with_capacity(values.len());
     for _ in 0..values.len() {
         let place = index.iter().zip(shape).rev().fold(0, |place, (i, length)| place * length + i);
         ordered.push(values[place]);

@@ -8,6 +8,7 @@ use crate::{
     FileError, Output, create_directory,
     disk::{Announced, directory_of, sync_directory},
     faults::{Operation, reach},
+    remove_file,
 };
 
 const PREFIX: &str = ".calib-";
@@ -60,6 +61,35 @@ fn write_to(
 ) -> io::Result<()> {
     let mut output = Announced::output(file, path);
     fill(&mut output).and_then(|()| output.flush())
+}
+
+/// What lies in the directories below a claimed one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Below {
+    /// Files of the same artefact.
+    Ours,
+    /// Anything: the directory is the user's.
+    Unknown,
+}
+
+/// Remove what a killed process left half-written in `directory`, and in those below if they are ours.
+///
+/// # Errors
+/// If it cannot be read, or something cannot be removed.
+pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileError> {
+    let refused = |source| FileError::io("read the folder", directory, source);
+    for entry in fs::read_dir(directory).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let path = entry.path();
+        if entry.file_type().map_err(refused)?.is_dir() {
+            if below == Below::Ours {
+                remove_temporaries(&path, below)?;
+            }
+        } else if is_temporary(&path) {
+            remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 /// Put the content of `from` at `path` as a whole: under a second name of the same file where the file system has such,

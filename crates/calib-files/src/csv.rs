@@ -57,7 +57,7 @@ pub fn read_csv(path: &Path) -> Result<Vec<CsvColumn>, FileError> {
 }
 
 fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
-    let mut records = Records::new(bytes);
+    let mut records = Records::new(bytes)?;
     let first = records.next().ok_or("expected a header or numbers, got nothing")?;
     let is_header = first.cells.iter().any(|cell| {
         let cell = cell.trim();
@@ -73,6 +73,11 @@ fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
         .map(|cell| CsvColumn { name: name(cell), numbers: Ok(Vec::new()) })
         .collect();
     let expected = columns.len();
+    // A record has a line's end, and a byte between its cells.
+    let most = bytes.split(|&byte| byte == b'\n').count().min(bytes.len() / expected + 1);
+    for column in &mut columns {
+        column.numbers.iter_mut().try_for_each(|numbers| reserve(numbers, most))?;
+    }
     for record in (!is_header).then_some(first).into_iter().chain(records) {
         let Record { cells, line } = record;
         if cells.len() != expected {
@@ -86,6 +91,12 @@ fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
         }
     }
     Ok(columns)
+}
+
+/// Room for `count` more, or that there is none.
+fn reserve<T>(values: &mut Vec<T>, count: usize) -> Result<(), String> {
+    let reserved = values.try_reserve_exact(count);
+    reserved.map_err(|_| "it does not fit into memory; take fewer records or columns".to_owned())
 }
 
 struct Record {
@@ -104,13 +115,11 @@ struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self {
-            reader: Reader::new(),
-            rest: bytes,
-            text: vec![0; bytes.len() + 1],
-            ends: vec![0; 16],
-        }
+    fn new(bytes: &'a [u8]) -> Result<Self, String> {
+        let mut text = Vec::new();
+        reserve(&mut text, bytes.len() + 1)?;
+        text.resize(bytes.len() + 1, 0);
+        Ok(Self { reader: Reader::new(), rest: bytes, text, ends: vec![0; 16] })
     }
 
     fn record(&self, cells: usize, last: Option<&u8>) -> Record {

@@ -30,7 +30,9 @@ mod stamp;
 mod tensors;
 
 pub use array::{Array, read_array};
-pub use atomic::{is_temporary, link_or_copy, write_atomically, write_output};
+pub use atomic::{
+    Below, is_temporary, link_or_copy, remove_temporaries, write_atomically, write_output,
+};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
@@ -42,7 +44,7 @@ pub use lock::open_lock;
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{open_regular, read_regular, require_regular};
-pub use scratch::{Scratch, ScratchPlace};
+pub use scratch::{Scratch, ScratchFile, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
 pub use spill::Spill;
 pub use stamp::Stamp;

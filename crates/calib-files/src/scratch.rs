@@ -58,10 +58,87 @@ impl<T: Pod + Zeroable> Scratch<T> {
     }
 }
 
-fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
+/// A nameless file of numbers that are written and read in pieces, wherever they lie. A mapped file of which pieces far
+/// apart are read is read many times over where memory is short: the system reads ahead of each.
+#[derive(Debug)]
+pub struct ScratchFile<T> {
+    file: File,
+    directory: PathBuf,
+    element: PhantomData<T>,
+}
+
+impl<T: Pod> ScratchFile<T> {
+    /// A file in `directory`, with room for `len` numbers.
+    ///
+    /// # Errors
+    /// If the file cannot be made, or the disk is too full for it.
+    pub fn new(len: usize, directory: &Path) -> Result<Self, FileError> {
+        create_directory(directory)?;
+        let file = nameless(directory, len * size_of::<T>())
+            .map_err(|source| FileError::io("make a working file in", directory, source))?;
+        Ok(Self { file, directory: directory.to_owned(), element: PhantomData })
+    }
+
+    /// Write `values` from the position of number `first` on.
+    ///
+    /// # Errors
+    /// If the disk refuses.
+    pub fn write(&self, first: usize, values: &[T]) -> Result<(), FileError> {
+        write_all_at(&self.file, bytemuck::cast_slice(values), first * size_of::<T>())
+            .map_err(|source| FileError::io("write a working file in", &self.directory, source))
+    }
+
+    /// Read as many `values` as there is room for, from the position of number `first` on.
+    ///
+    /// # Errors
+    /// If the disk refuses, or there are no so many.
+    pub fn read(&self, first: usize, values: &mut [T]) -> Result<(), FileError> {
+        read_exact_at(&self.file, bytemuck::cast_slice_mut(values), first * size_of::<T>())
+            .map_err(|source| FileError::io("read a working file in", &self.directory, source))
+    }
+}
+
+#[cfg(unix)]
+fn write_all_at(file: &File, bytes: &[u8], offset: usize) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset as u64)
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, bytes: &mut [u8], offset: usize) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset as u64)
+}
+
+#[cfg(windows)]
+fn write_all_at(file: &File, mut bytes: &[u8], mut offset: usize) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let written = std::os::windows::fs::FileExt::seek_write(file, bytes, offset as u64)?;
+        (bytes, offset) = (&bytes[written..], offset + written);
+    }
+    Ok(())
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: usize) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let read = std::os::windows::fs::FileExt::seek_read(file, bytes, offset as u64)?;
+        if read == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        (bytes, offset) = (&mut bytes[read..], offset + read);
+    }
+    Ok(())
+}
+
+/// A file without a name, with room for as many bytes.
+fn nameless(directory: &Path, bytes: usize) -> io::Result<File> {
     reach(Operation::Reserve, directory)?;
     let mut file = tempfile::tempfile_in(directory)?;
     reserve(&mut file, bytes)?;
+    Ok(file)
+}
+
+fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
+    let file = nameless(directory, bytes)?;
     // SAFETY: the file has no name, and this process has the only handle: nobody else changes it.
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
     unsafe {
@@ -133,6 +210,18 @@ mod tests {
         }
         let left = std::fs::read_dir(directory.path().join("new")).expect("readable").count();
         assert_eq!(left, 0, "working files have no name");
+    }
+
+    #[test]
+    fn pieces_of_a_file_are_written_and_read_wherever_they_lie() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let file = ScratchFile::<u32>::new(100, directory.path()).expect("room");
+        file.write(90, &[1, 2, 3]).expect("room");
+        file.write(0, &[4]).expect("room");
+        let mut read = [9; 4];
+        file.read(89, &mut read).expect("there");
+        assert_eq!(read, [0, 1, 2, 3]);
+        assert!(file.read(98, &mut read).is_err(), "there are only 100");
     }
 
     #[test]

@@ -5,8 +5,8 @@ use std::{
 };
 
 use calib_files::{
-    FileError, Fingerprint, Fingerprinter, create_directory, remove_file, remove_folder,
-    write_atomically,
+    FileError, Fingerprint, Fingerprinter, create_directory, open_regular, read_regular,
+    remove_file, remove_folder, write_atomically,
 };
 
 use crate::index::Found;
@@ -114,13 +114,13 @@ impl Open {
 
     fn owns(&self, path: &Path) -> bool {
         let mut key = [0; DIGITS];
-        let read = fs::File::open(path).and_then(|mut file| file.read_exact(&mut key));
-        read.is_ok() && key == self.key.as_str().as_bytes()
+        let read = open_regular(path).ok().and_then(|mut file| file.read_exact(&mut key).ok());
+        read.is_some() && key == self.key.as_str().as_bytes()
     }
 
     /// Part `number` of `queries` queries, if it was written by this search and is whole.
     pub(crate) fn read(&self, number: usize, queries: usize) -> Option<Found> {
-        let bytes = fs::read(self.path(number)).ok()?;
+        let bytes = read_regular(&self.path(number)).ok()?;
         let (key, rest) = bytes.split_at_checked(DIGITS)?;
         let (sum, payload) = rest.split_at_checked(DIGITS)?;
         let whole = key == self.key.as_str().as_bytes()

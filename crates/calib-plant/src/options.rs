@@ -80,11 +80,17 @@ impl Default for PlantOptions {
     }
 }
 
+/// With an exponent where digits alone would be hundreds.
+fn in_short(number: f64) -> String {
+    let digits = number.to_string();
+    if digits.len() > 20 { format!("{number:e}") } else { digits }
+}
+
 /// An option outside its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptionsError {
     /// A number outside the range of its field.
-    #[error("`{field}` is {got}, expected a number {expected}")]
+    #[error("`{field}` is {}, expected a number {expected}", in_short(*.got))]
     OutOfRange {
         /// Name of the field.
         field: &'static str,
@@ -198,6 +204,7 @@ mod tests {
             message(|o| o.change.strength = 3.0)
                 .starts_with("`change` is 3, expected a number from 0 to 2")
         );
+        assert!(message(|o| o.noise = -1e300).starts_with("`noise` is -1e300, expected"));
         assert!(message(|o| o.change.pumps_per_year = -1.0).contains("pumps_per_year"));
         assert!(message(|o| o.start = Timestamp::from_micros(i64::MAX)).contains("1900"));
     }

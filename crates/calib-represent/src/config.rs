@@ -112,7 +112,7 @@ impl LaplacianConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         let real = |field, got: f64, most: f64, expected| {
             let ok = got > 0.0 && got.is_finite() && got <= most;
-            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: got.to_string() }) }
+            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: format!("{got:?}") }) }
         };
         let whole = |field, got: usize, least, most, expected| {
             let ok = (least..=most).contains(&got);

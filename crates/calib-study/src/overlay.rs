@@ -41,7 +41,7 @@ pub(crate) fn take(
         }
         _ if names.is_empty() => {
             refuse!(
-                "{option} {name}: the study has no [{key}.{name}], nor any other [{key}] section"
+                "{option} {name}: the study has no [{key}.{name}], nor any other [{key}] section; add it, or leave {option} out"
             )
         }
         _ => refuse!("{option} {name}: the study's {key} are {}", names.join(", ")),

@@ -188,7 +188,7 @@ mod tests {
         let unknown = job.choose(Some("a"), None).expect_err("no models").to_string();
         assert_eq!(
             unknown,
-            "s.toml: --model a: the study has no [models.a], nor any other [models] section"
+            "s.toml: --model a: the study has no [models.a], nor any other [models] section; add it, or leave --model out"
         );
     }
 }

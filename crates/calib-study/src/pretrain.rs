@@ -83,17 +83,17 @@ impl PretrainConfig {
         let inside = |value: f64| value > 0.0 && value < 1.0;
         require!(
             (1e-45..=1e38).contains(&self.learning_rate),
-            "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {}",
+            "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {:?}",
             self.learning_rate
         );
         require!(
             inside(self.validation_fraction),
-            "pretrain.validation_fraction must be above 0 and below 1, got {}",
+            "pretrain.validation_fraction must be above 0 and below 1, got {:?}",
             self.validation_fraction
         );
         require!(
             inside(self.fraction),
-            "pretrain.fraction must be above 0 and below 1, got {}",
+            "pretrain.fraction must be above 0 and below 1, got {:?}",
             self.fraction
         );
         require!(

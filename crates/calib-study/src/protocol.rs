@@ -5,7 +5,6 @@ mod template;
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt::Write as _,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -100,7 +99,7 @@ impl Protocol {
             validity: Protocol,
         }
         // What cannot be read, or is no TOML, is told of when it is read as a study.
-        let Ok(text) = fs::read_to_string(path) else { return Ok(None) };
+        let Ok(text) = written::text_of(path) else { return Ok(None) };
         if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(KEY)) {
             return Ok(None);
         }

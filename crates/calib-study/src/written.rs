@@ -1,8 +1,8 @@
 //! A study file as it was read: once a command.
 
-use std::{fs, path::Path};
+use std::{io, path::Path};
 
-use calib_files::{FileError, require_regular};
+use calib_files::{FileError, read_regular};
 use serde::{Deserialize as _, de::DeserializeOwned};
 use toml::{Table, Value};
 
@@ -148,9 +148,11 @@ impl Written {
 
 /// What stands in a file.
 pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
-    let text = match require_regular(path) {
+    let text = match read_regular(path) {
+        Ok(bytes) => String::from_utf8(bytes)
+            .map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error)),
         Err(FileError::Io { source, .. }) => Err(source),
-        _ => fs::read_to_string(path),
+        Err(other) => Err(io::Error::other(other)),
     };
     text.map_err(|source| StudyError::Unreadable { path: path.to_owned(), source })
 }

@@ -243,7 +243,7 @@ fn open(path: &Path) -> Result<File, DataError> {
     Ok(open_regular(path)?)
 }
 
-fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {
+pub(crate) fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {
     use pl::ArrowDataType as D;
     match dtype {
         D::Boolean => (FieldKind::Number, "bool".to_owned()),

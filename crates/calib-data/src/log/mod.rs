@@ -27,6 +27,7 @@ use calib_core::{Monitor, Period, Timestamp};
 
 use self::{file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
+    file::{FieldKind, classify},
     gaps::{Steps, inside},
     known::{TAGS, plain},
     place::{Contradiction, SHOWN},

@@ -26,7 +26,9 @@ impl<T> Cells<T> {
     /// Full if no value is missing.
     pub(crate) fn collect(values: impl Iterator<Item = Option<T>>, missing: usize) -> Self {
         if missing == 0 {
-            Self::Full(values.flatten().collect())
+            let mut full = Vec::with_capacity(values.size_hint().0);
+            full.extend(values.flatten());
+            Self::Full(full)
         } else {
             Self::Optional(values.collect())
         }

@@ -1,11 +1,16 @@
 use std::{fs::File, path::Path, sync::Arc};
 
 use calib_files::open_regular;
+use pl::ArrowDataType as D;
 use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::TableError;
-use crate::{checksums, guard::guard};
+use crate::{
+    checksums,
+    guard::guard,
+    log::{FieldKind, classify},
+};
 
 /// A column of lists of equal length.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +43,16 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
     if !schema.contains(name) {
         let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.to_owned(), available });
+    }
+    // Lists of what is no number make the reader panic, so they are refused before.
+    match schema.get(name).map(|field| &field.dtype) {
+        Some(D::List(of) | D::LargeList(of) | D::FixedSizeList(of, _)) => {
+            let (kind, got) = classify(&of.dtype);
+            if kind != FieldKind::Number {
+                return Err(refuse(format!("column {name}: expected lists of numbers, got {got}")));
+            }
+        }
+        _ => return Ok(None),
     }
     let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
     checksums::verify(path, &metadata, |column| column == name)?.map_err(refuse)?;

@@ -6,7 +6,11 @@ use pl::SerReader as _;
 use polars::prelude as pl;
 
 use super::{Cells, Table, TableError, Values};
-use crate::{checksums, guard::guard};
+use crate::{
+    checksums,
+    guard::guard,
+    log::{FieldKind, classify},
+};
 
 /// Key under which Parquet writers keep their own description of the types; not ours to show.
 const SCHEMA_KEY: &str = "ARROW:schema";
@@ -30,6 +34,30 @@ pub fn read_parquet_columns(path: &Path, names: &[&str]) -> Result<Table, TableE
     read(path, Some(names))
 }
 
+/// Bytes a value that [`read_parquet`] takes at the most, for numbers: as the reader has it, as cells, as numbers.
+const BYTES_PER_VALUE: u64 = 3 * 8 + 8;
+
+/// Memory that reading some columns takes (all of them where none are named), by what the footer declares: a small file may
+/// declare any number of values.
+///
+/// # Errors
+/// If the file cannot be read or is not Parquet.
+pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableError> {
+    let mut reader = pl::ParquetReader::new(open_regular(path)?);
+    let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?)));
+    let metadata =
+        metadata.map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })?;
+    let wanted = |column: &str| names.is_none_or(|names| names.contains(&column));
+    let values = metadata.row_groups.iter().flat_map(|group| {
+        let columns = group.parquet_columns().iter();
+        let wanted = columns.filter(|column| {
+            column.descriptor().path_in_schema.first().is_some_and(|name| wanted(name))
+        });
+        wanted.map(|column| u64::try_from(column.num_values()).unwrap_or(0))
+    });
+    Ok(values.fold(0, u64::saturating_add).saturating_mul(BYTES_PER_VALUE))
+}
+
 fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = open_regular(path)?;
@@ -50,6 +78,14 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     };
     if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
         return Err(TableError::NoColumn { name: name.clone(), available: available() });
+    }
+    // Some types make the reader panic, so they are refused before.
+    let of_other_type = names.iter().find_map(|name| {
+        let (kind, got) = classify(&schema.get(name)?.dtype);
+        (kind == FieldKind::Other).then(|| (name.clone(), got))
+    });
+    if let Some((name, got)) = of_other_type {
+        return Err(TableError::UnknownType { path: path.to_owned(), name, got });
     }
     let wanted = |column: &str| names.iter().any(|name| name == column);
     checksums::verify(path, &metadata, wanted)?.map_err(not_parquet)?;

@@ -187,6 +187,7 @@ fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
     let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
     assert_eq!(
         error,
-        "no channel is left of 2: 2 missing too often. `calib inspect` shows every channel"
+        "no channel is left of 2 in the training range: 2 missing too often. `calib inspect` shows every channel; \
+         data.train or data.train_fraction says which rows are for training"
     );
 }

@@ -1,5 +1,7 @@
 //! From strip to strip over all cells, for one or several patterns at once.
 
+use std::ops::Range;
+
 use super::boundary::Boundary;
 use super::column::{ColumnInput, Columns, LocalInput, Mask};
 use super::dispatch::{
@@ -37,6 +39,17 @@ pub(crate) struct Track {
     pub(crate) cumulated: Columns,
     pub(crate) input: Boundary,
     output: Boundary,
+}
+
+impl Track {
+    /// Leave the bottom of column `time` of the last lane to the strip below.
+    #[inline]
+    fn leave(&mut self, time: usize, height: usize) {
+        let bottom = self.halo + height;
+        for (back, value) in self.output.above_mut(time).iter_mut().enumerate() {
+            *value = self.cumulated[0][bottom - 1 - back].0[LANES - 1];
+        }
+    }
 }
 
 /// One pair of series, and everything that is reused from strip to strip.
@@ -150,6 +163,21 @@ impl<'a> Sweep<'a> {
         index / (LANES * self.height)
     }
 
+    /// Nothing of the strip is known yet.
+    fn begin(&mut self, strip: &Strip, columns: &Range<usize>) {
+        let window = self.settings.window;
+        if window != Window::None {
+            strip.limits(window, self.reference.len(), &mut self.low, &mut self.high);
+        }
+        strip.load(self.query, self.local_halo, &mut self.packed_query);
+        for pattern in &mut self.patterns {
+            pattern.output.reset(columns.clone());
+            for column in &mut pattern.cumulated {
+                column.fill(Pack::splat(f64::INFINITY));
+            }
+        }
+    }
+
     /// Sweeps one strip up to reference sample `limit` (exclusive): reads each pattern's `input`
     /// and leaves there what the strip below needs. `visit` sees every time step: lane l has then
     /// its column `time − l` in `cumulated[0]`.
@@ -173,16 +201,7 @@ impl<'a> Sweep<'a> {
         let start = columns.start.saturating_sub(self.reach);
         let columns = start..columns.end;
         let windowed = window != Window::None;
-        if windowed {
-            strip.limits(window, m, &mut self.low, &mut self.high);
-        }
-        strip.load(self.query, self.local_halo, &mut self.packed_query);
-        for pattern in &mut self.patterns {
-            pattern.output.reset(columns.clone());
-            for column in &mut pattern.cumulated {
-                column.fill(Pack::splat(f64::INFINITY));
-            }
-        }
+        self.begin(&strip, &columns);
         let last_strip = number + 1 == self.strips();
         let open_begin = self.settings.ends.open_begin();
         let margin = LANES - 1;
@@ -231,12 +250,7 @@ impl<'a> Sweep<'a> {
                 };
                 pattern.dispatch.run(use_mask, &mut input);
                 if !last_strip && time >= start + margin {
-                    let bottom = pattern.halo + self.height;
-                    for (back, value) in
-                        pattern.output.above_mut(time - margin).iter_mut().enumerate()
-                    {
-                        *value = pattern.cumulated[0][bottom - 1 - back].0[margin];
-                    }
+                    pattern.leave(time - margin, self.height);
                 }
             }
             visit(time, &self.patterns);

@@ -109,6 +109,24 @@ impl WithSimd for Block<'_> {
     }
 }
 
+/// Offsets are made smaller by the error of their sums. Sources that are too far for f32 sums are not ruled out, and the
+/// definition decides: nothing of them is multiplied.
+#[inline(always)]
+fn pass_far(lanes: &mut [f32], offsets: &mut [f32], columns: usize, strip: usize, error: f32) {
+    for (source, offset) in offsets.iter_mut().enumerate() {
+        // Not where the sum is no number either.
+        let near = *offset <= FARTHEST;
+        if columns == 0 || !near {
+            let strip_of = &mut lanes[source / strip * strip * columns..];
+            let column_of = strip_of[source % strip..].iter_mut().step_by(strip);
+            column_of.take(columns).for_each(|value| *value = 0.0);
+            *offset = f32::MIN;
+        } else {
+            *offset *= 1.0 - error;
+        }
+    }
+}
+
 impl Block<'_> {
     #[inline(always)]
     fn run<S: Simd, const PANEL: usize>(self, simd: S) -> Vec<MemberLists> {
@@ -144,19 +162,7 @@ impl Block<'_> {
                 let states = states.map(|group| pool.state(group as u32));
                 kernel::lay_strip(simd, states, &scan.centre, lanes, norms);
             }
-            for (source, offset) in offsets[..width].iter_mut().enumerate() {
-                // Not where the sum is no number either.
-                let near = *offset <= FARTHEST;
-                if columns == 0 || !near {
-                    // Too far for f32 sums: it is not ruled out, and the definition decides.
-                    let strip_of = &mut lanes[source / strip * strip * columns..];
-                    let column_of = strip_of[source % strip..].iter_mut().step_by(strip);
-                    column_of.take(columns).for_each(|value| *value = 0.0);
-                    *offset = f32::MIN;
-                } else {
-                    *offset *= 1.0 - error as f32;
-                }
-            }
+            pass_far(&mut lanes, &mut offsets[..width], columns, strip, error as f32);
             offsets[width..].fill(f32::INFINITY);
             let strips = lanes.chunks_exact(strip * columns.max(1)).zip(offsets.chunks(strip));
             for (number, (lanes, offsets)) in strips.take(width.div_ceil(strip)).enumerate() {

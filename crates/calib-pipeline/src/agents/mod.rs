@@ -1,0 +1,4 @@
+//! Pre-trained agents.
+
+pub(crate) mod pretrain;
+pub(crate) mod pretrain_files;

@@ -1,0 +1,306 @@
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, bail};
+use calib_agent::{
+    AgentConfig, Epoch, Learner, Pretrained, Pretraining, PretrainingDiverged, StateFile,
+    parameter_count, pretrain, pretraining_bytes,
+};
+use calib_core::{RowStream, Seed};
+use calib_files::write_json;
+use calib_study::{Job, Study};
+use serde::Serialize;
+
+use crate::{
+    agents::pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
+    base::{
+        artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
+        clock::Stopwatch,
+        memory,
+        outcome::Outcome,
+    },
+    log::partition::{self, Parts, span},
+    model::model_files::sensor_columns,
+    output::{Printer, bytes, count, duration, significant, table},
+};
+
+/// A sensor to pre-train for, and the key of its agent.
+struct Wanted {
+    sensor: String,
+    column: usize,
+    key: String,
+}
+
+/// Pre-train one agent a sensor.
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    check(study)?;
+    let parts = partition::load(job, printer)?;
+    let wanted = wanted(study, &parts)?;
+    let directory = paths.pretrain();
+    let mut done =
+        if job.policy().redoes() { BTreeMap::new() } else { finished(&directory, &wanted) };
+    let missing: Vec<&Wanted> =
+        wanted.iter().filter(|wanted| !done.contains_key(&wanted.sensor)).collect();
+    announce(study, &parts, &wanted, missing.len(), printer)?;
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    if missing.is_empty()
+        && let Some(kept) = up_to_date(&directory, study, &parts)
+    {
+        finish(job, &kept, 0, clock, printer)?;
+        return Ok(Outcome::Done);
+    }
+    let claim = Claim::new(&directory, Below::Ours)?;
+    let width = parts.dataset.train.states().columns();
+    let file = state_file(&directory, &missing)?;
+    if job.policy().redoes() {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        claim.begin()?;
+        file.remove();
+    }
+    let trained = missing.len();
+    let pretrained = train(study, &parts, &missing, &file, printer)?;
+    claim.begin()?;
+    let mut diverged = BTreeMap::new();
+    for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
+        let pretrained = match pretrained {
+            Ok(pretrained) => pretrained,
+            Err(PretrainingDiverged { epoch }) => {
+                diverged.insert(sensor.clone(), epoch);
+                continue;
+            }
+        };
+        let config = study.pretrain.agent(&study.agent);
+        let agent =
+            write_agent(&directory, (sensor, *column), key.clone(), config, width, pretrained)?;
+        done.insert(sensor.clone(), agent);
+    }
+    let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
+    let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
+    let mut manifest = PretrainManifest {
+        format: PretrainManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        study: study.clone(),
+        data: part.fingerprint.clone(),
+        span: span(&part.frames)?,
+        period: parts.dataset.period,
+        normaliser: parts.dataset.normaliser.clone(),
+        agents,
+        diverged,
+        files: Files::new(),
+    };
+    let curves = pretrain_files::curves(&manifest.agents);
+    artefact::write_table(curves, &directory.join(CURVES))?;
+    manifest.files = artefact::fingerprints(&directory, [CURVES])?;
+    if trained > 0 {
+        let wall_secs = clock.elapsed().as_secs_f64();
+        write_json(&directory.join("timings.json"), &Timings { agents: trained, wall_secs })?;
+    }
+    claim.complete(&manifest)?;
+    file.remove();
+    finish(job, &manifest, trained, clock, printer)?;
+    Ok(tell_of_diverged(study, &manifest, printer))
+}
+
+/// Say which sensors have no agent.
+fn tell_of_diverged(study: &Study, manifest: &PretrainManifest, printer: &Printer) -> Outcome {
+    for (sensor, epoch) in &manifest.diverged {
+        printer.error(&format!(
+            "pre-training for {sensor} diverged in epoch {epoch}, and there is no agent for it; \
+             use a smaller pretrain.learning_rate than {}",
+            study.pretrain.agent(&study.agent).learning_rate
+        ));
+    }
+    if manifest.diverged.is_empty() { Outcome::Done } else { Outcome::Negative }
+}
+
+#[derive(Serialize)]
+struct Timings {
+    agents: usize,
+    wall_secs: f64,
+}
+
+fn check(study: &Study) -> anyhow::Result<()> {
+    if let Some(checkpoint) = &study.pretrain.checkpoint {
+        bail!(
+            "pretrain.checkpoint takes the agents from {}: there is nothing to pre-train",
+            checkpoint.display()
+        );
+    }
+    if study.pretrain.epochs == 0 {
+        bail!("pretrain.epochs is 0: say how many passes over the log to make, such as 20");
+    }
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    Ok(())
+}
+
+fn wanted(study: &Study, parts: &Parts) -> anyhow::Result<Vec<Wanted>> {
+    let Parts { dataset, pretrain, .. } = parts;
+    let part = pretrain.as_ref().context("agents are pre-trained")?;
+    let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
+    let wanted = sensors.map(|(sensor, column)| {
+        let key = agent_key(study, &part.fingerprint, &sensor, column)?;
+        Ok(Wanted { sensor, column, key })
+    });
+    wanted.collect()
+}
+
+/// The learning curves of all agents.
+const CURVES: &str = "curves.parquet";
+
+/// The manifest, where nothing of what it tells has changed and nothing is to be written.
+fn up_to_date(
+    directory: &std::path::Path,
+    study: &Study,
+    parts: &Parts,
+) -> Option<PretrainManifest> {
+    let part = parts.pretrain.as_ref()?;
+    artefact::read::<PretrainManifest>(directory).filter(|kept| {
+        kept.study == *study
+            && kept.data == part.fingerprint
+            && kept.normaliser == parts.dataset.normaliser
+            && artefact::are_whole(directory, &kept.files)
+    })
+}
+
+/// The wanted agents that are there already.
+fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
+    let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
+        return BTreeMap::new();
+    };
+    let is_wanted = |agent: &PretrainedAgent| {
+        wanted.iter().any(|wanted| wanted.key == agent.key)
+            && artefact::are_whole(directory, &agent.files)
+    };
+    let agents = manifest.agents.into_iter().filter(is_wanted);
+    agents.map(|agent| (agent.sensor.clone(), agent)).collect()
+}
+
+/// Where unfinished training is kept.
+fn state_file(directory: &std::path::Path, missing: &[&Wanted]) -> anyhow::Result<StateFile> {
+    let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
+    Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
+}
+
+fn announce(
+    study: &Study,
+    parts: &Parts,
+    wanted: &[Wanted],
+    missing: usize,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
+    let width = part.frames.states().columns();
+    let parameters = parameter_count(&study.agent, study.agent.seen_width(width));
+    printer.say(&format!(
+        "{} states from {} for pre-training, the last {:.0} % of them for validation; {} from {} are left for the model; \
+         the normaliser is fitted on both",
+        count(part.frames.rows()),
+        span(&part.frames)?,
+        100.0 * study.pretrain.validation_fraction,
+        count(parts.dataset.train.rows()),
+        span(&parts.dataset.train)?,
+    ));
+    let memory = pretraining_bytes(
+        &study.agent,
+        study.pretrain.settings(),
+        missing,
+        width,
+        part.frames.rows(),
+        rayon::current_num_threads(),
+    );
+    printer.say(&format!(
+        "{} of {} agents left to train, {} parameters each, at most {} epochs; \
+         expecting {} of memory beside the states and {} on disk",
+        missing,
+        wanted.len(),
+        count(parameters),
+        count(study.pretrain.epochs),
+        bytes(memory),
+        bytes((parameters * 4 * 3 * wanted.len()) as u64),
+    ));
+    match memory::available() {
+        Some(available) if missing > 0 && memory > available => bail!(
+            "pre-training may take {} beside the states and {} are available; use fewer --threads or sensors, \
+             a smaller agent.hidden_units, or a larger preprocess.subsample",
+            bytes(memory),
+            bytes(available)
+        ),
+        _ => Ok(()),
+    }
+}
+
+fn train(
+    study: &Study,
+    parts: &Parts,
+    missing: &[&Wanted],
+    file: &StateFile,
+    printer: &Printer,
+) -> anyhow::Result<Vec<Result<Pretrained, PretrainingDiverged>>> {
+    let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
+    let stream = RowStream::replay(frames.states().clone(), frames.segments());
+    let config: AgentConfig = study.pretrain.agent(&study.agent);
+    let learner =
+        |wanted: &&Wanted| Learner { config: &config, cumulant: wanted.column, start: None };
+    let learners: Vec<Learner<'_>> = missing.iter().map(learner).collect();
+    let training = Pretraining {
+        stream: &stream,
+        settings: study.pretrain.settings(),
+        seed: Seed::new(study.seed).child("pretrain"),
+    };
+    pretrain(training, &learners, Some(file), &printer.progress()).context("pre-training")
+}
+
+fn finish(
+    job: &Job,
+    manifest: &PretrainManifest,
+    trained: usize,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let directory = job.layout().pretrain();
+    if printer.is_for_machines() {
+        printer.json(manifest)?;
+    } else {
+        let verb = if trained == 0 { "up to date:" } else { "wrote" };
+        let took = duration(clock.elapsed());
+        printer.result(&format!("{verb} {} in {took}", directory.join(MANIFEST).display()))?;
+        let header = [
+            "sensor",
+            "epoch",
+            "training loss",
+            "validation loss",
+            "validation NRMSE",
+            "of epoch 1",
+        ];
+        let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
+        printer.lines(&table(&header, &rows))?;
+    }
+    printer.next(&[job.command("build-model"), job.command("sweep")]);
+    Ok(())
+}
+
+/// The epoch that an agent's checkpoint was taken after, beside the first.
+fn row(agent: &PretrainedAgent) -> Vec<String> {
+    let nrmse = |epoch: Option<&Epoch>| {
+        let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
+        nrmse.map_or_else(|| "unknown".to_owned(), significant)
+    };
+    let kept = agent.curve.get(agent.epoch.saturating_sub(1));
+    let loss = |value: fn(&Epoch) -> f64| {
+        kept.map_or_else(|| "unknown".to_owned(), |epoch| significant(value(epoch)))
+    };
+    vec![
+        agent.sensor.clone(),
+        format!("{} of {}", agent.epoch, agent.curve.len()),
+        loss(|epoch| epoch.training_loss),
+        loss(|epoch| epoch.validation_loss),
+        nrmse(kept),
+        nrmse(agent.curve.first()),
+    ]
+}

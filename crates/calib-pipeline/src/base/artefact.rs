@@ -1,0 +1,262 @@
+//! Results that are made once: a directory counts only with a manifest that names its inputs.
+
+use std::{
+    collections::BTreeMap,
+    fs::{File, TryLockError},
+    io,
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+};
+
+use anyhow::{Context as _, bail};
+use calib_data::table::{RESULTS_KEY, Table};
+pub(crate) use calib_files::Below;
+use calib_files::{
+    FileError, Fingerprint, Fingerprinter, Stamp, fingerprint_file, link_or_copy, open_lock,
+    read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
+};
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::output::Printer;
+
+/// Version of calib that wrote a file.
+pub(crate) const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
+
+/// File that completes a directory; written last, removed first.
+pub(crate) const MANIFEST: &str = "manifest.json";
+
+/// What a manifest must tell about the inputs of its directory.
+pub(crate) trait Manifest: Serialize + DeserializeOwned {
+    /// Version of the directory's format; another version is another artefact.
+    const FORMAT: u32;
+
+    /// Version that was written.
+    fn format(&self) -> u32;
+}
+
+/// The manifest of `directory` if it is complete and of this format.
+pub(crate) fn read<M: Manifest>(directory: &Path) -> Option<M> {
+    let manifest: M = read_sealed_json(&directory.join(MANIFEST)).ok()?;
+    (manifest.format() == M::FORMAT).then_some(manifest)
+}
+
+/// Files of a directory by name, each with the fingerprint of what was written.
+pub(crate) type Files = BTreeMap<String, Fingerprint>;
+
+/// Fingerprints of files that were just written.
+pub(crate) fn fingerprints<'a>(
+    directory: &Path,
+    names: impl IntoIterator<Item = &'a str>,
+) -> anyhow::Result<Files> {
+    let of = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
+    names.into_iter().map(of).collect()
+}
+
+/// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
+pub(crate) fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
+    static READ: Mutex<BTreeMap<Stamp, Fingerprint>> = Mutex::new(BTreeMap::new());
+    let known = || READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(stamp) = Stamp::of(path)? else { return fingerprint_file(path) };
+    if let Some(found) = known().get(&stamp) {
+        return Ok(found.clone());
+    }
+    let found = fingerprint_file(path)?;
+    known().insert(stamp, found.clone());
+    Ok(found)
+}
+
+/// Whether all files of a complete directory are still what was written.
+pub(crate) fn are_whole(directory: &Path, files: &Files) -> bool {
+    files.iter().all(|(name, written)| {
+        fingerprint_once(&directory.join(name)).is_ok_and(|found| found == *written)
+    })
+}
+
+/// Check that the files of a complete directory are what was written, before the first use; `command` makes them
+/// again.
+pub(crate) fn check_files(directory: &Path, files: &Files, command: &str) -> anyhow::Result<()> {
+    for (name, written) in files {
+        let path = directory.join(name);
+        let found = fingerprint_once(&path).with_context(|| format!("run `{command}` again"))?;
+        anyhow::ensure!(
+            found == *written,
+            "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
+            path.display()
+        );
+    }
+    Ok(())
+}
+
+/// The manifest of `directory`, or why there is none and which `command` makes it.
+pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::Result<M> {
+    let path = directory.join(MANIFEST);
+    if !path.exists() {
+        bail!("{} does not exist; run `{command}` first", path.display());
+    }
+    let manifest: M =
+        read_sealed_json(&path).with_context(|| format!("run `{command}` to make it again"))?;
+    anyhow::ensure!(
+        manifest.format() == M::FORMAT,
+        "{} has format {}, this calib reads format {}; run `{command}`",
+        path.display(),
+        manifest.format(),
+        M::FORMAT
+    );
+    Ok(manifest)
+}
+
+/// A directory that this process writes, and no other one. The claim ends with the process, however it ends.
+pub(crate) struct Claim {
+    directory: PathBuf,
+    /// Locked while it is open.
+    _lock: File,
+}
+
+impl Claim {
+    /// Claim `directory`, and remove what a killed process left half-written in it.
+    ///
+    /// # Errors
+    /// If it cannot be written, or another process has claimed it.
+    pub(crate) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
+        match Self::of_nobody(directory, below)? {
+            Some(claim) => Ok(claim),
+            None => bail!(
+                "another calib is writing to {}; wait for it, or choose another --output",
+                directory.display()
+            ),
+        }
+    }
+
+    /// As [`Claim::new`], of a directory that need not be written: none if another process has claimed it.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn of_nobody(directory: &Path, below: Below) -> anyhow::Result<Option<Self>> {
+        calib_files::create_directory(directory)?;
+        let refused = || format!("cannot write to {}", directory.display());
+        let lock = open_lock(&directory.join(".lock")).with_context(refused)?;
+        // Some network file systems have no locks: work on without.
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            return Ok(None);
+        }
+        remove_temporaries(directory, below).with_context(refused)?;
+        Ok(Some(Self { directory: directory.to_owned(), _lock: lock }))
+    }
+
+    /// From here until [`complete`](Self::complete) the directory does not count as a result.
+    pub(crate) fn begin(&self) -> anyhow::Result<()> {
+        remove_file(&self.directory.join(MANIFEST))
+            .with_context(|| format!("cannot write to {}", self.directory.display()))
+    }
+
+    /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
+    pub(crate) fn complete<M: Manifest>(&self, manifest: &M) -> anyhow::Result<()> {
+        Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
+    }
+}
+
+/// Take over `files` and manifest of another directory, which were made from the same inputs: the models of a study
+/// may differ in nothing that an artefact follows from.
+pub(crate) fn adopt<'a, M: Manifest>(
+    other: &Path,
+    files: impl IntoIterator<Item = &'a str>,
+    manifest: &M,
+    directory: &Path,
+) -> anyhow::Result<()> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    for name in files {
+        link_or_copy(&other.join(name), &directory.join(name))?;
+    }
+    claim.complete(manifest)
+}
+
+/// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.
+pub(crate) fn or_read_only(
+    written: anyhow::Result<()>,
+    place: &Path,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    match written {
+        Err(error) if is_refusal(&error) => {
+            let place = place.display();
+            printer.warn(&format!("{place} was not written: {error:#}; results are only shown"));
+            Ok(())
+        }
+        other => other,
+    }
+}
+
+/// Whether nothing may be written there.
+pub(crate) fn is_refusal(error: &anyhow::Error) -> bool {
+    use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    let mut causes = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>());
+    causes.any(|cause| matches!(cause.kind(), PermissionDenied | ReadOnlyFilesystem))
+}
+
+/// A table of results, marked as one: a search for logs leaves it out.
+pub(crate) fn write_table(table: Table, path: &Path) -> anyhow::Result<()> {
+    Ok(marked(table).write_parquet(path)?)
+}
+
+/// A table that is known as a result.
+pub(crate) fn marked(table: Table) -> Table {
+    table.with_metadata(RESULTS_KEY, "1")
+}
+
+/// Fingerprint of some inputs.
+pub(crate) fn key(inputs: &impl Serialize) -> anyhow::Result<String> {
+    let text = serde_json::to_vec(inputs)?;
+    let fingerprint: Fingerprint = Fingerprinter::default().add(&text).finish();
+    Ok(fingerprint.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Serialize, Deserialize)]
+    struct Made {
+        format: u32,
+    }
+
+    impl Manifest for Made {
+        const FORMAT: u32 = 1;
+
+        fn format(&self) -> u32 {
+            self.format
+        }
+    }
+
+    #[test]
+    fn files_are_whole_as_long_as_no_byte_differs() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a");
+        fs::write(&path, b"content").expect("written");
+        let files = fingerprints(directory.path(), ["a"]).expect("readable");
+        check_files(directory.path(), &files, "calib make").expect("whole");
+        fs::write(&path, b"Content").expect("written");
+        assert!(!are_whole(directory.path(), &files));
+        let error = check_files(directory.path(), &files, "calib make").expect_err("damaged");
+        assert!(error.to_string().contains("run `calib make`"), "{error}");
+        fs::remove_file(&path).expect("removed");
+        assert!(!are_whole(directory.path(), &files));
+    }
+
+    #[test]
+    fn a_directory_stays_claimed_when_it_is_complete() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let claim = Claim::new(directory.path(), Below::Ours).expect("nobody has it");
+        claim.begin().expect("writable");
+        claim.complete(&Made { format: 1 }).expect("writable");
+        assert!(read::<Made>(directory.path()).is_some());
+        let other = Claim::new(directory.path(), Below::Ours).err().expect("it is claimed");
+        assert!(other.to_string().contains("another calib is writing"), "{other}");
+        drop(claim);
+        assert!(Claim::new(directory.path(), Below::Ours).is_ok(), "it was given up");
+    }
+}

@@ -1,0 +1,10 @@
+//! What every step stands on: manifests and claims, what is stale, options and outcomes, time and memory.
+
+pub(crate) mod artefact;
+pub(crate) mod clock;
+pub(crate) mod frames;
+pub(crate) mod memory;
+pub(crate) mod options;
+pub(crate) mod outcome;
+pub(crate) mod stale;
+pub(crate) mod torch;

@@ -1,0 +1,110 @@
+//! What may be decided by whoever runs a step, because no result depends on it.
+
+use std::path::PathBuf;
+
+use calib_knn::IndexKind;
+
+/// Where networks are trained through libtorch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Device {
+    /// The processor.
+    Cpu,
+    /// The first GPU.
+    Cuda,
+    /// The first GPU if there is one, else the processor.
+    Auto,
+}
+
+/// Where large arrays are while a model is built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Spill {
+    /// In files only if they do not fit in memory.
+    #[default]
+    Auto,
+    /// Always in memory.
+    Never,
+    /// Always in files.
+    Always,
+}
+
+/// How a model is built; its tables are the same.
+#[derive(Clone, Debug, Default)]
+pub struct BuildOptions {
+    /// Train networks through libtorch, on this device; otherwise natively where that is possible, else [`Device::Auto`].
+    pub device: Option<Device>,
+    /// Random rows of the tables of each member that are compared with brute force in double precision.
+    pub verify: usize,
+    /// Search structure, whatever `model.index` says.
+    pub index: Option<IndexKind>,
+    /// Bytes of memory to stay within; otherwise what the machine, or its container, has free.
+    pub memory: Option<u64>,
+    /// What is mapped from files.
+    pub spill: Spill,
+}
+
+/// Whether the logs are read as well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Logs {
+    /// Results alone.
+    Leave,
+    /// Results, and the logs that they were made from.
+    Read,
+}
+
+/// How well calib chooses, over which plants.
+#[derive(Clone, Debug)]
+pub struct ValidityOptions {
+    /// A protocol, which draws plants and tasks; or study files, each of one plant, or folders of them. At least one.
+    pub studies: Vec<PathBuf>,
+    /// Overrides of keys of all studies, as `SECTION.KEY=VALUE`.
+    pub set: Vec<String>,
+    /// The seed to draw plants and tasks from instead of the protocol's.
+    pub draw: Option<u64>,
+    /// Where the judgement goes; otherwise beside the protocol or the first study.
+    pub output: Option<PathBuf>,
+    /// How often plants are drawn again for each interval.
+    pub resamples: usize,
+    /// Root of these draws.
+    pub seed: u64,
+    /// Whether what is missing is run.
+    pub extent: ValidityExtent,
+}
+
+/// How far a judgement of several studies goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValidityExtent {
+    /// Which plants there are and what is left to run.
+    Plan,
+    /// The sweeps that there are.
+    Judge,
+    /// Everything that is missing is run first.
+    Run,
+}
+
+/// What becomes of a file that is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// It stays, and nothing is written.
+    Kept,
+    /// It is replaced.
+    Replaced,
+}
+
+/// A study to write of a log that nobody has looked at.
+#[derive(Clone, Debug)]
+pub struct ProposeOptions {
+    /// A file, a folder or a glob pattern.
+    pub logs: PathBuf,
+    /// The study file to write.
+    pub study: PathBuf,
+    /// How long [`run`](crate::run) on the study may take on this machine, in seconds.
+    pub within: f64,
+    /// Sensors to predict; otherwise three that move and are unlike each other.
+    pub sensors: Vec<String>,
+    /// How far ahead to predict, in seconds; otherwise by the autocorrelation of the sensors.
+    pub horizon: Option<f64>,
+    /// Keys of `[data]`, as `SECTION.KEY=VALUE`; they hold for the study too.
+    pub set: Vec<String>,
+    /// What becomes of a study file that is there.
+    pub standing: Standing,
+}

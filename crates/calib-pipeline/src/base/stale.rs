@@ -1,0 +1,103 @@
+//! Results of another study than the one at hand: which keys differ, and what to run.
+
+use std::path::Path;
+
+use anyhow::ensure;
+use calib_study::{Difference, Job, Made, Study};
+
+/// Differences that are told one by one.
+const TOLD: usize = 3;
+
+/// A result that is there.
+#[derive(Clone, Copy)]
+pub(crate) struct Kept<'a> {
+    pub(crate) result: Made,
+    /// What it was made of.
+    pub(crate) study: &'a Study,
+    /// Where it is.
+    pub(crate) directory: &'a Path,
+}
+
+impl Kept<'_> {
+    /// Refuse it where it follows from other keys than those of the job.
+    pub(crate) fn check(self, job: &Job) -> anyhow::Result<()> {
+        let differences = job.study().differences(self.result, self.study);
+        ensure!(
+            differences.is_empty(),
+            "the {} in {} {} made with {}; run `{}` again",
+            self.name(),
+            self.directory.display(),
+            self.verb(),
+            told(&differences),
+            job.command(self.command())
+        );
+        Ok(())
+    }
+
+    fn verb(&self) -> &'static str {
+        match self.result {
+            Made::Pretrained | Made::Rollouts => "were",
+            Made::Representation | Made::Model | Made::Sweep => "was",
+        }
+    }
+
+    /// What it is called.
+    fn name(&self) -> &'static str {
+        match self.result {
+            Made::Representation => "representation",
+            Made::Model => "model",
+            Made::Pretrained => "agents",
+            Made::Rollouts => "rollouts",
+            Made::Sweep => "sweep",
+        }
+    }
+
+    /// What makes it.
+    fn command(&self) -> &'static str {
+        match self.result {
+            Made::Representation => "represent",
+            Made::Model => "build-model",
+            Made::Pretrained => "pretrain",
+            Made::Rollouts => "rollout",
+            Made::Sweep => "sweep",
+        }
+    }
+}
+
+/// The keys that differ, with both values.
+fn told(differences: &[Difference]) -> String {
+    let mut told: Vec<String> = differences.iter().take(TOLD).map(ToString::to_string).collect();
+    match differences.len().saturating_sub(TOLD) {
+        0 => {}
+        1 => told.push("and one more key".to_owned()),
+        more => told.push(format!("and {more} more keys")),
+    }
+    told.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_study::Request;
+
+    use super::*;
+
+    fn job(text: &str) -> Job {
+        Job::of_text(Request::new("s.toml"), text.to_owned()).expect("valid")
+    }
+
+    #[test]
+    fn what_differs_is_told_with_both_values() {
+        let made = job("");
+        let refused = |text: &str| {
+            let kept = Kept { result: Made::Sweep, study: made.study(), directory: Path::new("x") };
+            kept.check(&job(text)).expect_err("other keys").to_string()
+        };
+        assert_eq!(
+            refused("[agent]\ngamma = 0.5\n"),
+            "the sweep in x was made with agent.gamma = 0.99, now 0.5; run `calib sweep s.toml` again"
+        );
+        let many =
+            refused("seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n");
+        assert!(many.contains("agent.beta2 = 0.999, now 0.2; and 2 more keys; run"), "{many}");
+    }
+}

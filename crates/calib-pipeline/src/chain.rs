@@ -1,0 +1,267 @@
+//! A study from its log to the verdict.
+
+use anyhow::{Context as _, ensure};
+use calib_core::Seed;
+use calib_plant::Plant;
+use calib_study::{Each, Job, Study};
+
+use crate::{
+    agents::pretrain,
+    base::{
+        clock::Stopwatch,
+        options::BuildOptions,
+        outcome::{Outcome, was_interrupted},
+        torch::NoLibtorch,
+    },
+    each::each_part,
+    log::{
+        plant_of_study::PlantOfStudy,
+        simulate::{Found, sentence},
+    },
+    model::build_model,
+    output::{Printer, duration},
+    plan::Plan,
+    represent,
+    rollouts::rollout,
+    sweep::{self, plan::Counted, streams},
+    verdict::{compare, evaluate, report},
+};
+
+/// How far a study is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Extent {
+    /// To the report, with rollouts and everything.
+    Report,
+    /// To the end of the sweep, with nothing but what a choice follows from.
+    Choice,
+}
+
+/// One command of the chain, on the study or on each of its models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Represent,
+    BuildModel,
+    Rollout,
+    Sweep,
+}
+
+/// The steps on each model, in order.
+const STEPS: [Step; 4] = [Step::Represent, Step::BuildModel, Step::Rollout, Step::Sweep];
+
+impl Step {
+    /// What to type for it.
+    fn command(self) -> &'static str {
+        match self {
+            Self::Represent => "represent",
+            Self::BuildModel => "build-model",
+            Self::Rollout => "rollout",
+            Self::Sweep => "sweep",
+        }
+    }
+
+    fn is_wanted(self, study: &Study, extent: Extent) -> bool {
+        match self {
+            Self::Represent => report::commands(&[study]).contains(&"represent"),
+            Self::Rollout => extent == Extent::Report,
+            Self::BuildModel | Self::Sweep => true,
+        }
+    }
+
+    fn run(self, job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<Outcome> {
+        match self {
+            // What is made before rollouts is the same for all deployments.
+            Self::Represent => represent::run(&job.before_deployment()?, None, printer),
+            Self::BuildModel => {
+                build_model::run(&job.before_deployment()?, &BuildOptions::default(), printer)
+            }
+            Self::Rollout => {
+                each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
+            }
+            Self::Sweep => {
+                each_part(Each::Deployment, job, printer, |job| sweep::run(job, counted, printer))
+            }
+        }
+    }
+}
+
+/// One of the models that a study compares, or its only one.
+struct Model {
+    /// None for the only one.
+    name: Option<String>,
+    job: Job,
+    /// Why it is not gone on with, if it is not.
+    left_out: Option<String>,
+}
+
+/// Run every step that a study needs, as far as it is not done.
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    run_to(Extent::Report, job, printer)
+}
+
+/// Run every step that a study needs on the way to `extent`, as far as it is not done.
+pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let mut models = models(job)?;
+    // Only the verdict is the result; the steps before it just report.
+    let talk = &printer.talking();
+    let mut ended = Ended(Outcome::Done);
+    let plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
+    talk.say_all(&plan.lines());
+    if job.policy().is_dry() && printer.is_for_machines() {
+        printer.json(&plan)?;
+    }
+    if let Some(plant) = PlantOfStudy::of(job)?
+        && !simulate(plant, job, talk)?
+    {
+        talk.say(&format!("then: {}", remaining(&models).join(", ")));
+        return Ok(Outcome::Done);
+    }
+    streams::check(&models[0].job.before_deployment()?, talk)?;
+    if report::commands(&[models[0].job.study()]).contains(&"pretrain") {
+        talk.heading("pretrain");
+        ended.and(pretrain::run(&job.before_deployment()?, talk)?);
+    }
+    let counted = Counted::default();
+    for step in STEPS {
+        for model in &mut models {
+            ended.and(model.take(step, extent, &counted, talk)?);
+        }
+    }
+    let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
+    if !left_out.is_empty() {
+        ended.and(Outcome::Negative);
+    }
+    if extent == Extent::Report {
+        ended.and(judge(job, &models, &left_out, printer)?);
+        for reason in &left_out {
+            printer.error(reason);
+        }
+    }
+    printer.say(&format!("done in {}", duration(clock.elapsed())));
+    Ok(ended.0)
+}
+
+/// Evaluate the models that are not left out.
+fn judge(
+    job: &Job,
+    models: &[Model],
+    left_out: &[String],
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    printer.heading("evaluate");
+    let remaining = models.iter().filter(|model| model.left_out.is_none());
+    let all = remaining.map(|model| model.job.parts(Each::Deployment));
+    let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+    ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
+    let judged = match all.as_slice() {
+        [only] if only.is_same_part(job) => evaluate::run(job, printer),
+        all => compare::run(job, all, left_out, printer),
+    };
+    match judged {
+        Err(reason) if job.policy().is_dry() => {
+            not_yet("evaluate", &reason, printer);
+            Ok(Outcome::Done)
+        }
+        judged => judged,
+    }
+}
+
+/// The models of a study, all of them checked before the first step begins.
+fn models(job: &Job) -> anyhow::Result<Vec<Model>> {
+    let several = job.model().is_none();
+    let model = |job: Job| {
+        let name = job.model().filter(|_| several).map(str::to_owned);
+        let study = job.study();
+        ensure!(
+            !study.sweep.sensors.is_empty(),
+            "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
+        );
+        let seed = Seed::new(study.seed).child("sweep");
+        calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
+        Ok(Model { name, job, left_out: None })
+    };
+    job.models()?.into_iter().map(model).collect()
+}
+
+/// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.
+fn simulate(plant: PlantOfStudy, job: &Job, talk: &Printer) -> anyhow::Result<bool> {
+    let shown = plant.directory.display().to_string();
+    match plant.found {
+        Found::NotSimulated => {
+            talk.say(&format!(
+                "{shown} holds logs that calib did not simulate: [simulate] is not used"
+            ));
+        }
+        Found::Whole if !job.policy().redoes() => {}
+        Found::Whole | Found::Unfinished | Found::Another => {
+            talk.heading("simulate");
+            if job.policy().is_dry() {
+                let takes = sentence(&Plant::new(plant.options.clone())?);
+                talk.say(&format!("dry run: would write {takes}, to {shown}"));
+                return Ok(plant.found == Found::Whole);
+            }
+            let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
+            talk.result(&simulated.line())?;
+            simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
+        }
+    }
+    Ok(true)
+}
+
+/// The commands that a dry run without a log cannot look into.
+fn remaining(models: &[Model]) -> Vec<&'static str> {
+    report::commands(&models.iter().map(|model| model.job.study()).collect::<Vec<_>>())
+}
+
+impl Model {
+    /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
+    fn take(
+        &mut self,
+        step: Step,
+        extent: Extent,
+        counted: &Counted,
+        talk: &Printer,
+    ) -> anyhow::Result<Outcome> {
+        if self.left_out.is_some() || !step.is_wanted(self.job.study(), extent) {
+            return Ok(Outcome::Done);
+        }
+        let command = step.command();
+        let of_model =
+            self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
+        talk.heading(&format!("{command}{of_model}"));
+        match step.run(&self.job, counted, talk) {
+            Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
+                let name = self.name.as_deref().unwrap_or_default();
+                let told = format!("model {name} is left out: {reason}");
+                talk.warn(&told);
+                self.left_out = Some(told);
+                Ok(Outcome::Done)
+            }
+            // In a dry run, steps lack what those before them did not write.
+            Err(reason)
+                if self.job.policy().is_dry()
+                    && matches!(step, Step::Rollout | Step::Sweep)
+                    && !was_interrupted(&reason) =>
+            {
+                not_yet(command, &reason, talk);
+                Ok(Outcome::Done)
+            }
+            other => other,
+        }
+    }
+}
+
+fn not_yet(command: &str, reason: &anyhow::Error, talk: &Printer) {
+    talk.say(&format!("dry run: {command} waits for the steps before it ({reason:#})"));
+}
+
+/// How the steps ended: a negative answer of one is one of the whole.
+struct Ended(Outcome);
+
+impl Ended {
+    fn and(&mut self, status: Outcome) {
+        if self.0 == Outcome::Done {
+            self.0 = status;
+        }
+    }
+}

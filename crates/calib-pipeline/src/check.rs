@@ -1,0 +1,257 @@
+//! Whether results are still what was written, without the study that they come from.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context as _, ensure};
+use calib_core::Monitor as _;
+use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
+use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::{
+    base::{
+        artefact::{Files, MANIFEST},
+        memory,
+        options::Logs,
+        outcome::{Interrupted, Outcome},
+    },
+    output::{Printer, count},
+};
+
+/// What was found, for `--json`.
+#[derive(Debug, Default, Serialize)]
+struct Checked {
+    /// Files that were compared with what was written.
+    files: usize,
+    /// Folders without a manifest: what makes them was interrupted, or is at work.
+    unfinished: Vec<PathBuf>,
+    damages: Vec<Damage>,
+    /// Logs that were read again, with `--read-data`.
+    logs: Vec<String>,
+}
+
+/// A file that is not what was written.
+#[derive(Debug, Serialize)]
+struct Damage {
+    path: PathBuf,
+    reason: String,
+    /// The command that makes it again.
+    made_by: String,
+}
+
+/// Read everything below a folder of results, and name what is damaged.
+pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> anyhow::Result<Outcome> {
+    ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
+    let mut check = Check { checked: Checked::default(), printer };
+    check.folder(root)?;
+    ensure!(
+        check.checked.files + check.checked.damages.len() > 0,
+        "{} holds no results of calib; give the folder that a study writes to, such as study-results",
+        root.display()
+    );
+    if logs == Logs::Read {
+        check.logs(root);
+    }
+    let checked = check.checked;
+    if printer.is_for_machines() {
+        printer.json(&checked)?;
+    } else {
+        show(&checked, root, printer)?;
+    }
+    Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
+}
+
+fn show(checked: &Checked, root: &Path, printer: &Printer) -> anyhow::Result<()> {
+    for Damage { path, reason, made_by } in &checked.damages {
+        printer.result(&format!("{}: {reason}; `{made_by}` makes it again", path.display()))?;
+    }
+    for folder in &checked.unfinished {
+        printer.result(&format!("{} is not finished", folder.display()))?;
+    }
+    for log in &checked.logs {
+        printer.result(&format!("the log in {log} can be read"))?;
+    }
+    let whole = count(checked.files - checked.damages.len().min(checked.files));
+    let damaged = count(checked.damages.len());
+    printer.result(&format!(
+        "{whole} files in {} are what was written, {damaged} are damaged",
+        root.display()
+    ))
+}
+
+/// A walk through results.
+struct Check<'a> {
+    checked: Checked,
+    printer: &'a Printer,
+}
+
+impl Check<'_> {
+    fn folder(&mut self, folder: &Path) -> anyhow::Result<()> {
+        ensure!(!self.printer.progress().interrupted(), Interrupted);
+        let read = || format!("cannot read {}", folder.display());
+        let mut entries = fs::read_dir(folder)
+            .and_then(Iterator::collect::<Result<Vec<_>, _>>)
+            .with_context(read)?;
+        entries.sort_by_key(fs::DirEntry::file_name);
+        if folder.join(MANIFEST).exists() {
+            self.manifest(folder);
+        } else if made_by(folder).is_some_and(|made| made.needs_manifest) {
+            self.checked.unfinished.push(folder.to_owned());
+        }
+        for entry in entries {
+            let (path, kind) = (entry.path(), entry.file_type().with_context(read)?);
+            // What a link leads to is somebody else's.
+            if kind.is_dir() {
+                self.folder(&path)?;
+            } else if kind.is_file() && !is_temporary(&path) {
+                self.file(folder, &path);
+            }
+        }
+        Ok(())
+    }
+
+    /// The files that a manifest names, and the manifest.
+    fn manifest(&mut self, folder: &Path) {
+        let path = folder.join(MANIFEST);
+        let manifest = match read_sealed_json::<Value>(&path) {
+            Ok(manifest) => manifest,
+            Err(error) => return self.note(folder, &path, Some(told(&error.into()))),
+        };
+        self.note(folder, &path, None);
+        let agents = manifest["agents"].as_array().into_iter().flatten();
+        for holder in [&manifest].into_iter().chain(agents) {
+            let Ok(files) = serde_json::from_value::<Files>(holder["files"].clone()) else {
+                continue;
+            };
+            for (name, written) in files {
+                let path = folder.join(name);
+                let damage = match fingerprint_file(&path) {
+                    Ok(found) if found == written => None,
+                    Ok(_) => Some("it is not what was written".to_owned()),
+                    Err(error) => Some(told(&error.into())),
+                };
+                self.note(folder, &path, damage);
+            }
+        }
+    }
+
+    /// A file that tells by itself whether it is whole.
+    fn file(&mut self, folder: &Path, path: &Path) {
+        let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        let is_unit = name.starts_with("run-") && name.ends_with(".json");
+        let read = if name == "one_step.json" {
+            beside(path, "steps", "one_step.parquet")
+        } else if name == "training.json" && sealed(path) {
+            beside(path, "encoder", "encoder.safetensors")
+        } else if is_unit {
+            read_sealed_json::<Value>(path).map(drop).map_err(anyhow::Error::from)
+        } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
+            read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
+        } else if name.ends_with(".parquet") {
+            table(path)
+        } else {
+            return;
+        };
+        self.note(folder, path, read.err().map(|error| told(&error)));
+    }
+
+    /// Count a file, once.
+    fn note(&mut self, folder: &Path, path: &Path, damage: Option<String>) {
+        self.checked.files += 1;
+        let Some(reason) = damage else { return };
+        if self.checked.damages.iter().any(|known| known.path == path) {
+            self.checked.files -= 1;
+            return;
+        }
+        let made_by = folder.ancestors().find_map(made_by);
+        let made_by = made_by.map_or("calib run STUDY", |made| made.command).to_owned();
+        self.checked.damages.push(Damage { path: path.to_owned(), reason, made_by });
+    }
+
+    /// Read the logs that the results were made from, as their manifests name them.
+    fn logs(&mut self, root: &Path) {
+        let mut found: Vec<(DataConfig, PreprocessConfig)> = Vec::new();
+        let mut pending = vec![root.to_owned()];
+        while let Some(folder) = pending.pop() {
+            if let Ok(manifest) = read_sealed_json::<Value>(&folder.join(MANIFEST)) {
+                let section = |name: &str| manifest["study"][name].clone();
+                let data = serde_json::from_value::<DataConfig>(section("data"));
+                let preprocess = serde_json::from_value(section("preprocess"));
+                if let (Ok(data), Ok(preprocess)) = (data, preprocess)
+                    && !found.iter().any(|(known, _)| known.path == data.path)
+                {
+                    found.push((data, preprocess));
+                }
+            }
+            let inside = fs::read_dir(&folder).into_iter().flatten().flatten();
+            let inside = inside.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+            pending.extend(inside.map(|entry| entry.path()));
+        }
+        for (mut data, preprocess) in found {
+            // Results lie beside their study, and paths start from there.
+            data.resolve(root.parent().unwrap_or(Path::new("")));
+            data.scratch = memory::working_files();
+            let shown = data.path.0.join(", ");
+            let read = memory::check_log(&data).and_then(|()| {
+                Ok(calib_data::inspect(&data, &preprocess, &self.printer.progress())?)
+            });
+            match read {
+                Ok(_) => self.checked.logs.push(shown),
+                Err(error) => {
+                    let reason = format!("the log cannot be read: {}", told(&error));
+                    let made_by = "export or simulate".to_owned();
+                    self.checked.damages.push(Damage { path: shown.into(), reason, made_by });
+                }
+            }
+        }
+    }
+}
+
+/// A table, whose pages have checksums.
+fn table(path: &Path) -> anyhow::Result<()> {
+    memory::check_table(path, None)?;
+    read_parquet(path).map(drop).map_err(anyhow::Error::from)
+}
+
+/// A record that tells of a file beside it.
+fn beside(path: &Path, key: &str, name: &str) -> anyhow::Result<()> {
+    let record: Value = read_sealed_json(path)?;
+    let found = fingerprint_file(&path.with_file_name(name))?;
+    ensure!(record[key] == found.as_str(), "{name} beside it is not what was written");
+    Ok(())
+}
+
+/// Files of networks are called as those of representations, and are no sealed ones.
+fn sealed(path: &Path) -> bool {
+    path.parent().and_then(Path::file_name).is_none_or(|folder| folder != "model")
+}
+
+fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
+/// What a folder of results is called, and what makes it.
+struct MadeBy {
+    command: &'static str,
+    needs_manifest: bool,
+}
+
+fn made_by(folder: &Path) -> Option<MadeBy> {
+    let name = folder.file_name()?.to_str()?;
+    let (command, needs_manifest) = match name {
+        "dataset" => ("calib run STUDY", false),
+        "representation" => ("calib represent STUDY", true),
+        "model" => ("calib build-model STUDY", true),
+        "pretrain" => ("calib pretrain STUDY", true),
+        "rollout" => ("calib rollout STUDY", true),
+        "sweep" => ("calib sweep STUDY", true),
+        "evaluate" => ("calib evaluate STUDY", true),
+        "validity-results" => ("calib validity STUDY …", false),
+        _ => return None,
+    };
+    Some(MadeBy { command, needs_manifest })
+}

@@ -1,0 +1,60 @@
+//! The steps from a plant's log to a verdict: what each makes, what it follows from, and in which order.
+//!
+//! A step takes a [`Job`], the study as it was resolved once, and a [`Printer`], which tells an [`Observer`] what is
+//! done. It makes what is missing, keeps it in the folder of results, and does nothing where nothing is missing: an interrupted
+//! step goes on when it is run again. Results are the same whoever runs it, on however many threads.
+//!
+//! ```no_run
+//! use std::sync::Arc;
+//!
+//! use calib_pipeline::{Job, Printer, Request, Unobserved};
+//!
+//! let job = Job::resolve(Request::new("study.toml"))?;
+//! calib_pipeline::run(&job, &Printer::new(Arc::new(Unobserved)))?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`run`] makes all of them in order: [`simulate`] (where the study describes its plant), [`pretrain`], [`represent`],
+//! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`validity`] judges
+//! how well calib chooses over several studies.
+
+mod agents;
+mod base;
+mod chain;
+mod check;
+mod each;
+mod log;
+mod model;
+pub mod output;
+mod plan;
+mod propose;
+mod represent;
+mod rollouts;
+mod steps;
+mod sweep;
+mod validity;
+mod verdict;
+
+pub use base::{
+    clock::Stopwatch,
+    memory::{MemorySize, check_log, check_table, working_files},
+    options::{
+        BuildOptions, Device, Logs, ProposeOptions, Spill, Standing, ValidityExtent,
+        ValidityOptions,
+    },
+    outcome::{Outcome, StepError},
+};
+pub use calib_study::{Job, Request, StudyError};
+pub use log::{
+    plant_of_study::{data_of, plant_of},
+    simulate::Simulated,
+};
+pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
+pub use steps::{
+    build_model, check, evaluate, pretrain, propose, represent, rollout, run, simulate,
+    simulate_plant, sweep, validity,
+};
+pub use verdict::described::{Descriptions, unknown as unknown_sensors};
+
+/// The step patterns by which trajectories are compared: those of the paper's Table 1.
+pub const STEP_PATTERNS: [&str; 4] = ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];

@@ -1,0 +1,56 @@
+//! What changed in a simulated plant, and when: told, and left beside its log.
+
+use std::path::Path;
+
+use calib_data::format_time;
+use calib_files::{remove_file, write_json};
+use calib_plant::{Change, ChangeKind, Plant};
+use serde::Serialize;
+
+/// The file beside the day files. It is no log: logs are Parquet files.
+pub(crate) const CHANGES: &str = "changes.json";
+
+/// `changes.json`: every change of the plant in the order of time.
+#[derive(Serialize)]
+struct ChangesFile<'a> {
+    format: u32,
+    changes: &'a [DatedChange],
+}
+
+/// One change.
+#[derive(Debug, Serialize)]
+pub(crate) struct DatedChange {
+    /// When.
+    at: String,
+    /// What, in words.
+    told: String,
+    /// What, in numbers.
+    #[serde(flatten)]
+    kind: ChangeKind,
+}
+
+impl DatedChange {
+    fn of(change: Change) -> Self {
+        Self { at: format_time(change.at), told: change.kind.to_string(), kind: change.kind }
+    }
+
+    pub(crate) fn at(&self) -> &str {
+        &self.at
+    }
+
+    pub(crate) fn line(&self) -> String {
+        format!("{}  {}", self.at, self.told)
+    }
+}
+
+/// Leave the changes of `plant` beside its log; nothing, also of an earlier plant, where it does not change.
+pub(crate) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<DatedChange>> {
+    let path = directory.join(CHANGES);
+    if plant.options().change.strength == 0.0 {
+        remove_file(&path)?;
+        return Ok(Vec::new());
+    }
+    let changes: Vec<DatedChange> = plant.changes().into_iter().map(DatedChange::of).collect();
+    write_json(&path, &ChangesFile { format: 1, changes: &changes })?;
+    Ok(changes)
+}

@@ -1,0 +1,7 @@
+//! The log of a study: simulated, read once, divided.
+
+pub(crate) mod changes;
+pub(crate) mod partition;
+pub(crate) mod plant_of_study;
+pub(crate) mod prepared;
+pub(crate) mod simulate;

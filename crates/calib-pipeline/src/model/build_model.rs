@@ -1,0 +1,391 @@
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use anyhow::bail;
+use calib_core::{Seed, Silent, States, Transitions};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
+use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
+use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+use calib_study::{Job, Layout, Study};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{
+    base::{
+        artefact::{self, Below, Claim, TOOL},
+        clock::Stopwatch,
+        options::BuildOptions,
+        outcome::Outcome,
+    },
+    log::{
+        partition::{self, span},
+        plant_of_study,
+        prepared::{self, Known},
+    },
+    model::{
+        build_check::{check_against_brute_force, recall_line, recall_of},
+        build_network,
+        build_plan::{BuildPlan, Spilled, Training},
+        jumps,
+        model_files::{self, MemberSummary, ModelManifest, model_key},
+        recurrence::{self, MemberRecurrence},
+    },
+    output::{Printer, count, duration},
+    represent::{self, Representation},
+};
+
+/// Where a build keeps what it has found until the tables are written, below the model's directory.
+const PARTIAL: &str = "partial";
+/// Steps of the rollout that shows how often each member jumps.
+const PROBE_STEPS: usize = 10_000;
+
+/// Build the model of a study.
+pub(crate) fn run(job: &Job, options: &BuildOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    if study.is_parametric() {
+        return build_network::run(job, options, printer);
+    }
+    if options.device.is_some() {
+        bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
+    }
+    let directory = paths.model();
+    let data = plant_of_study::data(job)?;
+    let is_dry = job.policy().is_dry();
+    let memory = options.memory;
+    let known = if is_dry {
+        prepared::look(job, &data, memory, printer)?
+    } else {
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, printer)?))
+    };
+    let training = Training::of(&known);
+    let config = ModelConfig { index: options.index.unwrap_or(study.model.index), ..*study.model };
+    let model_rows = partition::model_rows(study, &training.timestamps)?;
+    let width = represent::width(study, paths, training.columns);
+    let plan = BuildPlan::new(&training, model_rows, &config, width, options)?;
+    drop(training);
+    printer.say(&plan.sentence());
+    let Known::Prepared(prepared) = known else {
+        return planned(&plan, &directory, printer);
+    };
+    if is_dry {
+        return planned(&plan, &directory, printer);
+    }
+    let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
+    if study.model.period.is_some() && pretrain.is_none() {
+        printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
+    }
+    // Taken apart here: states that nobody holds any more can be mapped from files.
+    if let Some(part) = pretrain {
+        printer.say(&format!(
+            "the model is built from {}; {} is for pre-training",
+            span(&dataset.train)?,
+            span(&part.frames)?
+        ));
+    }
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let representation = represent::open(job, &dataset)?;
+    let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
+    let (manifest, built) = if let Some(manifest) = existing
+        && is_still_there(&directory, &key)?
+    {
+        (refresh(manifest, study, &dataset, representation.as_ref(), &directory)?, false)
+    } else {
+        let representation = representation.as_ref();
+        let how = How { key, config, plan, states, force: job.policy().redoes() };
+        (build(study, dataset, representation, &how, &directory, clock, printer)?, true)
+    };
+    let status = if options.verify > 0 {
+        check_against_brute_force(job, options.verify, printer)?
+    } else {
+        Outcome::Done
+    };
+    if printer.is_for_machines() {
+        printer.json(&manifest)?;
+    } else {
+        summarise(&manifest, &directory, built, clock, printer)?;
+    }
+    printer.next(&[job.command("rollout"), job.command("sweep")]);
+    Ok(status)
+}
+
+/// The manifest of a model that follows from what `key` names, if all its files are what was written; the profile can
+/// be written again.
+pub(crate) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
+    artefact::read::<ModelManifest>(directory)
+        .filter(|found| found.key == key && artefact::are_whole(directory, &found.lasting_files()))
+}
+
+/// Say what would be built.
+fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> anyhow::Result<Outcome> {
+    if printer.is_for_machines() {
+        printer.json(plan)?;
+    }
+    printer.say(&format!("dry run: nothing written to {}", directory.display()));
+    Ok(Outcome::Done)
+}
+
+/// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
+pub(crate) fn find(
+    paths: &Layout,
+    key: &str,
+    printer: &Printer,
+) -> anyhow::Result<Option<ModelManifest>> {
+    let directory = paths.model();
+    if let Some(found) = up_to_date(&directory, key) {
+        return Ok(Some(found));
+    }
+    for other in paths.of_other_models("model") {
+        let Some(found) = up_to_date(&other, key) else { continue };
+        printer.say(&format!("the model is that in {}, and is copied", other.display()));
+        let files = found.files.keys().map(String::as_str);
+        artefact::adopt(&other, files, &found, &directory)?;
+        return Ok(Some(found));
+    }
+    Ok(None)
+}
+
+/// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
+/// there: another calib may have begun another one, whose parts they then are.
+fn is_still_there(directory: &Path, key: &str) -> anyhow::Result<bool> {
+    let parts = directory.join(PARTIAL);
+    if !parts.exists() {
+        return Ok(true);
+    }
+    let _claim = Claim::new(directory, Below::Ours)?;
+    let is_there = up_to_date(directory, key).is_some();
+    if is_there {
+        Parts::new(parts, key).remove()?;
+    }
+    Ok(is_there)
+}
+
+/// How a model is built; nothing but the key tells of its tables.
+struct How {
+    /// Fingerprint of all that the tables follow from.
+    key: String,
+    /// The settings, with the search structure of the command line.
+    config: ModelConfig,
+    plan: BuildPlan,
+    /// The file of the states, if they have one.
+    states: Option<PathBuf>,
+    force: bool,
+}
+
+impl How {
+    fn workplace(&self, directory: &Path, parts: Parts) -> Workplace {
+        let mut workplace = Workplace { parts: Some(parts), ..Workplace::default() };
+        if self.plan.spill == Spilled::Everything {
+            workplace.scratch = ScratchPlace::Disk(directory.to_owned());
+        }
+        workplace
+    }
+}
+
+fn build(
+    study: &Study,
+    mut dataset: Dataset,
+    representation: Option<&Representation>,
+    how: &How,
+    directory: &Path,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<ModelManifest> {
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    if let Some(representation) = representation {
+        // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
+        KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
+    }
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    // Not needed any more, and a part of the memory.
+    dataset.held_out = None;
+    let read = clock.elapsed();
+    model_files::write_states(directory, &dataset.train, how.states.as_deref())?;
+    if how.plan.spill != Spilled::Nothing {
+        dataset.train = model_files::map_states(directory, &dataset.train)?;
+    }
+    let parts = Parts::new(directory.join(PARTIAL), &how.key);
+    if how.force {
+        parts.remove()?;
+    }
+    let workplace = how.workplace(directory, parts.clone());
+    let kept = clock.elapsed();
+    let states = metric(&dataset, representation);
+    let progress = printer.progress();
+    let (knn, built) = KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
+    drop(progress);
+    printer.say(&format!("search structure: {}", built.choice));
+    let searched = clock.elapsed();
+    model_files::write(directory, &dataset, Some(&knn))?;
+    let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
+    let summarised = |member: usize| {
+        let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
+        let weights = study.model.weights()?;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    let members: Vec<MemberSummary> =
+        (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
+    let recall = recall_of(study, &knn, &printer.progress())?;
+    let manifest = ModelManifest {
+        format: <ModelManifest as artefact::Manifest>::FORMAT,
+        tool: TOOL.to_owned(),
+        key: how.key.clone(),
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions: knn.transitions().len(),
+        segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
+        normaliser: dataset.normaliser.clone(),
+        search: Some(built.choice.without_share()),
+        recall,
+        members,
+        training: None,
+        files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
+    };
+    write_json(
+        &directory.join("timings.json"),
+        &Timings {
+            reading_secs: read.as_secs_f64(),
+            searching_secs: searched.saturating_sub(kept).as_secs_f64(),
+            writing_secs: (clock.elapsed().saturating_sub(searched) + kept.saturating_sub(read))
+                .as_secs_f64(),
+        },
+    )?;
+    claim.complete(&manifest)?;
+    // Until now a build that was killed could go on from them; the directory is still claimed.
+    parts.remove()?;
+    Ok(manifest)
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its tables.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    representation: Option<&Representation>,
+    directory: &Path,
+) -> anyhow::Result<ModelManifest> {
+    if manifest.study == *study && manifest.has_profile(directory) {
+        return Ok(manifest);
+    }
+    let knn = KnnModel::open(
+        directory,
+        metric(dataset, representation),
+        Transitions::new(dataset.train.segments().clone()),
+        study.model.members,
+        study.model.exclusion(),
+    )?;
+    let weights = study.model.weights()?;
+    let refreshed = |(member, old): (usize, &MemberSummary)| {
+        let mut classes = old.recurrence.as_ref().map(|of| of.classes.clone()).unwrap_or_default();
+        let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
+        if !study.model.recurrent {
+            classes.before = now.clone();
+        }
+        classes.after = now;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    manifest.members = manifest
+        .members
+        .par_iter()
+        .enumerate()
+        .map(refreshed)
+        .collect::<anyhow::Result<Vec<MemberSummary>>>()?;
+    manifest.study = study.clone();
+    let claim = Claim::new(directory, Below::Ours)?;
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// What distances are measured in: the states, or their representation.
+fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
+    representation.map_or_else(|| dataset.train.states().clone(), |of| of.psi.clone())
+}
+
+/// Wall times: the only file of a model that differs from one build to the next.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    searching_secs: f64,
+    writing_secs: f64,
+}
+
+fn summary(
+    study: &Study,
+    knn: &KnnModel,
+    member: usize,
+    recurrence: MemberRecurrence,
+) -> anyhow::Result<MemberSummary> {
+    let of = knn.member(member);
+    let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
+    let starts = start_states(&of, StartSource::Random, 1, seed)?;
+    let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    let jumps = Some(JumpStatistics::of([probe.rows()]));
+    Ok(MemberSummary { transitions: of.len(), jumps, recurrence: Some(recurrence) })
+}
+
+/// Fingerprints of a model's files: those of every kind, the tables of its members, and `further` ones.
+pub(crate) fn fingerprints(
+    directory: &Path,
+    members: usize,
+    further: &[&str],
+) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
+    let own = ["states.npy", "rows.parquet", "profile.json"];
+    let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
+    for member in 0..members {
+        names.push(format!("members/{member}/neighbors.npy"));
+        names.push(format!("members/{member}/distances.npy"));
+        names.push(format!("members/{member}/left_out.npy"));
+    }
+    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
+    names.into_iter().map(fingerprint).collect()
+}
+
+fn summarise(
+    manifest: &ModelManifest,
+    directory: &Path,
+    built: bool,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let verb = if built { "wrote" } else { "up to date:" };
+    printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
+    if let Some(recall) = &manifest.recall {
+        printer.result(&format!("  {}", recall_line(recall, manifest.study.model.neighbors)))?;
+    }
+    for (number, member) in manifest.members.iter().enumerate() {
+        let transitions = count(member.transitions);
+        let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();
+        printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
+        for line in
+            member.recurrence.iter().flat_map(|of| recurrence::lines(of, member.transitions))
+        {
+            printer.result(&format!("    {line}"))?;
+        }
+    }
+    for warning in warnings(manifest) {
+        printer.warn(&warning);
+    }
+    Ok(())
+}
+
+/// What the reader of anything that follows from a model should know: how far walks of its members get.
+pub(crate) fn warnings(manifest: &ModelManifest) -> Vec<String> {
+    let ModelManifest { members, study, .. } = manifest;
+    let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
+    let walks = recurrence::warnings(members, study.model.recurrent);
+    [walks, jumps::warnings(jumps, &study.model)].concat()
+}

@@ -1,0 +1,153 @@
+//! `build-model` where the model is a network.
+
+use std::path::Path;
+
+use anyhow::bail;
+use calib_core::Transitions;
+use calib_data::Dataset;
+use calib_files::write_json;
+use calib_knn::ModelKind;
+use calib_study::{Job, Study};
+use serde::Serialize;
+
+use crate::{
+    base::{
+        artefact::{self, Below, Claim, TOOL},
+        clock::Stopwatch,
+        options::BuildOptions,
+        outcome::Outcome,
+    },
+    log::partition,
+    model::{
+        build_model::{find, fingerprints},
+        model_files::{self, MemberSummary, ModelManifest},
+        train_model,
+    },
+    output::{Printer, count, duration},
+};
+
+/// Train the network of a study.
+pub(crate) fn run(job: &Job, options: &BuildOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    let directory = paths.model();
+    // What another calib has trained can be used by one that cannot train it.
+    let may_be_there = options.device.is_none()
+        && !job.policy().redoes()
+        && artefact::read::<ModelManifest>(&directory)
+            .is_some_and(|there| there.study.model.kind == study.model.kind);
+    let mut cannot_train = train_model::check_available(study, options.device).err();
+    if let Some(reason) = cannot_train.take_if(|_| !may_be_there) {
+        return Err(reason);
+    }
+    if options.verify > 0 {
+        bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
+    }
+    let partition::Parts { dataset, states, .. } = partition::load(job, printer)?;
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let key = train_model::key(&dataset.fingerprint, job)?;
+    train_model::announce(study, &dataset, printer);
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
+    let verb = if existing.is_some() { "up to date:" } else { "wrote" };
+    let manifest = if let Some(manifest) = existing {
+        refresh(manifest, study, &dataset, &directory)?
+    } else if let Some(reason) = cannot_train {
+        return Err(reason);
+    } else {
+        build(job, options, (&dataset, states.as_deref()), key, (clock, printer))?
+    };
+    if printer.is_for_machines() {
+        printer.json(&manifest)?;
+    } else {
+        let elapsed = duration(clock.elapsed());
+        printer.result(&format!("{verb} {} in {elapsed}", directory.display()))?;
+        let transitions = count(manifest.transitions);
+        let training = manifest.training.as_ref();
+        let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
+        printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
+    }
+    printer.next(&[job.command("rollout"), job.command("sweep")]);
+    Ok(Outcome::Done)
+}
+
+fn build(
+    job: &Job,
+    options: &BuildOptions,
+    (dataset, states): (&Dataset, Option<&Path>),
+    key: String,
+    (clock, printer): (Stopwatch, &Printer),
+) -> anyhow::Result<ModelManifest> {
+    let (study, directory) = (job.study(), &job.layout().model());
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    if job.policy().redoes() {
+        train_model::remove_checkpoint(directory)?;
+    }
+    let read = clock.elapsed();
+    let training = if study.model.kind == ModelKind::Torchscript {
+        train_model::import(job, dataset, directory)?;
+        None
+    } else {
+        Some(train_model::train(study, dataset, &key, directory, options.device, printer)?)
+    };
+    let trained = clock.elapsed();
+    model_files::write_states(directory, &dataset.train, states)?;
+    model_files::write(directory, dataset, None)?;
+    let transitions = Transitions::new(dataset.train.segments().clone()).len();
+    let manifest = ModelManifest {
+        format: <ModelManifest as artefact::Manifest>::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions,
+        segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
+        normaliser: dataset.normaliser.clone(),
+        search: None,
+        recall: None,
+        members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
+        training,
+        files: fingerprints(directory, 0, train_model::files(study.model.kind))?,
+    };
+    let timings = Timings {
+        reading_secs: read.as_secs_f64(),
+        training_secs: trained.saturating_sub(read).as_secs_f64(),
+        writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
+    };
+    write_json(&directory.join("timings.json"), &timings)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its weights.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    directory: &Path,
+) -> anyhow::Result<ModelManifest> {
+    if manifest.study == *study && manifest.has_profile(directory) {
+        return Ok(manifest);
+    }
+    let claim = Claim::new(directory, Below::Ours)?;
+    manifest.study = study.clone();
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// Wall times.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    training_secs: f64,
+    writing_secs: f64,
+}

@@ -1,0 +1,64 @@
+//! Jump statistics in words.
+
+use calib_knn::ModelConfig;
+use calib_rollout::JumpStatistics;
+
+use crate::{
+    model::recurrence::named,
+    output::{count, percent},
+};
+
+/// How a member's rollouts move through the log.
+pub(crate) fn line(jumps: &JumpStatistics) -> String {
+    format!(
+        "{} of steps jump, {} to another time of the log; mean run {:.1} steps, {} distinct rows",
+        percent(jumps.jump_rate),
+        percent(jumps.departure_rate),
+        jumps.mean_run_length,
+        count(jumps.distinct_rows),
+    )
+}
+
+/// What is wrong with a member's rollouts, if anything is.
+pub(crate) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'static str> {
+    // A rollout that circles departs from nowhere, so it would pass for a replay as well.
+    if jumps.circling(transitions) {
+        Some("circles within few rows")
+    } else if jumps.near_verbatim() {
+        Some("replays the log nearly verbatim")
+    } else {
+        None
+    }
+}
+
+/// What to know of members whose rollouts are no good, with what to try.
+pub(crate) fn warnings<'a>(
+    members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
+    model: &ModelConfig,
+) -> Vec<String> {
+    let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
+    for (member, (jumps, transitions)) in members.enumerate() {
+        let Some(jumps) = jumps else { continue };
+        match note(jumps, transitions) {
+            Some(_) if jumps.circling(transitions) => circling.push(member),
+            Some(_) => verbatim.push(member),
+            None => {}
+        }
+    }
+    let advice = if model.exclude_self || model.theiler > 0 {
+        "try model.exclude_self = false and model.theiler = 0"
+    } else {
+        "try a larger preprocess.subsample, and look for stuck sensors with `calib inspect`"
+    };
+    let circling = named(circling.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} circle within few rows, which is no model of the plant; {advice}"
+        )
+    });
+    let verbatim = named(verbatim.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} replay the log nearly verbatim; consider a larger preprocess.subsample, or more neighbors"
+        )
+    });
+    circling.into_iter().chain(verbatim).collect()
+}

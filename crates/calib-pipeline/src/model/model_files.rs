@@ -1,0 +1,370 @@
+//! The model directory: what `build-model` writes and the later commands read.
+
+use std::{collections::BTreeMap, path::Path};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Frames, Normaliser, Period, States, TransitionIndex, Transitions};
+use calib_data::{Dataset, Profile, format_time, table::Table};
+use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
+use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
+use calib_nn::Mlp;
+use calib_represent::{RepresentationKind, encode};
+use calib_rollout::JumpStatistics;
+use calib_study::{Job, Made, Study};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    base::{
+        artefact::{self, Files, Manifest},
+        frames,
+        stale::Kept,
+    },
+    model::{
+        kinds::Model,
+        recurrence::MemberRecurrence,
+        train_model::{self, TrainingSummary},
+    },
+    represent::{self, Representation},
+};
+
+/// The states of a model, in its directory.
+const STATES: &str = "states.npy";
+
+/// What the data of a model looked like, in its directory.
+const PROFILE: &str = "profile.json";
+
+/// `manifest.json` of a model directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct ModelManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    /// Fingerprint of data and configuration.
+    pub(crate) key: String,
+    /// The study as it was resolved.
+    pub(crate) study: Study,
+    /// Fingerprint of the states, timestamps and columns that the model was built from.
+    pub(crate) data: Fingerprint,
+    pub(crate) period: Period,
+    pub(crate) rows: usize,
+    pub(crate) transitions: usize,
+    pub(crate) segments: usize,
+    /// Times of the first and the last row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) times: Option<[String; 2]>,
+    pub(crate) normaliser: Normaliser,
+    /// The search structure that found the tables, and why it was taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) search: Option<String>,
+    /// How good the tables are, if they are approximate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) recall: Option<Recall>,
+    pub(crate) members: Vec<MemberSummary>,
+    /// How the network was trained, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) training: Option<TrainingSummary>,
+    /// Fingerprint of every other file.
+    pub(crate) files: Files,
+}
+
+/// Times of the first and the last row, as people read them.
+pub(crate) fn first_and_last(frames: &Frames) -> Option<[String; 2]> {
+    let times = frames.timestamps();
+    Some([format_time(*times.first()?), format_time(*times.last()?)])
+}
+
+/// One member of the ensemble.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct MemberSummary {
+    pub(crate) transitions: usize,
+    /// Of one rollout from a random start; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) jumps: Option<JumpStatistics>,
+    /// Whether its walks are trapped, and how far they get; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) recurrence: Option<MemberRecurrence>,
+}
+
+impl ModelManifest {
+    /// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables
+    /// to the last bit.
+    pub(crate) fn content(&self) -> anyhow::Result<String> {
+        // The profile tells of the held-out range too, which nothing that follows from the model does.
+        let files: BTreeMap<_, _> =
+            self.files.iter().filter(|(name, _)| *name != PROFILE).collect();
+        artefact::key(&(&self.key, files))
+    }
+
+    /// The files that do not change as long as the model is the same.
+    pub(crate) fn lasting_files(&self) -> Files {
+        let lasting = self.files.iter().filter(|(name, _)| *name != PROFILE);
+        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+    }
+
+    /// Whether the profile is what was written.
+    pub(crate) fn has_profile(&self, directory: &Path) -> bool {
+        let written = self.files.get(PROFILE);
+        written.is_some_and(|written| {
+            fingerprint_file(&directory.join(PROFILE)).is_ok_and(|found| found == *written)
+        })
+    }
+}
+
+impl Manifest for ModelManifest {
+    /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
+    const FORMAT: u32 = 3;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// Fingerprint of what a model of neighbours follows from.
+pub(crate) fn model_key(
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> anyhow::Result<String> {
+    key_of(SEARCH_VERSION, data, model, representation)
+}
+
+/// As [`model_key`], of tables that this version of the search found. Every version finds the same exact ones.
+fn key_of(
+    search: u32,
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> anyhow::Result<String> {
+    // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
+    let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
+    let softmax = model.weights == WeightsKind::Softmax;
+    let drawn = model.recurrent.then(|| (model.weights, softmax.then_some(model.temperature)));
+    let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
+    let exact = match representation {
+        None => artefact::key(&tables)?,
+        Some(representation) => artefact::key(&(tables, &representation.key))?,
+    };
+    let shortcuts = model.shortcuts();
+    if shortcuts.is_exact() {
+        return Ok(exact);
+    }
+    let Shortcuts { prototypes, prototype_kind, components, leaf_budget } = shortcuts;
+    artefact::key(&(exact, search, prototypes, prototype_kind, components, leaf_budget))
+}
+
+/// A model that was opened from its directory.
+pub(crate) struct OpenModel {
+    pub(crate) manifest: ModelManifest,
+    pub(crate) frames: Frames,
+    pub(crate) model: Model,
+    /// What computes the representation that neighbours are searched in, where there is one and it can.
+    encoder: Option<Mlp>,
+}
+
+impl OpenModel {
+    /// States that were not recorded with the model's, as they are compared with them: ψ of them where neighbours
+    /// are searched in a representation.
+    pub(crate) fn in_metric(&self, states: &States) -> anyhow::Result<States> {
+        match &self.encoder {
+            Some(encoder) => Ok(encode(encoder, states)?),
+            None if self.manifest.study.is_parametric()
+                || self.manifest.study.representation.kind == RepresentationKind::None =>
+            {
+                Ok(states.clone())
+            }
+            None => bail!(
+                "the representation was imported without an encoder, so the states nearest to others than \
+                 its own cannot be found; use another rollout.start than \"nearest\", or \
+                 representation.kind = \"laplacian\""
+            ),
+        }
+    }
+}
+
+/// Write the states, or give those that are in the file `prepared` a second name.
+pub(crate) fn write_states(
+    directory: &Path,
+    frames: &Frames,
+    prepared: Option<&Path>,
+) -> anyhow::Result<()> {
+    let path = directory.join(STATES);
+    match prepared {
+        Some(prepared) => Ok(link_or_copy(prepared, &path)?),
+        None => frames::write_states(&path, frames),
+    }
+}
+
+/// The same frames over the states that were written.
+pub(crate) fn map_states(directory: &Path, frames: &Frames) -> anyhow::Result<Frames> {
+    let states = frames::map_states(&directory.join(STATES))?;
+    Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
+}
+
+/// Write rows, profile and, for neighbours, the members; states come before, and the manifest is the caller's to
+/// write last.
+pub(crate) fn write(
+    directory: &Path,
+    dataset: &Dataset,
+    knn: Option<&KnnModel>,
+) -> anyhow::Result<()> {
+    let frames = &dataset.train;
+    artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
+    write_json(&directory.join(PROFILE), &dataset.profile)?;
+    Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
+}
+
+/// Write the profile again: it tells of the held-out range, which the model does not follow from. The fingerprints
+/// of all other files stay, so that what was damaged since is still told from what was written.
+pub(crate) fn rewrite_profile(
+    directory: &Path,
+    dataset: &Dataset,
+    files: &mut Files,
+) -> anyhow::Result<()> {
+    let path = directory.join(PROFILE);
+    write_json(&path, &dataset.profile)?;
+    files.insert(PROFILE.to_owned(), fingerprint_file(&path)?);
+    Ok(())
+}
+
+/// Row → timestamp, segment and, for neighbours, block.
+fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
+    let table = frames::rows_table(frames);
+    let Some(knn) = knn else { return table };
+    let transitions = knn.transitions();
+    let block = |row: usize| {
+        let row = calib_core::RowIndex::new(row);
+        let transition: Option<TransitionIndex> =
+            transitions.starting_at(row).or_else(|| transitions.ending_in(row));
+        transition.map(|transition| knn.blocks().block_of(transition) as u32)
+    };
+    table.with_optional("block", (0..frames.rows()).map(block).collect())
+}
+
+/// Open the model of a job; tables and states are mapped, and checked.
+pub(crate) fn open(job: &Job) -> anyhow::Result<OpenModel> {
+    let directory = &job.layout().model();
+    let build = job.command("build-model");
+    let manifest: ModelManifest = artefact::require(directory, &build)?;
+    Kept { result: Made::Model, study: &manifest.study, directory }.check(job)?;
+    artefact::check_files(directory, &manifest.files, &build)?;
+    let again =
+        || format!("the model in {} is damaged; run `{build} --force`", directory.display());
+    let states = frames::map_states(&directory.join(STATES)).with_context(again)?;
+    let columns = states.columns();
+    let frames =
+        frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
+    let transitions = Transitions::new(frames.segments().clone());
+    let settings = &manifest.study.model;
+    let (model, encoder) = match settings.kind {
+        ModelKind::Knn => {
+            let (psi, encoder) =
+                represent::of_model(directory, &manifest.files).with_context(again)?;
+            let metric = psi.unwrap_or(states);
+            let (members, exclusion) = (settings.members, settings.exclusion());
+            let knn = KnnModel::open(directory, metric, transitions, members, exclusion);
+            (Model::Knn(Box::new(knn.with_context(again)?)), encoder)
+        }
+        kind => {
+            let network = train_model::open(directory, kind, columns).with_context(again)?;
+            (Model::Parametric(network), None)
+        }
+    };
+    Ok(OpenModel { manifest, frames, model, encoder })
+}
+
+/// Check that the model was built from `dataset`.
+pub(crate) fn check_data(
+    job: &Job,
+    manifest: &ModelManifest,
+    dataset: &Dataset,
+) -> anyhow::Result<()> {
+    if dataset.fingerprint != manifest.data {
+        bail!(
+            "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
+            job.layout().model().display(),
+            manifest.data.short(),
+            dataset.fingerprint.short(),
+            job.command("build-model"),
+        );
+    }
+    Ok(())
+}
+
+/// The profile of the data that the model was built from.
+pub(crate) fn read_profile(directory: &Path) -> anyhow::Result<Profile> {
+    Ok(read_json(&directory.join(PROFILE))?)
+}
+
+/// The sensors to predict, each with its column of the states.
+pub(crate) fn sensor_columns(
+    study: &Study,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> anyhow::Result<Vec<(String, usize)>> {
+    let column = |sensor: &String| {
+        let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
+        Ok((sensor.clone(), column))
+    };
+    study.sweep.sensors.iter().map(column).collect()
+}
+
+/// The column of a sensor in the states, or why it has none.
+fn sensor_column(
+    sensor: &str,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> anyhow::Result<usize> {
+    if let Some(column) = normaliser.position(sensor) {
+        return Ok(column);
+    }
+    profile.require_sensor(sensor)?;
+    bail!("sensor {sensor} is not a column of the states")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_without_traps_are_those_of_the_weights() {
+        let data = Fingerprint::of(b"states");
+        let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
+        let drawn = |weights, temperature, recurrent| ModelConfig {
+            weights,
+            temperature,
+            recurrent,
+            ..ModelConfig::default()
+        };
+        let linear = drawn(WeightsKind::Linear, 1.0, true);
+        assert_eq!(key(&linear), key(&drawn(WeightsKind::Linear, 2.0, true)));
+        for other in [
+            drawn(WeightsKind::Uniform, 1.0, true),
+            drawn(WeightsKind::Softmax, 1.0, true),
+            drawn(WeightsKind::Softmax, 2.0, true),
+            drawn(WeightsKind::Linear, 1.0, false),
+        ] {
+            assert_ne!(key(&linear), key(&other), "{other:?}");
+        }
+        let as_found = |weights, temperature| key(&drawn(weights, temperature, false));
+        assert_eq!(as_found(WeightsKind::Linear, 1.0), as_found(WeightsKind::Softmax, 2.0));
+        let soft = |temperature| key(&drawn(WeightsKind::Softmax, temperature, true));
+        assert_ne!(soft(1.0), soft(2.0));
+    }
+
+    #[test]
+    fn approximate_tables_are_those_of_one_version_of_the_search() {
+        let data = Fingerprint::of(b"states");
+        let key = |search: u32, model: &ModelConfig| {
+            key_of(search, &data, model, None).expect("a fingerprint")
+        };
+        let exact = ModelConfig::default();
+        assert_eq!(key(1, &exact), key(2, &exact));
+        for approximate in [
+            ModelConfig { prototypes: 4, ..exact },
+            ModelConfig { components: 4, ..exact },
+            ModelConfig { leaf_budget: 4, ..exact },
+        ] {
+            assert_ne!(key(1, &approximate), key(2, &approximate), "{approximate:?}");
+            assert_ne!(key(1, &approximate), key(1, &exact), "{approximate:?}");
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Models that are networks: trained, stored as weights, opened.
+
+use std::{
+    fmt,
+    io::Write as _,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use anyhow::{Context as _, bail, ensure};
+use calib_core::{Monitor as _, Seed, Transitions};
+use calib_data::Dataset;
+use calib_dynamics::{
+    Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, Trainer, TrainingRecord,
+    Transitioning,
+};
+use calib_files::{
+    Fingerprint, fingerprint_file, read_regular, read_sealed_tensors, read_tensors, remove_file,
+    write_atomically, write_json, write_tensors,
+};
+use calib_knn::ModelKind;
+use calib_study::{Job, Study};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    base::{
+        artefact::{self, Manifest as _},
+        clock::Stopwatch,
+        memory,
+        options::Device,
+        torch,
+    },
+    model::model_files::ModelManifest,
+    output::{Printer, bytes, count, counted, significant},
+};
+
+/// The weights that are kept.
+const WEIGHTS: &str = "weights.safetensors";
+/// The user's own network.
+const SCRIPT: &str = "model.pt";
+/// Losses of every epoch.
+const TRAINING: &str = "training.json";
+/// Where interrupted training goes on; gone when it is complete.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Arithmetic of this program's own.
+const NATIVE: &str = "native arithmetic";
+
+/// How a network was trained, in the manifest of its model.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct TrainingSummary {
+    /// What did the arithmetic.
+    pub(crate) backend: String,
+    pub(crate) epochs: usize,
+    pub(crate) updates: u64,
+    /// The epoch whose weights are kept, from 1.
+    pub(crate) kept_epoch: usize,
+    /// Mean squared errors of that epoch, normalised units.
+    pub(crate) training_loss: f64,
+    pub(crate) validation_loss: f64,
+    /// The validation loss of predicting that nothing changes.
+    pub(crate) persistence_loss: f64,
+}
+
+impl fmt::Display for TrainingSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "weights of epoch {} of {}, one-step validation loss {} (no change at all: {}); {}",
+            count(self.kept_epoch),
+            count(self.epochs),
+            significant(self.validation_loss),
+            significant(self.persistence_loss),
+            self.backend,
+        )
+    }
+}
+
+/// Files of the model directory that only networks of this kind have.
+pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
+    match kind {
+        ModelKind::Knn => &[],
+        ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING],
+        ModelKind::Torchscript => &[SCRIPT],
+    }
+}
+
+/// Check that this program can train such models on such a device, before anything is done.
+pub(crate) fn check_available(study: &Study, device: Option<Device>) -> anyhow::Result<()> {
+    match study.model.kind {
+        ModelKind::Gru => torch::require("model.kind = \"gru\""),
+        ModelKind::Torchscript => {
+            ensure!(
+                study.dynamics.path.is_some(),
+                "model.kind = \"torchscript\" wants dynamics.path, a file that torch.jit.save wrote"
+            );
+            torch::require("model.kind = \"torchscript\"")
+        }
+        ModelKind::Knn | ModelKind::Nn if device.is_some() => torch::require("--device"),
+        ModelKind::Knn | ModelKind::Nn => Ok(()),
+    }
+}
+
+/// Fingerprint of what a network follows from: what its kind does not use is left out.
+pub(crate) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
+    let study = job.study();
+    let kind = study.model.kind;
+    if kind == ModelKind::Torchscript {
+        let script = fingerprint_file(&script_path(job)?)?;
+        return artefact::key(&(ModelManifest::FORMAT, data, kind, script));
+    }
+    let unused = DynamicsConfig::default();
+    let mut used = DynamicsConfig { path: None, ..study.dynamics.clone() };
+    if kind == ModelKind::Nn {
+        used.sequence_length = unused.sequence_length;
+        used.sequence_stride = unused.sequence_stride;
+    }
+    artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed))
+}
+
+/// Where the study's `TorchScript` file is; relative paths start from the study file.
+fn script_path(job: &Job) -> anyhow::Result<PathBuf> {
+    let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
+    Ok(job.beside(path))
+}
+
+/// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
+pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::Result<()> {
+    let path = script_path(job)?;
+    torch::open_script(&path, dataset.train.states().columns())?;
+    let content = read_regular(&path)?;
+    Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)
+}
+
+/// Say what is going to be trained.
+pub(crate) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    printer.say(&format!(
+        "{} rows x {columns} columns in {}; {} with {} x {} units, {} epochs of mini-batches of {}; \
+         expecting {} of memory",
+        count(dataset.train.rows()),
+        counted(dataset.train.segments().len(), "segment"),
+        study.model_name(),
+        config.hidden_layers,
+        count(config.hidden_units),
+        count(config.epochs),
+        count(config.batch_size),
+        bytes(training_bytes(study, dataset)),
+    ));
+}
+
+/// What training takes, on the processor: the states twice, copies of the weights, and a mini-batch.
+fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
+    let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([columns]).collect();
+    let states = 8 * (dataset.train.rows() * columns) as u64;
+    let network = match study.model.kind {
+        ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
+        // Three gates, each with weights for the input and for the hidden state.
+        ModelKind::Gru => calib_nn::training_bytes(
+            &sizes,
+            config.batch_size.saturating_mul(config.sequence_length),
+        )
+        .saturating_mul(6),
+        ModelKind::Knn | ModelKind::Torchscript => 0,
+    };
+    states.saturating_add(network)
+}
+
+/// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
+fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> anyhow::Result<()> {
+    if study.model.kind != ModelKind::Nn || device.is_some() {
+        return Ok(());
+    }
+    memory::require(
+        training_bytes(study, dataset),
+        "training the network",
+        "lower dynamics.hidden_units, dynamics.hidden_layers or dynamics.batch_size",
+    )
+}
+
+/// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
+pub(crate) fn train(
+    study: &Study,
+    dataset: &Dataset,
+    key: &str,
+    directory: &Path,
+    device: Option<Device>,
+    printer: &Printer,
+) -> anyhow::Result<TrainingSummary> {
+    check_memory(study, dataset, device)?;
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let config = &study.dynamics;
+    let fraction = config.validation_fraction;
+    let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
+    let seed = Seed::new(study.seed).child("dynamics");
+    let checkpoint = Checkpoint { path: directory.join(CHECKPOINT), key };
+    let found = checkpoint.read();
+    let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
+        (ModelKind::Nn, None) => {
+            let trainer = match &found {
+                Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
+                None => FeedForwardTrainer::new(&data, config, seed),
+            };
+            (Box::new(trainer), NATIVE.to_owned())
+        }
+        (kind, device) => {
+            let device = device.unwrap_or(Device::Auto);
+            torch::trainer(kind, &data, config, seed, device, found.as_ref())?
+        }
+    };
+    let done = trainer.record().epochs.len();
+    if done > 0 {
+        printer.say(&format!("going on after epoch {} of {}", count(done), count(config.epochs)));
+    }
+    run_epochs(&mut *trainer, config, &checkpoint, printer)?;
+    write_tensors(&directory.join(WEIGHTS), &trainer.weights()?)?;
+    write_json(&directory.join(TRAINING), trainer.record())?;
+    remove_checkpoint(directory)?;
+    summary(trainer.record(), &data, backend)
+}
+
+/// All epochs that are left.
+fn run_epochs(
+    trainer: &mut dyn Trainer,
+    config: &DynamicsConfig,
+    checkpoint: &Checkpoint<'_>,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let progress = printer.progress();
+    let left = config.epochs.saturating_sub(trainer.record().epochs.len());
+    progress.begin("training", (left * trainer.updates_per_epoch()) as u64);
+    let mut since_checkpoint = Stopwatch::start();
+    let mut cost = Duration::ZERO;
+    while !trainer.record().is_complete(config) {
+        trainer.epoch(&progress)?;
+        // Checkpoints take at most a few percent of the time.
+        if since_checkpoint.elapsed() > cost * 30 {
+            let clock = Stopwatch::start();
+            checkpoint.write(trainer)?;
+            cost = clock.elapsed();
+            since_checkpoint = Stopwatch::start();
+        }
+    }
+    Ok(())
+}
+
+fn summary(
+    record: &TrainingRecord,
+    data: &Transitioning<'_>,
+    backend: String,
+) -> anyhow::Result<TrainingSummary> {
+    let kept = record.epochs.get(record.kept.wrapping_sub(1)).context("no epoch was run")?;
+    Ok(TrainingSummary {
+        backend,
+        epochs: record.epochs.len(),
+        updates: record.updates,
+        kept_epoch: record.kept,
+        training_loss: kept.training,
+        validation_loss: kept.validation,
+        persistence_loss: data.persistence_loss(),
+    })
+}
+
+/// Training that was put aside.
+struct Checkpoint<'a> {
+    path: PathBuf,
+    /// Fingerprint of what the model follows from; a checkpoint with another one is of another model.
+    key: &'a str,
+}
+
+impl Checkpoint<'_> {
+    fn read(&self) -> Option<calib_files::Tensors> {
+        let found = read_sealed_tensors(&self.path).ok()?;
+        (found.metadata.get("key").map(String::as_str) == Some(self.key)).then_some(found)
+    }
+
+    fn write(&self, trainer: &dyn Trainer) -> anyhow::Result<()> {
+        let mut content = trainer.checkpoint()?;
+        content.metadata.insert("key".to_owned(), self.key.to_owned());
+        Ok(write_tensors(&self.path, &content)?)
+    }
+}
+
+/// Forget training that was put aside.
+pub(crate) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
+    Ok(remove_file(&directory.join(CHECKPOINT))?)
+}
+
+/// Open the network in a model directory, for states of `columns` values.
+pub(crate) fn open(
+    directory: &Path,
+    kind: ModelKind,
+    columns: usize,
+) -> anyhow::Result<Box<dyn Dynamics>> {
+    let weights = || read_tensors(&directory.join(WEIGHTS));
+    Ok(match kind {
+        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),
+        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights()?)?),
+        ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
+        ModelKind::Knn => bail!("a model of neighbours has no weights"),
+    })
+}

@@ -1,0 +1,86 @@
+//! Text from outside on a terminal: names of sensors, words in logs and paths may hold escape sequences that a terminal
+//! obeys, or line breaks that forge a line of ours. All that is printed passes through here.
+
+use std::{borrow::Cow, fmt::Write as _};
+
+/// Whose the line breaks of a text are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lines {
+    /// A line of ours has none: whatever breaks it came from outside.
+    One,
+    /// Calib's own, as those of a table.
+    Several,
+}
+
+/// `text` with every character that a terminal obeys written as its code: `\u{1b}`, `\n`.
+pub fn harmless(text: &str, lines: Lines) -> Cow<'_, str> {
+    let obeyed =
+        |character: char| obeys(character) && !(lines == Lines::Several && character == '\n');
+    if !text.contains(obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let mut safe = String::with_capacity(text.len() + 8);
+    for character in text.chars() {
+        if obeyed(character) {
+            safe.extend(character.escape_default());
+        } else {
+            safe.push(character);
+        }
+    }
+    Cow::Owned(safe)
+}
+
+/// The same JSON, in which control characters that JSON itself lets through are escaped as JSON does it.
+pub fn harmless_json(json: &str) -> Cow<'_, str> {
+    let obeyed = |character: char| obeys(character) && character != '\n';
+    if !json.contains(obeyed) {
+        return Cow::Borrowed(json);
+    }
+    let mut safe = String::with_capacity(json.len() + 8);
+    for character in json.chars() {
+        if obeyed(character) {
+            // Writing to a string cannot fail; all of them have four digits at most.
+            let _ = write!(safe, "\\u{:04x}", u32::from(character));
+        } else {
+            safe.push(character);
+        }
+    }
+    Cow::Owned(safe)
+}
+
+/// Control characters (C0, DEL and C1), separators of lines, and marks that turn the direction of what follows.
+fn obeys(character: char) -> bool {
+    (character.is_control() && character != '\t')
+        || matches!(
+            character,
+            '\u{61c}' | '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+        )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_a_terminal_obeys_is_left() {
+        let clipboard = "E\u{1b}]52;c;aGk=\u{7}";
+        assert_eq!(harmless(clipboard, Lines::One), "E\\u{1b}]52;c;aGk=\\u{7}");
+        assert_eq!(harmless("a\nerror: forged", Lines::One), "a\\nerror: forged");
+        assert_eq!(harmless("a\nb\u{9b}2J", Lines::Several), "a\nb\\u{9b}2J");
+        assert_eq!(harmless("温度 → °C", Lines::One), "温度 → °C");
+        for code in 0..0x0011_0000 {
+            let Some(character) = char::from_u32(code) else { continue };
+            let shown = harmless(character.encode_utf8(&mut [0; 4]), Lines::One).into_owned();
+            assert!(character == '\t' || !shown.chars().any(char::is_control), "{code:x}");
+        }
+    }
+
+    #[test]
+    fn json_keeps_its_content() {
+        let name = "a\u{9b}b\u{7f}\n\u{202e}";
+        let json = serde_json::to_string(&name).expect("JSON");
+        let safe = harmless_json(&json);
+        assert!(!safe.contains(obeys), "{safe}");
+        assert_eq!(serde_json::from_str::<String>(&safe).expect("JSON"), name);
+    }
+}

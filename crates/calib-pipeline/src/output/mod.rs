@@ -1,0 +1,11 @@
+//! What steps tell: to whom is the observer's affair.
+
+mod format;
+mod harmless;
+mod observer;
+mod printer;
+
+pub use format::{bytes, count, counted, duration, percent, significant, span, table};
+pub use harmless::{Lines, harmless, harmless_json};
+pub use observer::{Answer, Observer, Remark, Result, Shown, Unobserved};
+pub use printer::Printer;

@@ -1,0 +1,79 @@
+use std::io;
+
+use calib_core::{Monitor, Silent};
+
+/// Something that a step says while it works.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remark<'a> {
+    /// What is being done; one line.
+    Talk(&'a str),
+    /// Several lines of the same, such as a table.
+    Table(&'a str),
+    /// What begins.
+    Heading(&'a str),
+    /// What the user should look at.
+    Warning(&'a str),
+    /// Why something was not done.
+    Error(&'a str),
+}
+
+/// A part of what a step was run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Result<'a> {
+    /// A line.
+    Line(&'a str),
+    /// Several lines, such as a table, whose line breaks are calib's own.
+    Lines(&'a str),
+    /// All of it, for machines.
+    Json(&'a str),
+}
+
+/// Whom results are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Lines and tables.
+    ForPeople,
+    /// JSON.
+    ForMachines,
+}
+
+/// Whether progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// It is.
+    Yes,
+    /// It is not; whoever watches can still ask the work to stop.
+    No,
+}
+
+/// Whoever watches a step: a terminal, a notebook, a log. Texts hold names and words of logs as they are, with whatever
+/// a terminal would obey.
+pub trait Observer: Send + Sync {
+    /// Hear a remark. What cannot be shown is no reason to stop.
+    fn remark(&self, remark: Remark<'_>);
+
+    /// Take a part of the result.
+    ///
+    /// # Errors
+    /// If it cannot be passed on; the step then ends.
+    fn result(&self, result: Result<'_>) -> io::Result<()>;
+
+    /// Watch long work, and stop it.
+    fn progress(&self, shown: Shown) -> Box<dyn Monitor>;
+}
+
+/// Nobody.
+#[derive(Clone, Copy, Debug)]
+pub struct Unobserved;
+
+impl Observer for Unobserved {
+    fn remark(&self, _remark: Remark<'_>) {}
+
+    fn result(&self, _result: Result<'_>) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn progress(&self, _shown: Shown) -> Box<dyn Monitor> {
+        Box::new(Silent)
+    }
+}

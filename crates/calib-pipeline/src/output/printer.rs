@@ -1,0 +1,175 @@
+use std::{fmt, sync::Arc};
+
+use anyhow::Context as _;
+use calib_core::Monitor;
+use serde::Serialize;
+
+use super::{Answer, Observer, Remark, Result, Shown, Unobserved};
+
+/// Decides what an observer is told: results, or talk where a step is on the way to another result.
+#[derive(Clone)]
+pub struct Printer {
+    observer: Arc<dyn Observer>,
+    voice: Voice,
+    results: Results,
+    answer: Answer,
+}
+
+impl fmt::Debug for Printer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { voice, results, answer, .. } = self;
+        f.debug_tuple("Printer").field(voice).field(results).field(answer).finish()
+    }
+}
+
+/// Whether anything but results and errors is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Voice {
+    Audible,
+    Quiet,
+}
+
+/// What results are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Results {
+    /// What the command was run for.
+    Wanted,
+    /// Talk: they are a step on the way to another result.
+    Talk,
+}
+
+impl Printer {
+    /// A printer that tells this observer everything.
+    pub fn new(observer: Arc<dyn Observer>) -> Self {
+        let (voice, results) = (Voice::Audible, Results::Wanted);
+        Self { observer, voice, results, answer: Answer::ForPeople }
+    }
+
+    /// A printer that nobody hears.
+    pub fn nobody() -> Self {
+        Self::new(Arc::new(Unobserved)).silent()
+    }
+
+    /// The same printer, which says nothing but results and errors.
+    #[must_use]
+    pub fn quiet(self) -> Self {
+        Self { voice: Voice::Quiet, ..self }
+    }
+
+    /// The same printer for a step on the way: its results are talk.
+    #[must_use]
+    pub fn talking(&self) -> Self {
+        Self { results: Results::Talk, answer: Answer::ForPeople, ..self.clone() }
+    }
+
+    /// The same printer for a result that is an `answer`.
+    #[must_use]
+    pub fn answering(&self, answer: Answer) -> Self {
+        Self { answer, ..self.clone() }
+    }
+
+    /// Whether the result is to be JSON.
+    pub fn is_for_machines(&self) -> bool {
+        self.answer == Answer::ForMachines
+    }
+
+    /// The same printer for what is done twice: it says nothing.
+    #[must_use]
+    pub fn silent(&self) -> Self {
+        self.talking().quiet()
+    }
+
+    fn is_quiet(&self) -> bool {
+        self.voice == Voice::Quiet
+    }
+
+    /// A line of the result.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    pub fn result(&self, text: &str) -> anyhow::Result<()> {
+        if self.results == Results::Talk {
+            self.say(text);
+            return Ok(());
+        }
+        self.pass(Result::Line(text.trim_end_matches('\n')))
+    }
+
+    /// Several lines of the result, such as a table, whose line breaks are calib's own.
+    ///
+    /// # Errors
+    /// If they cannot be passed on.
+    pub fn lines(&self, text: &str) -> anyhow::Result<()> {
+        let text = text.trim_end_matches('\n');
+        if self.results == Results::Talk {
+            self.remark(Remark::Table(text));
+            return Ok(());
+        }
+        self.pass(Result::Lines(text))
+    }
+
+    /// The result for machines.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    pub fn json(&self, value: &impl Serialize) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(value)?;
+        if self.results == Results::Talk {
+            self.remark(Remark::Table(&text));
+            return Ok(());
+        }
+        self.pass(Result::Json(&text))
+    }
+
+    /// What calib is doing; silent with `-q`.
+    pub fn say(&self, text: &str) {
+        self.remark(Remark::Talk(text));
+    }
+
+    /// Several remarks, a line each.
+    pub fn say_all(&self, remarks: &[String]) {
+        for remark in remarks {
+            self.say(remark);
+        }
+    }
+
+    /// What to type next, one of several on a line each; a step on the way to another result is followed by the next step anyway.
+    pub fn next(&self, commands: &[String]) {
+        if self.results == Results::Wanted {
+            for (number, command) in commands.iter().enumerate() {
+                let word = if number == 0 { "next" } else { "  or" };
+                self.say(&format!("{word}: {command}"));
+            }
+        }
+    }
+
+    /// Something that the user should look at.
+    pub fn warn(&self, text: &str) {
+        self.remark(Remark::Warning(text));
+    }
+
+    /// Why something was not done; never silent.
+    pub fn error(&self, text: &str) {
+        self.observer.remark(Remark::Error(text));
+    }
+
+    /// What begins.
+    pub fn heading(&self, text: &str) {
+        self.remark(Remark::Heading(text));
+    }
+
+    /// Progress of long work.
+    pub fn progress(&self) -> Box<dyn Monitor> {
+        self.observer.progress(if self.is_quiet() { Shown::No } else { Shown::Yes })
+    }
+
+    fn remark(&self, remark: Remark<'_>) {
+        if !self.is_quiet() {
+            self.observer.remark(remark);
+        }
+    }
+
+    fn pass(&self, result: Result<'_>) -> anyhow::Result<()> {
+        self.observer.result(result).context("cannot write to stdout")
+    }
+}

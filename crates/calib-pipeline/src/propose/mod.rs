@@ -1,0 +1,284 @@
+//! A study of a log that nobody has looked at: everything that can be seen is looked at, and what cannot is tried.
+
+mod trial;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use calib_data::{DataConfig, Sketch, format_time, sketch};
+use calib_files::write_atomically;
+use calib_propose::{
+    Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
+};
+use calib_study::{Job, Request};
+use serde::Serialize;
+
+use self::trial::{Trials, Workplace};
+use crate::{
+    base::{
+        clock::Stopwatch,
+        memory,
+        options::{ProposeOptions, Standing},
+        outcome::Outcome,
+    },
+    output::{Printer, count, duration, span},
+};
+
+/// What was chosen, for `--json`.
+#[derive(Debug, Serialize)]
+struct Chosen {
+    /// The file that was written.
+    study: PathBuf,
+    /// Channels that are used.
+    channels: usize,
+    /// Those that are not, with the reason.
+    left_out: Vec<[String; 2]>,
+    /// First moment of the training range, and the first after it.
+    train: [String; 2],
+    /// Of what is held out.
+    held_out: [String; 2],
+    /// Rows of the two.
+    rows: [usize; 2],
+    /// Time from one state to the next, in seconds.
+    state_secs: f64,
+    sensors: Vec<String>,
+    gamma: f64,
+    horizon_secs: f64,
+    /// Steps of every run.
+    steps: usize,
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
+    expected_secs: f64,
+}
+
+/// Look at a log, and write a study of it.
+pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+    let file = args.study.display();
+    ensure!(
+        args.study.extension().is_some_and(|extension| extension == "toml"),
+        "{file}: expected the name of a study file, which ends in .toml"
+    );
+    ensure!(
+        args.standing == Standing::Replaced || !args.study.exists(),
+        "{file} is there already; --force replaces it"
+    );
+    let clock = Stopwatch::start();
+    let path = path_in_study(&args.logs, &args.study)?;
+    let look = Look::at(args, printer)?;
+    let chosen = Proposal::of(args, &path, &look, printer)?;
+    write_atomically(&args.study, |file| std::io::Write::write_all(file, chosen.text.as_bytes()))?;
+    show(args, &look, &chosen, printer)?;
+    printer.say(&format!("looked and tried for {}", duration(clock.elapsed())));
+    printer.next(&[format!(
+        "calib run {}",
+        calib_study::shell_words([args.study.display().to_string()])
+    )]);
+    Ok(Outcome::Done)
+}
+
+/// The path of the log as it is written into a study: as it was typed, where that means the same from there.
+fn path_in_study(logs: &Path, study: &Path) -> anyhow::Result<String> {
+    let beside = study.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    let path = if beside || logs.is_absolute() {
+        logs.to_owned()
+    } else {
+        std::env::current_dir().context("cannot tell the current folder")?.join(logs)
+    };
+    let path = path.to_str().with_context(|| format!("{}: not Unicode", path.display()))?;
+    Ok(path.to_owned())
+}
+
+/// What the log is like.
+struct Look {
+    sketch: Sketch,
+    clock: Option<Clock>,
+    scope: Scope,
+    cut: Cut,
+    cleaning: Cleaning,
+    sensors: Sensors,
+}
+
+impl Look {
+    fn at(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Self> {
+        let study = calib_study::of_data(&args.logs, &args.set)?;
+        let mut data = DataConfig { scratch: memory::working_files(), ..study.data };
+        memory::check_log(&data)?;
+        printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
+        let mut sketch = sketch(&data, &printer.progress())?;
+        let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
+        if let Some(clock) = clock {
+            printer
+                .say("channels have clocks of their own: they are put on one, and looked at again");
+            data.resample = Some(calib_data::Resample::Last);
+            data.period_secs = Some(data.period_secs.unwrap_or(clock.period_secs));
+            data.max_age_secs = Some(clock.max_age_secs);
+            sketch = calib_data::sketch(&data, &printer.progress())?;
+        }
+        let scope = Scope::of(&sketch)?;
+        let sensors = if args.sensors.is_empty() {
+            Sensors::of(&sketch, &scope)?
+        } else {
+            named(&args.sensors, &sketch, &scope)?
+        };
+        let cut = Cut::of(&sketch, &scope)?;
+        let cleaning = Cleaning::of(&sketch, &scope);
+        Ok(Self { sketch, clock, scope, cut, cleaning, sensors })
+    }
+}
+
+/// The sensors that were asked for.
+fn named(names: &[String], sketch: &Sketch, scope: &Scope) -> anyhow::Result<Sensors> {
+    let find = |name: &String| {
+        let channel = sketch.channels.iter().position(|of| of.name == *name);
+        let channel = channel.with_context(|| {
+            format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
+        })?;
+        if let Some(LeftOut { why, .. }) = scope.left_out.iter().find(|of| of.channel == channel) {
+            anyhow::bail!("--sensor {name}: {why}, so it cannot be predicted");
+        }
+        Ok(channel)
+    };
+    Ok(Sensors {
+        proposed: names.iter().map(find).collect::<anyhow::Result<_>>()?,
+        others: Vec::new(),
+    })
+}
+
+/// A study, and what was found on the way to it.
+struct Proposal {
+    text: String,
+    spacing: usize,
+    cut: Cut,
+    horizon: Horizon,
+    size: Size,
+    expected_secs: f64,
+}
+
+impl Proposal {
+    fn of(
+        args: &ProposeOptions,
+        path: &str,
+        look: &Look,
+        printer: &Printer,
+    ) -> anyhow::Result<Self> {
+        let Look { sketch, scope, sensors, .. } = look;
+        let place = Workplace::new()?;
+        let trials = Trials { args, place: &place, printer };
+        let candidates = spacings(sketch, scope, look.cut.rows[0]);
+        let draft = |spacing: usize, cut: &Cut, horizon, size: &Size, words: [&str; 2]| {
+            Draft {
+                sketch,
+                path,
+                scope,
+                cut,
+                cleaning: &look.cleaning,
+                clock: look.clock,
+                spacing: (spacing, words[0]),
+                sensors,
+                horizon,
+                size,
+                size_reason: words[1],
+            }
+            .text()
+        };
+        let ahead = |spacing: usize, steps: usize| match args.horizon {
+            Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
+            None => horizon(sketch, &sensors.proposed, spacing, steps),
+        };
+        let most = |spacing: usize| Size::most_steps(look.cut.rows[1] / spacing);
+        // Models of the last rows of the training range, because it is theirs to be judged on what follows.
+        let small = |spacing: usize| {
+            let rows = trial::ROWS * spacing;
+            let size = Size::trial(most(spacing), sensors.proposed.len());
+            let cut = look.cut.shortened(&sketch.timestamps, rows);
+            draft(spacing, &cut, ahead(spacing, size.steps), &size, [""; 2])
+        };
+        let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
+        let rows = trial::rows_within(args.within, build_secs, look.cut.rows[0] / spacing);
+        let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
+        let steps = most(spacing);
+        let mut horizon = ahead(spacing, steps);
+        let trial = |steps: usize, horizon: Horizon| {
+            let size = Size::trial(steps, sensors.proposed.len());
+            (draft(spacing, &cut, horizon, &size, [""; 2]), size)
+        };
+        let costs = trials.costs(steps, &mut horizon, trial)?;
+        let size = Size::within(args.within, costs, steps, sensors.proposed.len());
+        let expected_secs = size.secs(costs);
+        let reason = format!(
+            "Sized to end within {}: about {} on this machine, {} of them for the sweep",
+            span(args.within),
+            span(expected_secs.round()),
+            span((expected_secs - costs.fixed_secs).round())
+        );
+        if expected_secs > args.within {
+            printer.warn(&format!(
+                "{} are not enough for the smallest study that says anything: about {}",
+                span(args.within),
+                span(expected_secs.round())
+            ));
+        }
+        let text = draft(spacing, &cut, horizon, &size, [&why, &reason]);
+        // What was given holds for the study: it is read with it, and must say the same without.
+        let text = calib_propose::with_given(&text, &args.set);
+        Job::of_text(Request::new(&args.study), text.clone())?;
+        Ok(Self { text, spacing, cut, horizon, size, expected_secs })
+    }
+}
+
+fn show(
+    args: &ProposeOptions,
+    look: &Look,
+    chosen: &Proposal,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let Look { sketch, scope, sensors, .. } = look;
+    let name = |&channel: &usize| sketch.channels[channel].name.clone();
+    let predicted: Vec<String> =
+        sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
+    let state_secs = sketch.period_secs * chosen.spacing as f64;
+    if printer.is_for_machines() {
+        let times = |range: [calib_core::Timestamp; 2]| range.map(format_time);
+        return printer.json(&Chosen {
+            study: args.study.clone(),
+            channels: scope.channels.len(),
+            left_out: scope
+                .left_out
+                .iter()
+                .map(|of| [of.name.clone(), of.why.to_string()])
+                .collect(),
+            train: times(chosen.cut.train),
+            held_out: times(chosen.cut.held_out),
+            rows: chosen.cut.rows,
+            state_secs,
+            sensors: predicted,
+            gamma: chosen.horizon.gamma,
+            horizon_secs: chosen.horizon.secs,
+            steps: chosen.size.steps,
+            expected_secs: chosen.expected_secs,
+        });
+    }
+    let [train, held_out] = chosen.cut.rows.map(count);
+    let lines = [
+        format!(
+            "{}: {} of {} channels, {train} rows to learn from, {held_out} held out",
+            args.study.display(),
+            scope.channels.len(),
+            sketch.channels.len()
+        ),
+        format!(
+            "a state every {}; {} predicted {} ahead (gamma {})",
+            span(state_secs),
+            predicted.join(", "),
+            span(chosen.horizon.secs),
+            chosen.horizon.gamma
+        ),
+        format!(
+            "{} learning rates, runs of {} steps: about {} of the {} that were asked for",
+            chosen.size.values(),
+            count(chosen.size.steps),
+            span(chosen.expected_secs.round()),
+            span(args.within)
+        ),
+    ];
+    lines.iter().try_for_each(|line| printer.result(line))
+}

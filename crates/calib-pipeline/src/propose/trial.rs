@@ -1,0 +1,213 @@
+//! Small models of a log, and what they take.
+
+use std::path::PathBuf;
+
+use calib_files::{create_directory, remove_folder};
+use calib_propose::{Costs, Horizon, Size};
+use calib_study::{Job, Request};
+
+use crate::{
+    base::{
+        artefact,
+        clock::Stopwatch,
+        options::{BuildOptions, ProposeOptions},
+    },
+    model::{build_model, jumps, model_files::ModelManifest},
+    output::{Printer, span},
+    rollouts::rollout,
+    sweep::{self, plan::Counted, streams::Unscorable},
+    verdict::evaluate,
+};
+
+/// States of a trial model at most.
+pub(super) const ROWS: usize = 20_000;
+/// Trial models at most.
+const TRIALS: usize = 6;
+/// The share of the time asked for that a model may take.
+const BUILD: f64 = 0.2;
+/// Steps of the shortest runs that costs are measured with.
+const SHORT: usize = 150;
+/// How much longer the others are.
+const LONGER: usize = 4;
+/// The folder of what costs are measured with.
+const COSTS: &str = "costs";
+/// How often a horizon is halved until some step can be scored.
+const HALVED: usize = 6;
+
+/// A folder for what is thrown away.
+pub(super) struct Workplace(PathBuf);
+
+impl Workplace {
+    pub(super) fn new() -> anyhow::Result<Self> {
+        let folder = std::env::temp_dir().join(format!("calib-init-{}", std::process::id()));
+        create_directory(&folder)?;
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Workplace {
+    fn drop(&mut self) {
+        // What is left of it is in the folder for temporary files.
+        let _ = remove_folder(&self.0);
+    }
+}
+
+/// States of a model that is built in its share of `within` seconds, if one of [`ROWS`] states at most took `build_secs`: what exact search takes
+/// grows with their square at worst.
+pub(super) fn rows_within(within: f64, build_secs: f64, rows: usize) -> usize {
+    let measured = rows.min(ROWS);
+    let factor = (BUILD * within / build_secs.max(1e-3)).sqrt();
+    if measured == rows {
+        rows
+    } else {
+        ((measured as f64 * factor) as usize).clamp(measured, rows)
+    }
+}
+
+/// What trials have in common.
+pub(super) struct Trials<'a> {
+    pub(super) args: &'a ProposeOptions,
+    pub(super) place: &'a Workplace,
+    pub(super) printer: &'a Printer,
+}
+
+impl Trials<'_> {
+    /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
+    fn job(&self, text: String, folder: &str) -> anyhow::Result<Job> {
+        let request = Request {
+            output: Some(self.place.0.join(folder)),
+            set: self.args.set.clone(),
+            ..Request::new(&self.args.study)
+        };
+        Ok(Job::of_text(request, text)?)
+    }
+
+    /// The first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the one that is
+    /// warned of least; why, and how long its model took.
+    pub(super) fn spacing(
+        &self,
+        candidates: &[usize],
+        text: impl Fn(usize) -> String,
+        period_secs: f64,
+    ) -> anyhow::Result<(usize, String, f64)> {
+        let mut best: Option<(usize, usize, String, f64)> = None;
+        let mut before = None;
+        for &spacing in candidates.iter().take(TRIALS) {
+            let apart = span(period_secs * spacing as f64);
+            let job = self.job(text(spacing), &format!("spacing-{spacing}"))?;
+            let clock = Stopwatch::start();
+            build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
+            let secs = clock.elapsed().as_secs_f64();
+            let build = job.command("build-model");
+            let model: ModelManifest = artefact::require(&job.layout().model(), &build)?;
+            let warnings = build_model::warnings(&model);
+            let moves = model.members.first().and_then(|member| member.jumps.as_ref());
+            let moves = moves.map(jumps::line).unwrap_or_default();
+            let said = warnings.first().map_or(&moves, |first| first);
+            self.printer.say(&format!("states {apart} apart: {said}"));
+            let why = match &before {
+                None => format!("states {apart} apart; in a trial model {moves}"),
+                Some(before) => {
+                    format!(
+                        "states {apart} apart; {before} apart trial models go wrong, here {moves}"
+                    )
+                }
+            };
+            if best.as_ref().is_none_or(|(so_far, ..)| warnings.len() < *so_far) {
+                best = Some((warnings.len(), spacing, why, secs));
+            }
+            if warnings.is_empty() {
+                break;
+            }
+            before = Some(apart);
+        }
+        let (warnings, spacing, why, secs) = best.unwrap_or((0, 1, String::new(), 0.0));
+        let why = if warnings == 0 {
+            why
+        } else {
+            format!("{why}; no spacing that was tried is without a warning")
+        };
+        Ok((spacing, why, secs))
+    }
+
+    /// What a study takes, measured with short runs. The `horizon` is halved until some step of them can be scored.
+    pub(super) fn costs(
+        &self,
+        most_steps: usize,
+        horizon: &mut Horizon,
+        text: impl Fn(usize, Horizon) -> (String, Size),
+    ) -> anyhow::Result<Costs> {
+        let silent = &self.printer.silent();
+        self.printer.say("measuring how long a study takes");
+        let steps = |of: usize| of.min(most_steps);
+        let short = steps(SHORT.max(2 * horizon.states as usize));
+        let clock = Stopwatch::start();
+        let job = self.job(text(short, *horizon).0, COSTS)?;
+        build_model::run(&job, &BuildOptions::default(), silent)?;
+        rollout::run(&job, silent)?;
+        let before_sweep = clock.elapsed().as_secs_f64();
+        let mut swept = Vec::new();
+        for steps in [short, steps(LONGER * short)] {
+            let secs = self.sweep(steps, horizon, &text)?;
+            swept.push((text(steps, *horizon).1.agent_steps(), secs));
+        }
+        let clock = Stopwatch::start();
+        let job = self.job(text(steps(LONGER * short), *horizon).0, COSTS)?;
+        evaluate::run(&job, silent)?;
+        let judged = clock.elapsed().as_secs_f64();
+        let [(less, quick), (more, slow)] = [swept[0], swept[1]];
+        // Runs that cannot be longer tell what a step takes at most.
+        let agent_step_secs =
+            if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
+        let begin = (quick - less * agent_step_secs).max(0.0);
+        Ok(Costs { fixed_secs: before_sweep + begin + judged, agent_step_secs })
+    }
+
+    fn sweep(
+        &self,
+        steps: usize,
+        horizon: &mut Horizon,
+        text: &impl Fn(usize, Horizon) -> (String, Size),
+    ) -> anyhow::Result<f64> {
+        for _ in 0..HALVED {
+            let job = self.job(text(steps, *horizon).0, COSTS)?;
+            let clock = Stopwatch::start();
+            match sweep::run(&job, &Counted::default(), &self.printer.silent()) {
+                Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
+                    let spacing_secs = horizon.secs / horizon.states;
+                    *horizon = Horizon::new(horizon.secs / 2.0, spacing_secs);
+                }
+                swept => return swept.map(|_| clock.elapsed().as_secs_f64()),
+            }
+        }
+        anyhow::bail!(
+            "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_would_take_too_long_learns_from_less() {
+        assert_eq!(rows_within(600.0, 3.0, 15_000), 15_000, "it was measured whole");
+        assert_eq!(
+            rows_within(600.0, 30.0, 1_000_000),
+            40_000,
+            "twice the rows, four times as long"
+        );
+        assert_eq!(rows_within(600.0, 1.0, 50_000), 50_000);
+        assert_eq!(rows_within(10.0, 30.0, 1_000_000), ROWS, "what was tried is there anyway");
+    }
+
+    #[test]
+    fn the_workplace_leaves_nothing() {
+        let place = Workplace::new().expect("a folder");
+        let folder = place.0.clone();
+        assert!(folder.is_dir());
+        drop(place);
+        assert!(!folder.exists());
+    }
+}

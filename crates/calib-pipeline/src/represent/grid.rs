@@ -1,0 +1,132 @@
+//! Training of a grid of representations, several side by side, each on one core.
+
+use std::{collections::BTreeMap, path::Path};
+
+use calib_core::{Monitor as _, Seed};
+use calib_data::Dataset;
+use calib_files::{
+    Fingerprint, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
+};
+use calib_nn::Mlp;
+use calib_represent::{
+    Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
+    write_encoder,
+};
+use calib_study::Study;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Candidate, ENCODER};
+use crate::{
+    base::{artefact, options::Device, torch},
+    output::Printer,
+};
+
+/// Version of the training: greater when the same configuration and seed lead to other weights.
+const TRAINING: u32 = 1;
+
+/// Where the candidates are, below the directory of the representation.
+const CANDIDATES: &str = "candidates";
+
+/// `training.json` of a candidate: written last.
+#[derive(Debug, Serialize, Deserialize)]
+struct TrainingRecord {
+    key: String,
+    config: LaplacianConfig,
+    divergence: Option<Divergence>,
+    points: Vec<Point>,
+    /// Fingerprint of the encoder's file.
+    encoder: Fingerprint,
+}
+
+const RECORD: &str = "training.json";
+
+/// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
+pub(super) fn train(
+    study: &Study,
+    dataset: &Dataset,
+    (split, seed, device): (&Split, Seed, Option<Device>),
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
+    let (states, segments) = (dataset.train.states(), dataset.train.segments());
+    let task = Task { states, segments, split, seed };
+    let keyed = |config: LaplacianConfig| {
+        Ok((artefact::key(&(TRAINING, &dataset.fingerprint, &config, study.seed))?, config))
+    };
+    let grid = study.representation.candidates().into_iter().map(keyed);
+    let grid = grid.collect::<anyhow::Result<Vec<(String, LaplacianConfig)>>>()?;
+    let at = |key: &str| directory.join(CANDIDATES).join(short(key));
+    let (there, missing): (Vec<_>, Vec<_>) =
+        grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
+    // Who was killed between the record and the end of a training has left what it would have gone on from.
+    there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
+    let progress = printer.progress();
+    progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
+    missing.into_par_iter().try_for_each(|(key, config)| -> anyhow::Result<()> {
+        let directory = at(key);
+        let checkpoint = checkpoint(&directory, key);
+        let trained = match device {
+            None => train_one(config, task, Some(&checkpoint), &progress)?,
+            Some(device) => torch::represent(config, task, &checkpoint, device, &progress)?,
+        };
+        write_encoder(&directory.join(ENCODER), &trained.encoder, BTreeMap::new())?;
+        let record = TrainingRecord {
+            key: key.clone(),
+            config: *config,
+            divergence: trained.divergence,
+            points: trained.points,
+            encoder: fingerprint_file(&directory.join(ENCODER))?,
+        };
+        write_sealed_json(&directory.join(RECORD), &record)?;
+        Ok(checkpoint.remove()?)
+    })?;
+    drop(progress);
+    grid.iter().map(|(key, _)| finished(&at(key), key)).collect()
+}
+
+/// Where the training of a candidate is put aside.
+fn checkpoint(directory: &Path, key: &str) -> Checkpoint {
+    Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.to_owned() }
+}
+
+/// Forget every candidate and every training that was put aside.
+pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
+    Ok(remove_folder(&directory.join(CANDIDATES))?)
+}
+
+/// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.
+fn short(key: &str) -> &str {
+    &key[..16]
+}
+
+/// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken
+/// over from another model comes without.
+pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
+    let Some(name) = &candidate.directory else { return true };
+    let own = directory.join(CANDIDATES).join(name);
+    let record = |record: TrainingRecord| read(&own, &record.key).is_some();
+    !own.exists() || read_sealed_json(&own.join(RECORD)).is_ok_and(record)
+}
+
+fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD)).ok()?;
+    let encoder = fingerprint_file(&directory.join(ENCODER)).ok()?;
+    (record.key == key && record.encoder == encoder).then_some(record)
+}
+
+fn finished(directory: &Path, key: &str) -> anyhow::Result<(Candidate, Option<Mlp>)> {
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD))?;
+    let encoder = match record.divergence {
+        Some(_) => None,
+        None => Some(read_encoder(&directory.join(ENCODER))?),
+    };
+    let candidate = Candidate {
+        config: Some(record.config),
+        directory: Some(short(key).to_owned()),
+        scores: None,
+        divergence: record.divergence,
+        points: record.points,
+    };
+    Ok((candidate, encoder))
+}

@@ -1,0 +1,379 @@
+//! Representations of the states: trained or imported, scored, chosen.
+
+mod grid;
+mod import;
+mod table;
+
+use std::{collections::BTreeMap, path::Path, sync::Arc};
+
+use anyhow::{Context as _, bail};
+use calib_core::{Seed, States};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
+use calib_nn::Mlp;
+use calib_represent::{
+    Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
+    score, select, write_encoder,
+};
+use calib_study::{Job, Layout, Made, Study};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    base::{
+        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        clock::Stopwatch,
+        memory,
+        options::Device,
+        outcome::Outcome,
+        stale::Kept,
+        torch,
+    },
+    log::partition,
+    output::{Printer, bytes, count, duration},
+};
+
+pub(crate) use table::report_table;
+
+/// `manifest.json` of a representation directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct RepresentationManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    /// Fingerprint of data and configuration.
+    pub(crate) key: String,
+    pub(crate) study: Study,
+    /// Fingerprint of the data that it was trained or imported for.
+    pub(crate) data: Fingerprint,
+    /// Rows that ψ was scored on: the last fifth.
+    pub(crate) validation_rows: usize,
+    pub(crate) candidates: Vec<Candidate>,
+    /// Position of the chosen one; none if none qualifies.
+    pub(crate) chosen: Option<usize>,
+    /// Fingerprint of every other file.
+    pub(crate) files: Files,
+}
+
+/// A representation that could be used.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Candidate {
+    /// Hyperparameters; none of an imported one.
+    pub(crate) config: Option<LaplacianConfig>,
+    /// The directory of its encoder, below `candidates/`; none of an imported one.
+    pub(crate) directory: Option<String>,
+    /// None if its training diverged.
+    pub(crate) scores: Option<Scores>,
+    pub(crate) divergence: Option<Divergence>,
+    /// The learning curve.
+    pub(crate) points: Vec<Point>,
+}
+
+impl Manifest for RepresentationManifest {
+    const FORMAT: u32 = 2;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+const ENCODER: &str = "encoder.safetensors";
+const PSI: &str = "representation.npy";
+
+/// Train or import the representations of a study, and choose one.
+pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    if device.is_some() {
+        torch::require("--device")?;
+    }
+    if study.representation.kind == RepresentationKind::None {
+        bail!(
+            "representation.kind is \"none\": there is nothing to train; \
+             set it to \"laplacian\" or \"import\""
+        );
+    }
+    let dataset = partition::load(job, printer)?.dataset;
+    let key = key(job, &dataset)?;
+    let directory = paths.representation();
+    announce(study, &dataset, printer);
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
+    let (manifest, verb) = match existing {
+        Some(manifest) => (manifest, "up to date:"),
+        None => (make(job, device, &dataset, key, printer)?, "wrote"),
+    };
+    if printer.is_for_machines() {
+        printer.json(&manifest)?;
+    } else {
+        let (place, time) = (directory.display(), duration(clock.elapsed()));
+        printer.result(&format!("{verb} {place} in {time}"))?;
+        table::show(&manifest, printer)?;
+    }
+    if manifest.chosen.is_some() {
+        printer.next(&[job.command("build-model")]);
+        return Ok(Outcome::Done);
+    }
+    printer.warn(NONE_QUALIFIES);
+    Ok(Outcome::Negative)
+}
+
+/// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
+fn find(
+    paths: &Layout,
+    key: &str,
+    printer: &Printer,
+) -> anyhow::Result<Option<RepresentationManifest>> {
+    let up_to_date = |directory: &Path| {
+        artefact::read::<RepresentationManifest>(directory).filter(|found| {
+            found.key == key
+                && artefact::are_whole(directory, &found.files)
+                && found.candidates.iter().all(|of| grid::is_whole(directory, of))
+        })
+    };
+    let directory = paths.representation();
+    if let Some(found) = up_to_date(&directory) {
+        return Ok(Some(found));
+    }
+    for other in paths.of_other_models("representation") {
+        let Some(found) = up_to_date(&other) else { continue };
+        printer.say(&format!("the representation is that in {}, and is copied", other.display()));
+        let files = found.files.keys().map(String::as_str);
+        artefact::adopt(&other, files, &found, &directory)?;
+        return Ok(Some(found));
+    }
+    Ok(None)
+}
+
+/// What to do where no candidate may be used.
+const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
+    try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
+
+/// Fingerprint of what the representations follow from.
+fn key(job: &Job, dataset: &Dataset) -> anyhow::Result<String> {
+    let study = job.study();
+    let imported = match study.representation.kind {
+        RepresentationKind::Import => Some(fingerprint_file(&import::file(job)?)?),
+        _ => None,
+    };
+    artefact::key(&(
+        RepresentationManifest::FORMAT,
+        &dataset.fingerprint,
+        &study.representation,
+        study.seed,
+        imported,
+    ))
+}
+
+fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    if study.representation.kind == RepresentationKind::Import {
+        let path = study.representation.path.as_deref().unwrap_or_default();
+        printer.say(&format!("{} rows x {columns} columns; importing {path}", count(rows)));
+        return;
+    }
+    let candidates = study.representation.candidates();
+    let steps: usize = candidates.iter().map(|of| of.steps).sum();
+    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len());
+    printer.say(&format!(
+        "{} rows x {columns} columns; {} representations of up to {widest} dimensions, {} steps in all, \
+         {at_once} at a time; expecting {} of memory",
+        count(rows),
+        candidates.len(),
+        count(steps),
+        bytes(needed_bytes(study, dataset)),
+    ));
+}
+
+/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+fn needed_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    let candidates = study.representation.candidates();
+    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
+    let of_one = |of: &LaplacianConfig| {
+        let layers = std::iter::repeat_n(of.hidden_units, of.hidden_layers);
+        let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([of.dimension]).collect();
+        // A batch has u, v and x.
+        calib_nn::training_bytes(&sizes, of.batch_size.saturating_mul(3))
+    };
+    let largest = candidates.iter().map(of_one).max().unwrap_or(0);
+    let states = (rows * (2 * columns + widest) * 4) as u64;
+    states.saturating_add(largest.saturating_mul(at_once))
+}
+
+fn make(
+    job: &Job,
+    device: Option<Device>,
+    dataset: &Dataset,
+    key: String,
+    printer: &Printer,
+) -> anyhow::Result<RepresentationManifest> {
+    let (study, directory) = (job.study(), job.layout().representation());
+    let split = Split::in_time(dataset.train.segments())?;
+    let claim = Claim::new(&directory, Below::Ours)?;
+    claim.begin()?;
+    if job.policy().redoes() {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        grid::remove(&directory)?;
+    }
+    let seed = Seed::new(study.seed).child("representation");
+    let score_of = |psi: &States| {
+        let (states, segments) = (dataset.train.states(), dataset.train.segments());
+        score(states, psi, segments, &split.validation, seed)
+    };
+    let mut files = vec!["candidates.parquet", "curves.parquet"];
+    let (candidates, chosen, psi) = if study.representation.kind == RepresentationKind::Import {
+        let psi = import::read(job, dataset)?;
+        let scores = Some(score_of(&psi));
+        let candidate =
+            Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
+        let chosen = select(&[scores]);
+        (vec![candidate], chosen, chosen.map(|_| psi))
+    } else {
+        if device.is_none() {
+            let remedy = "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
+            memory::require(needed_bytes(study, dataset), "training the representations", remedy)?;
+        }
+        let task = (&split, seed, device);
+        let trained = grid::train(study, dataset, task, &directory, printer)?;
+        let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
+        let candidates: Vec<Candidate> = trained
+            .iter()
+            .map(|(candidate, encoder)| {
+                // ψ of a state that the training did not see may overflow.
+                let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
+                Candidate { scores: psi.as_ref().map(score_of), ..candidate.clone() }
+            })
+            .collect();
+        let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
+        let chosen = select(&scores);
+        let encoder = chosen.and_then(|chosen| trained[chosen].1.as_ref());
+        if let Some(encoder) = encoder {
+            write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
+            files.push(ENCODER);
+        }
+        (candidates, chosen, encoder.map(encoded).transpose()?)
+    };
+    if let Some(psi) = psi {
+        write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+        files.push(PSI);
+    }
+    table::write(&directory, &candidates, chosen)?;
+    let manifest = RepresentationManifest {
+        format: RepresentationManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        validation_rows: split.validation.len(),
+        candidates,
+        chosen,
+        files: artefact::fingerprints(&directory, files)?,
+    };
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// The chosen representation of the training states.
+pub(crate) struct Representation {
+    /// Names all that it follows from, and what it is.
+    pub(crate) key: String,
+    /// ψ of every state.
+    pub(crate) psi: States,
+    /// What computes ψ of other states; an imported representation has none.
+    pub(crate) encoder: Option<Mlp>,
+}
+
+/// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
+pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Representation>> {
+    let (study, paths) = (job.study(), job.layout());
+    if study.representation.kind == RepresentationKind::None {
+        return Ok(None);
+    }
+    let (directory, command) = (paths.representation(), job.command("represent"));
+    let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
+    Kept { result: Made::Representation, study: &manifest.study, directory: &directory }
+        .check(job)?;
+    if manifest.key != key(job, dataset)? {
+        bail!(
+            "the representation in {} was made from other data; run `{command}` again",
+            directory.display()
+        );
+    }
+    if manifest.chosen.is_none() {
+        bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
+    }
+    let again = || format!("{} is damaged; run `{command} --force`", directory.display());
+    let used = [PSI, ENCODER].into_iter();
+    let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
+    let used: Files = used.collect();
+    artefact::check_files(&directory, &used, &command)?;
+    let psi = mapped(&directory.join(PSI)).with_context(again)?;
+    let encoder = manifest
+        .files
+        .contains_key(ENCODER)
+        .then(|| read_encoder(&directory.join(ENCODER)))
+        .transpose()
+        .with_context(again)?;
+    Ok(Some(Representation { key: artefact::key(&(manifest.key, used))?, psi, encoder }))
+}
+
+/// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Width {
+    /// They are the columns of the states.
+    OfStates,
+    /// ψ has so many, whichever it will be.
+    Exactly(usize),
+    /// ψ has about so many, unless it is yet to be made, or made again.
+    Perhaps(usize),
+}
+
+/// The width of what the study searches, whose states have so many columns.
+pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
+    let config = &study.representation;
+    let candidates = match config.kind {
+        RepresentationKind::None => return Width::OfStates,
+        RepresentationKind::Laplacian => config.candidates(),
+        RepresentationKind::Import => Vec::new(),
+    };
+    let dimensions = || candidates.iter().map(|of| of.dimension);
+    let widest = dimensions().max();
+    if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
+        return Width::Exactly(only);
+    }
+    let directory = paths.representation();
+    let made = artefact::read::<RepresentationManifest>(&directory)
+        .filter(|found| found.study.representation == *config)
+        .and_then(|_| map_npy::<f32>(&directory.join(PSI)).ok());
+    Width::Perhaps(made.map(|psi| psi.columns()).or(widest).unwrap_or(columns))
+}
+
+/// Put the representation into a model's directory, which then needs nothing else; names of the files.
+pub(crate) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
+    let Representation { psi, encoder, .. } = of;
+    write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+    let Some(encoder) = encoder else { return Ok(vec![PSI]) };
+    write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
+    Ok(vec![PSI, ENCODER])
+}
+
+/// What a model's directory holds of the representation that its neighbours were searched in.
+pub(crate) fn of_model(
+    directory: &Path,
+    files: &Files,
+) -> anyhow::Result<(Option<States>, Option<Mlp>)> {
+    let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
+    let psi = has(PSI).map(|path| mapped(&path)).transpose()?;
+    let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
+    Ok((psi, encoder))
+}
+
+fn mapped(path: &Path) -> anyhow::Result<States> {
+    let mapped = map_npy::<f32>(path)?;
+    let (rows, columns) = (mapped.rows(), mapped.columns());
+    Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
+}

@@ -1,0 +1,383 @@
+use std::path::Path;
+
+use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_data::table::Table;
+use calib_files::Fingerprint;
+use calib_rollout::{JumpStatistics, RolloutConfig};
+use calib_study::{Job, Made, Study};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    base::{
+        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        clock::Stopwatch,
+        memory,
+        outcome::Outcome,
+    },
+    log::partition,
+    model::{
+        jumps,
+        kinds::{self, Model, search_place},
+        model_files::{self, OpenModel},
+        starts::{StartSummary, Starts, summaries},
+        trajectory::Trajectory,
+    },
+    output::{Printer, bytes, count, duration},
+    rollouts::{
+        collapse::{self, Collapse},
+        comparison::{self, Comparison},
+        figures, one_step,
+        trajectory_columns::Columns,
+        truth::{self, Record},
+    },
+};
+
+/// `manifest.json` of a rollout directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct RolloutManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    pub(crate) key: String,
+    pub(crate) model: String,
+    /// What it was made with.
+    pub(crate) study: Study,
+    pub(crate) sensors: Vec<String>,
+    pub(crate) period_secs: f64,
+    /// One entry a member.
+    pub(crate) members: Vec<MemberRollouts>,
+    pub(crate) collapse: Collapse,
+    /// Distances from what was recorded after the same starts, unless they are switched off.
+    pub(crate) comparison: Option<Comparison>,
+    /// Fingerprint of every table.
+    pub(crate) files: Files,
+}
+
+/// What the rollouts of one member were like.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct MemberRollouts {
+    /// Transitions of the member.
+    pub(crate) transitions: usize,
+    /// None for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) jumps: Option<JumpStatistics>,
+    /// How many start states the member lacks, and how far what stands for them is.
+    pub(crate) starts: StartSummary,
+}
+
+impl Manifest for RolloutManifest {
+    const FORMAT: u32 = 7;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment.
+///
+/// # Errors
+/// If a table is not what was written.
+pub(crate) fn finished(job: &Job, model: &str) -> anyhow::Result<Option<RolloutManifest>> {
+    let paths = job.layout();
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
+        found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
+    });
+    if let Some(found) = &found {
+        artefact::check_files(&paths.rollout(), &found.files, &job.command("rollout"))?;
+    }
+    Ok(found)
+}
+
+/// Roll every member out and set the trajectories beside the recorded ones.
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    let model = model_files::open(job)?;
+    let sensors = sensors(study, &model, &paths.model())?;
+    let directory = paths.rollout();
+    let deployment = match held_out(job, &model, printer) {
+        Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
+            let name = job.deployment().unwrap_or_default();
+            printer.error(&format!("deployment {name} is left out: {reason:#}"));
+            return Ok(Outcome::Negative);
+        }
+        deployment => deployment?,
+    };
+    let seed = Seed::new(study.seed).child("rollout");
+    let (held_out, fingerprint) = deployment
+        .as_ref()
+        .filter(|_| study.starts_follow_from_deployment())
+        .map(|(frames, fingerprint)| (frames, fingerprint))
+        .unzip();
+    let starts = Starts::new(&study.rollout, &model, held_out, seed)?;
+    let key = artefact::key(&(
+        RolloutManifest::FORMAT,
+        starts.origin(fingerprint)?,
+        model.manifest.content()?,
+        study.model.of_any_index().config,
+        &study.rollout,
+        study.seed,
+        &sensors,
+        comparison::settings(),
+    ))?;
+    let needed = announce(study, &model, sensors.len(), printer);
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    let existing = artefact::read::<RolloutManifest>(&directory)
+        .filter(|found| found.key == key && !job.policy().redoes())
+        .filter(|found| artefact::are_whole(&directory, &found.files));
+    let (manifest, verb) = if let Some(manifest) = existing {
+        (manifest, "up to date:")
+    } else {
+        let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
+        memory::require(needed, "the rollouts", remedy)?;
+        let record = Record { model: &model.frames, deployment: held_out };
+        let from = (&starts, record);
+        (roll_out(study, &model, from, &sensors, key, &directory, printer)?, "wrote")
+    };
+    let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
+        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, printer)?,
+        None => None,
+    };
+    if one_step.is_none() {
+        one_step::remove(paths)?;
+    }
+    if printer.is_for_machines() {
+        printer.json(&manifest)?;
+    } else {
+        printer.result(&format!(
+            "{verb} {} in {}",
+            directory.display(),
+            duration(clock.elapsed())
+        ))?;
+        summarise(&manifest, study, printer)?;
+        if let Some(one_step) = &one_step {
+            one_step::show(one_step, printer)?;
+        }
+    }
+    printer.next(&[job.command("sweep")]);
+    Ok(Outcome::Done)
+}
+
+/// The sensors of the sweep, or all, with their columns.
+fn sensors(
+    study: &Study,
+    model: &OpenModel,
+    directory: &Path,
+) -> anyhow::Result<Vec<(String, usize)>> {
+    let normaliser = &model.manifest.normaliser;
+    if study.sweep.sensors.is_empty() {
+        let columns = normaliser.columns().iter().enumerate();
+        return Ok(columns.map(|(column, of)| (of.name.clone(), column)).collect());
+    }
+    model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
+}
+
+/// Bytes that a row of the trajectories takes beside its state, and for each sensor: the table, its copy that is written,
+/// and its figure. As measured, rounded up.
+const ROW_BYTES: u64 = 88;
+const SENSOR_BYTES: u64 = 56;
+
+/// Say what is going to be rolled out; bytes that it takes.
+fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
+    let RolloutConfig { steps, rollouts, .. } = study.rollout;
+    let members = model.model.members();
+    let rows = (members * rollouts * (steps + 1)) as u64;
+    // Recorded rows are numbers; predictions are whole states.
+    let per_state = match model.model {
+        Model::Knn(_) => 8,
+        Model::Parametric(_) => 4 * model.frames.states().columns() as u64,
+    };
+    let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
+    printer.say(&format!(
+        "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
+        count(steps),
+        bytes(needed),
+    ));
+    needed
+}
+
+fn roll_out(
+    study: &Study,
+    model: &OpenModel,
+    (starts, record): (&Starts<'_>, Record<'_>),
+    sensors: &[(String, usize)],
+    key: String,
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<RolloutManifest> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    let config = &study.rollout;
+    let progress = printer.progress();
+    let place = search_place(&model.model, directory);
+    let all = kinds::roll_out(model, study, starts, &place, &progress)?;
+    drop(progress);
+    let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
+    trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
+    let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
+    let period_secs = model.manifest.period.as_secs();
+    let mut files = vec!["trajectories.parquet".to_owned()];
+    for figure in figures::rollouts(&trajectories, &names, period_secs)? {
+        let drawn = figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
+        files.extend(drawn.map(|name| format!("figures/{name}")));
+    }
+    let collapse = collapse::of(model, record, &all, sensors)?;
+    let steps = config.dtw_steps.min(config.steps);
+    let comparison = compare(model, record, &all, sensors, directory, steps, printer)?;
+    let of_member = |rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect();
+    let starts = summaries(&all.iter().map(of_member).collect::<Vec<_>>());
+    let members = all.iter().zip(starts).enumerate();
+    let members = members
+        .map(|(member, (rollouts, starts))| MemberRollouts {
+            transitions: model.manifest.members[member].transitions,
+            jumps: jumps_of(rollouts),
+            starts,
+        })
+        .collect();
+    let compared = comparison.is_some().then_some(comparison::FILES);
+    files.extend(compared.into_iter().flatten().map(str::to_owned));
+    let manifest = RolloutManifest {
+        format: RolloutManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        model: model.manifest.content()?,
+        study: study.clone(),
+        sensors: names,
+        period_secs,
+        members,
+        collapse,
+        comparison,
+        files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
+    };
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
+    let rows = rollouts.iter().map(|of| match of {
+        Trajectory::Recorded(rollout) => Some(rollout.rows()),
+        Trajectory::Predicted { .. } => None,
+    });
+    let rows: Option<Vec<&[RowIndex]>> = rows.collect();
+    rows.map(JumpStatistics::of)
+}
+
+/// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
+fn compare(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+    directory: &Path,
+    steps: usize,
+    printer: &Printer,
+) -> anyhow::Result<Option<Comparison>> {
+    if steps == 0 {
+        comparison::remove(directory)?;
+        return Ok(None);
+    }
+    let compared = comparison::compare(model, record, all, sensors, steps, printer)?;
+    comparison::write(directory, &compared.pairs)?;
+    Ok(Some(compared.summary))
+}
+
+/// The held-out range, where start states follow from it or one-step errors are wanted. What is recorded before it is
+/// read, and let go.
+fn held_out(
+    job: &Job,
+    model: &OpenModel,
+    printer: &Printer,
+) -> anyhow::Result<Option<(Frames, Fingerprint)>> {
+    let (study, paths) = (job.study(), job.layout());
+    // A model that deployments share was built without what is held out of one of them.
+    let is_held_out = study.data.held_out.is_some()
+        || model_files::read_profile(&paths.model())?.held_out.is_some();
+    let is_in_place = model.manifest.study.data.path == study.data.path;
+    let is_used = is_held_out && study.rollout.dtw_steps > 0;
+    if !study.starts_follow_from_deployment() && !is_used && is_in_place {
+        return Ok(None);
+    }
+    let dataset = partition::load(job, printer)?.dataset;
+    model_files::check_data(job, &model.manifest, &dataset)?;
+    Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
+}
+
+/// One row a step: member, rollout, step, the recorded row and its time, the row that was asked for as the start; per
+/// sensor the value in physical and in normalised units, and the recorded trajectory from the row that was asked for.
+/// Predictions have no row and no time but at their start.
+fn trajectories(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+) -> Table {
+    let flat = || {
+        all.iter().enumerate().flat_map(|(member, rollouts)| {
+            rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
+        })
+    };
+    let mut visited: Vec<Option<RowIndex>> = Vec::new();
+    let (mut wanted, mut wanted_times) = (Vec::new(), Vec::new());
+    let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    for (member, number, rollout) in flat() {
+        for step in 0..=rollout.steps() {
+            members.push(member as u32);
+            numbers.push(number as u32);
+            steps.push(step as u32);
+            visited.push(rollout.row(step));
+            wanted.push(truth::row(rollout.start().0).0);
+            wanted_times.push(record.time(rollout.start().0));
+        }
+    }
+    let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
+    let timestamps: Vec<Option<Timestamp>> = visited.iter().map(time).collect();
+    let states = model.frames.states();
+    let mut table = Table::new()
+        .with("member", members)
+        .with("rollout", numbers)
+        .with("step", steps)
+        .with_optional("row", visited.iter().map(|row| row.map(|row| row.0)).collect())
+        .with_optional("timestamp", timestamps)
+        .with("wanted_row", wanted)
+        .with_optional("wanted_timestamp", wanted_times);
+    let names: Vec<&str> = sensors.iter().map(|(name, _)| name.as_str()).collect();
+    for ((_, column), named) in sensors.iter().zip(Columns::of(&names)) {
+        let normalised: Vec<f32> = flat()
+            .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
+            .collect();
+        let physical =
+            |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
+        let recorded = |(_, _, rollout): (usize, usize, &Trajectory)| {
+            let truth = record.after(rollout.start().0, rollout.steps());
+            let known: Vec<Option<f64>> =
+                truth.values(*column).map(|value| Some(physical(value))).collect();
+            let unknown = rollout.steps() + 1 - known.len();
+            known.into_iter().chain(std::iter::repeat_n(None, unknown))
+        };
+        table = table
+            .with(named.physical, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
+            .with(named.normalised, normalised)
+            .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
+    }
+    table
+}
+
+fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> anyhow::Result<()> {
+    for (number, member) in manifest.members.iter().enumerate() {
+        let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
+        let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
+        printer.result(&format!("  member {number}: {moves}{replaced}"))?;
+    }
+    let members = manifest.members.iter();
+    let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
+    for warning in jumps::warnings(members, &study.model) {
+        printer.warn(&warning);
+    }
+    collapse::show(&manifest.collapse, printer)?;
+    match &manifest.comparison {
+        Some(of) => comparison::show(of, printer),
+        None => Ok(()),
+    }
+}

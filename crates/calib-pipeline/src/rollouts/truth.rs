@@ -1,0 +1,96 @@
+//! What was recorded after the state that a rollout was to start from.
+
+use std::ops::Range;
+
+use calib_core::{Frames, RowIndex, Timestamp};
+use calib_rollout::Wanted;
+
+/// Where true trajectories are found.
+#[derive(Clone, Copy)]
+pub(crate) struct Record<'a> {
+    /// What the model was built from.
+    pub(crate) model: &'a Frames,
+    /// The deployment, where start states are taken from it.
+    pub(crate) deployment: Option<&'a Frames>,
+}
+
+/// A true trajectory: recorded rows, as far as their segment goes.
+pub(crate) struct Truth<'a> {
+    frames: &'a Frames,
+    rows: Range<usize>,
+}
+
+impl<'a> Record<'a> {
+    /// What was recorded from `wanted` on, for at most `steps` steps; nothing, if it lies in no deployment that is
+    /// there.
+    pub(crate) fn after(&self, wanted: Wanted, steps: usize) -> Truth<'a> {
+        let Some((frames, row)) = self.place(wanted) else {
+            return Truth { frames: self.model, rows: 0..0 };
+        };
+        let (row, segments) = (row.get(), frames.segments());
+        let end = segments
+            .position_of(row)
+            .map_or(row, |position| segments.as_slice()[position].end as usize);
+        Truth { frames, rows: row..end.min(row + steps + 1) }
+    }
+
+    /// When `wanted` was recorded, by which models of different data know it.
+    pub(crate) fn time(&self, wanted: Wanted) -> Option<Timestamp> {
+        let (frames, row) = self.place(wanted)?;
+        Some(frames.timestamps()[row.get()])
+    }
+
+    fn place(&self, wanted: Wanted) -> Option<(&'a Frames, RowIndex)> {
+        match wanted {
+            Wanted::Recorded(row) => Some((self.model, row)),
+            Wanted::Deployment(row) => Some((self.deployment?, row)),
+        }
+    }
+}
+
+impl Truth<'_> {
+    /// States of it: one more than steps.
+    pub(crate) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// One column, normalised.
+    pub(crate) fn values(&self, column: usize) -> impl Iterator<Item = f32> {
+        self.rows.clone().map(move |row| self.frames.states().row(row)[column])
+    }
+}
+
+/// The row that was asked for, of whichever data.
+pub(crate) fn row(wanted: Wanted) -> RowIndex {
+    match wanted {
+        Wanted::Recorded(row) | Wanted::Deployment(row) => row,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, States};
+
+    use super::*;
+
+    fn frames(first: f32) -> Frames {
+        let times = (0..6).map(Timestamp::from_micros).collect();
+        let states = States::new((0..6_u8).map(|row| first + f32::from(row)).collect(), 6, 1);
+        let segments = Segments::from_lengths([4, 2]).expect("valid");
+        Frames::new(times, segments, states.expect("finite")).expect("valid")
+    }
+
+    #[test]
+    fn a_true_trajectory_ends_with_its_segment() {
+        let (model, deployment) = (frames(0.0), frames(10.0));
+        let record = Record { model: &model, deployment: Some(&deployment) };
+        let values = |wanted, steps| record.after(wanted, steps).values(0).collect::<Vec<f32>>();
+        assert_eq!(values(Wanted::Recorded(RowIndex(1)), 1), [1.0, 2.0]);
+        assert_eq!(values(Wanted::Recorded(RowIndex(1)), 9), [1.0, 2.0, 3.0]);
+        assert_eq!(values(Wanted::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
+        let none = Record { model: &model, deployment: None };
+        assert_eq!(none.after(Wanted::Deployment(RowIndex(4)), 9).len(), 0);
+        assert_eq!(none.time(Wanted::Deployment(RowIndex(4))), None);
+        assert_eq!(none.time(Wanted::Recorded(RowIndex(4))), Some(Timestamp::from_micros(4)));
+    }
+}

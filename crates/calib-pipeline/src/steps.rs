@@ -1,0 +1,149 @@
+//! The steps, as others call them.
+
+use std::path::Path;
+
+use calib_plant::PlantOptions;
+use calib_represent::RepresentationKind;
+use calib_study::{Each, Job};
+
+use crate::{
+    BuildOptions, Device, Logs, Outcome, Printer, ProposeOptions, Simulated, StepError,
+    ValidityOptions,
+    agents::pretrain as agents,
+    chain, check as checking,
+    each::{Which, each},
+    log::simulate as simulation,
+    model::build_model as model,
+    propose as proposals, represent as representations,
+    rollouts::rollout as rollouts,
+    sweep::{self as sweeping, plan::Counted},
+    validity as validities,
+    verdict::{compare, evaluate as judging},
+};
+
+/// Every step that a study needs, from its log to the verdict, as far as it is missing.
+///
+/// # Errors
+/// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
+pub fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(chain::run(job, printer)?)
+}
+
+/// Write the log of the plant that the study describes; nothing is said of a study that describes none.
+///
+/// # Errors
+/// As [`run`]; also if the folder holds other logs.
+pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
+    Ok(simulation::of_study(job, printer)?)
+}
+
+/// Write the log of this plant, a Parquet file a day, as far as it is missing; `force` begins anew.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_plant(
+    directory: &Path,
+    plant: PlantOptions,
+    force: bool,
+    printer: &Printer,
+) -> Result<Simulated, StepError> {
+    Ok(simulation::simulate(directory, plant, force, printer)?)
+}
+
+/// Train or import representations of the states, score them, and choose one.
+///
+/// # Errors
+/// As [`run`].
+pub fn represent(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(each(Each::Model, job, printer, |job, which| {
+        // Of several models some search among the states themselves.
+        let study = job.study();
+        let none = study.is_parametric() || study.representation.kind == RepresentationKind::None;
+        if which == Which::OneOfSeveral && none {
+            printer.say("no representation: nothing to train");
+            return Ok(Outcome::Done);
+        }
+        representations::run(job, device, printer)
+    })?)
+}
+
+/// Build the calibration models.
+///
+/// # Errors
+/// As [`run`].
+pub fn build_model(
+    job: &Job,
+    options: &BuildOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(each(Each::Model, job, printer, |job, _| model::run(job, options, printer))?)
+}
+
+/// Roll the models out, and compare with what was recorded.
+///
+/// # Errors
+/// As [`run`].
+pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))?)
+}
+
+/// Pre-train one agent a sensor.
+///
+/// # Errors
+/// As [`run`].
+pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let run = || -> anyhow::Result<Outcome> {
+        job.refuse_deployment()?;
+        agents::run(job, printer)
+    };
+    Ok(run()?)
+}
+
+/// Train agents for every value of the grid, in the models, Online and on the replayed log.
+///
+/// # Errors
+/// As [`run`].
+pub fn sweep(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let counted = Counted::default();
+    Ok(each(Each::Deployment, job, printer, |job, _| sweeping::run(job, &counted, printer))?)
+}
+
+/// Choose a value, judge the choice by held-out data, and write the report.
+///
+/// # Errors
+/// As [`run`].
+pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    let run = || match job.parts(Each::Deployment)?.as_slice() {
+        [only] if only.is_same_part(job) => judging::run(job, printer),
+        parts => compare::run(job, parts, &[], printer),
+    };
+    Ok(run()?)
+}
+
+/// Look at a log, try small models of it, and write a study with a reason for every value.
+///
+/// # Errors
+/// As [`run`]; also if nothing in the log can be predicted.
+pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(proposals::run(options, printer)?)
+}
+
+/// Compare a folder of results with what was written.
+///
+/// # Errors
+/// As [`run`].
+pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(checking::run(results, logs, printer)?)
+}
+
+/// Judge how well calib chooses, over several studies with held-out data.
+///
+/// # Errors
+/// As [`run`].
+pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(validities::run(options, printer)?)
+}

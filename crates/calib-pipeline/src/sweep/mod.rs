@@ -1,0 +1,12 @@
+//! Sweeps: what agents are trained in, and what is left to run.
+
+pub(crate) mod environments;
+pub(crate) mod notes;
+pub(crate) mod plan;
+pub(crate) mod recorded;
+mod run;
+pub(crate) mod standing_still;
+pub(crate) mod streams;
+pub(crate) mod tables;
+
+pub(crate) use run::{SweepManifest, run, unit_store, wall_secs};

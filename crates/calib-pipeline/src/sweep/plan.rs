@@ -1,0 +1,247 @@
+//! What a sweep would do, before it does it.
+
+use std::{cell::RefCell, collections::BTreeSet};
+
+use anyhow::bail;
+use calib_agent::{AgentConfig, training_bytes};
+use calib_data::Dataset;
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, Span};
+use serde::Serialize;
+
+use crate::{
+    base::memory,
+    output::{Printer, bytes, count, table},
+};
+
+/// Units that a dry run of several models and deployments has counted: those that are the same are run once.
+#[derive(Debug, Default)]
+pub(crate) struct Counted(RefCell<BTreeSet<String>>);
+
+impl Counted {
+    /// Count these units, and say how many had been counted before.
+    pub(crate) fn again<'a>(&self, keys: impl Iterator<Item = &'a String>) -> usize {
+        let mut counted = self.0.borrow_mut();
+        keys.filter(|&key| !counted.insert(key.clone())).count()
+    }
+}
+
+/// What is to be done: the result of a dry run.
+#[derive(Debug, Serialize)]
+pub(crate) struct SweepPlan<'a> {
+    /// Every value, in the order of the results.
+    pub(crate) candidates: &'a [Candidate],
+    /// Units (sensor, environment, run) in all.
+    pub(crate) units: usize,
+    /// Units that have no result yet.
+    pub(crate) left: usize,
+    /// Of these, units that an earlier model or deployment of the same command runs already.
+    pub(crate) shared: usize,
+    /// Steps of every stream.
+    pub(crate) steps: usize,
+    /// Threads that share the work.
+    pub(crate) threads: usize,
+    /// What it takes.
+    pub(crate) memory: Memory,
+}
+
+/// Bytes that a sweep takes at most.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Memory {
+    /// Recorded states, shared by all threads.
+    pub(crate) data: u64,
+    /// One stream with its agents, on each thread that has a unit to run.
+    pub(crate) thread: u64,
+    /// Rollouts of a network, which are kept because every sensor sees them: all states of all runs.
+    pub(crate) predictions: u64,
+    /// Results and learning curves of all units.
+    pub(crate) results: u64,
+    /// All of it.
+    pub(crate) total: u64,
+    /// What the system has, where it says so.
+    pub(crate) available: Option<u64>,
+}
+
+/// What the memory of a sweep depends on.
+pub(crate) struct Sizes {
+    /// Recorded states: of the training range, once more of the model, and held out.
+    rows: usize,
+    /// Values in a state.
+    width: usize,
+    /// How long streams are.
+    span: Span,
+    sensors: usize,
+    curve_points: usize,
+    /// Units in all: one a sensor, environment and run.
+    units: usize,
+    /// Passes over streams that are left, each for all sensors.
+    passes: usize,
+    /// Runs of a model whose rollouts are kept.
+    predicted_runs: usize,
+}
+
+impl Sizes {
+    /// Of a sweep of `units` units of `steps` steps, of which `passes` passes over streams are still to be made.
+    pub(crate) fn of(
+        study: &Study,
+        dataset: &Dataset,
+        span: Span,
+        [units, passes]: [usize; 2],
+    ) -> Self {
+        let held_out = dataset.held_out.as_ref().map_or(0, calib_core::Frames::rows);
+        Self {
+            rows: 2 * dataset.train.rows() + held_out,
+            width: dataset.train.states().columns(),
+            span,
+            sensors: study.sweep.sensors.len(),
+            curve_points: study.sweep.curve_points,
+            units,
+            passes,
+            predicted_runs: if study.is_parametric() { study.member_runs() } else { 0 },
+        }
+    }
+}
+
+impl Memory {
+    /// Of a sweep of `agents` on so many threads.
+    pub(crate) fn of(sizes: &Sizes, agents: &[AgentConfig], threads: usize) -> Self {
+        let &Sizes { rows, width, span, sensors, curve_points, units, passes, predicted_runs } =
+            sizes;
+        let states = span.states();
+        // States are f32, timestamps 8 bytes.
+        let data = (rows * (4 * width + 8)) as u64;
+        // A stream is a list of row numbers.
+        let thread = 4 * states as u64 + training_bytes(agents, sensors, width, states);
+        let predictions = 4 * (predicted_runs * states * width) as u64;
+        let row = 200 + 24 * curve_points as u64;
+        let results = (units * agents.len()) as u64 * row;
+        let total = data + threads.min(passes) as u64 * thread + predictions + results;
+        Self { data, thread, predictions, results, total, available: memory::available() }
+    }
+
+    fn text(&self) -> String {
+        let available = self
+            .available
+            .map_or_else(String::new, |available| format!("; {} are available", bytes(available)));
+        let predictions = match self.predictions {
+            0 => String::new(),
+            predictions => format!(", {} of predicted states", bytes(predictions)),
+        };
+        format!(
+            "memory: up to {} ({} of data, {} a thread{predictions}, {} of results){available}",
+            bytes(self.total),
+            bytes(self.data),
+            bytes(self.thread),
+            bytes(self.results)
+        )
+    }
+}
+
+impl SweepPlan<'_> {
+    /// Say what will be done, and refuse what would not fit. Of a dry run it is all there is.
+    pub(crate) fn announce(&self, job: &Job, printer: &Printer) -> anyhow::Result<()> {
+        self.tell(job.study(), printer)?;
+        if job.policy().is_dry() {
+            self.show(printer)?;
+            let place = job.layout().sweep();
+            printer.say(&format!("dry run: nothing written to {}", place.display()));
+        }
+        Ok(())
+    }
+
+    fn tell(&self, study: &Study, printer: &Printer) -> anyhow::Result<()> {
+        let shared = match self.shared {
+            0 => String::new(),
+            shared => format!(", {} of them with an earlier model or deployment", count(shared)),
+        };
+        printer.say(&format!(
+            "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads{shared}",
+            self.candidates.len(),
+            count(self.units),
+            count(self.steps),
+            study.sweep.sensors.join(", "),
+            if self.left == self.units { "all units are".to_owned() } else { format!("{} units are", count(self.left)) },
+            self.threads,
+        ));
+        if self.left == 0 {
+            return Ok(());
+        }
+        let memory = &self.memory;
+        printer.say(&memory.text());
+        let Some(available) = memory.available.filter(|&available| memory.total > available) else {
+            return Ok(());
+        };
+        let shared = memory.data + memory.predictions + memory.results;
+        let fit = available.saturating_sub(shared) / memory.thread.max(1);
+        let advice = if fit > 0 {
+            format!("use --threads {fit}, or fewer or smaller values")
+        } else if memory.thread > shared {
+            "sweep fewer or smaller values (hidden_units, batch_size), or set a smaller sweep.steps"
+                .to_owned()
+        } else {
+            "use a shorter data.train or a larger preprocess.subsample, or set a smaller sweep.curve_points"
+                .to_owned()
+        };
+        bail!(
+            "the sweep may take {} of memory and {} are available; {advice}",
+            bytes(memory.total),
+            bytes(available)
+        )
+    }
+
+    /// Every value, as a list or for machines.
+    fn show(&self, printer: &Printer) -> anyhow::Result<()> {
+        if printer.is_for_machines() {
+            return printer.json(self);
+        }
+        let rows: Vec<Vec<String>> = self
+            .candidates
+            .iter()
+            .map(|candidate| {
+                let note = if candidate.is_default { "the default" } else { "" };
+                vec![candidate.label(), candidate.index.to_string(), note.to_owned()]
+            })
+            .collect();
+        printer.lines(&table(&["value", "candidate", ""], &rows))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_units_are_counted_once() {
+        let counted = Counted::default();
+        let keys = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!(counted.again(keys[..2].iter()), 0);
+        assert_eq!(counted.again(keys.iter()), 2);
+        assert_eq!(counted.again(keys.iter()), 3);
+    }
+
+    #[test]
+    fn every_array_counts_once() {
+        let sizes = Sizes {
+            rows: 1000,
+            width: 10,
+            span: Span { steps: 99, tail: 1 },
+            sensors: 3,
+            curve_points: 50,
+            units: 60,
+            passes: 20,
+            predicted_runs: 16,
+        };
+        let agents =
+            [AgentConfig::default(), AgentConfig { learning_rate: 0.5, ..AgentConfig::default() }];
+        let memory = Memory::of(&sizes, &agents, 4);
+        assert_eq!(memory.data, 1000 * 48);
+        assert_eq!(memory.predictions, 16 * 100 * 10 * 4);
+        // One row a unit and value: units are of one sensor already.
+        assert_eq!(memory.results, 60 * 2 * (200 + 24 * 50));
+        assert_eq!(memory.thread, 4 * 100 + training_bytes(&agents, 3, 10, 100));
+        assert_eq!(memory.total, 48_000 + 4 * memory.thread + 64_000 + 168_000);
+        // Two passes keep no more than two threads busy, however many units they make.
+        let few = Memory::of(&Sizes { passes: 2, predicted_runs: 0, ..sizes }, &agents, 4);
+        assert_eq!(few.total, 48_000 + 2 * memory.thread + 168_000);
+    }
+}

@@ -1,0 +1,392 @@
+use std::{collections::BTreeMap, path::Path};
+
+use anyhow::bail;
+use calib_agent::AgentConfig;
+use calib_core::{Period, Seed};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, read_json, write_json};
+use calib_study::{Job, Layout, Study};
+use calib_sweep::{
+    Candidate, Completed, ErrorScale, Plan, PlanOptions, PlannedUnit, Span, SweepError, Unit,
+    UnitResult, UnitStore, candidates,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    agents::pretrain_files,
+    base::{
+        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        clock::Stopwatch,
+        outcome::Outcome,
+    },
+    log::partition::{self, Parts},
+    model::model_files,
+    output::{Printer, count, duration},
+    sweep::{
+        environments::Environments,
+        notes::{failed_rollouts, saved, standing_still},
+        plan::{Counted, Memory, Sizes, SweepPlan},
+        recorded,
+        standing_still::Still,
+        streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
+        tables as sweep_tables,
+    },
+};
+
+/// `manifest.json` of a sweep directory.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct SweepManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    /// Fingerprint of all units.
+    pub(crate) key: String,
+    pub(crate) study: Study,
+    pub(crate) data: Fingerprint,
+    pub(crate) model: String,
+    pub(crate) period: Period,
+    /// What Online replays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) held_out: Option<HeldOut>,
+    /// How long streams are.
+    pub(crate) span: Span,
+    /// The windows of it that are replayed, in the order of time.
+    #[serde(default)]
+    pub(crate) windows: Vec<OnlineWindow>,
+    /// What errors are divided by.
+    pub(crate) scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) standing_still: Vec<String>,
+    /// Why nothing was trained, if nothing was: the deployment cannot be scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) left_out: Option<String>,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) units: Vec<PlannedUnit>,
+    /// What the reader of the results should know.
+    pub(crate) notes: Vec<String>,
+    /// Fingerprint of every table.
+    pub(crate) files: Files,
+}
+
+/// The states of a deployment.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct HeldOut {
+    pub(crate) rows: u64,
+    /// Times of the first and the last.
+    pub(crate) times: [String; 2],
+    /// Their fingerprint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) data: Option<Fingerprint>,
+}
+
+impl HeldOut {
+    fn of(dataset: &Dataset) -> Option<Self> {
+        let frames = dataset.held_out.as_ref()?;
+        let times = model_files::first_and_last(frames)?;
+        let data = dataset.held_out_fingerprint.clone();
+        Some(Self { rows: frames.rows() as u64, times, data })
+    }
+}
+
+impl SweepManifest {
+    /// Of a sweep that has trained nothing yet.
+    fn of_nothing(
+        study: &Study,
+        dataset: &Dataset,
+        model: String,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            format: <Self as Manifest>::FORMAT,
+            tool: TOOL.to_owned(),
+            key: String::new(),
+            study: study.clone(),
+            data: dataset.fingerprint.clone(),
+            model,
+            period: dataset.period,
+            held_out: HeldOut::of(dataset),
+            span,
+            windows: Vec::new(),
+            scales: Vec::new(),
+            standing_still: Vec::new(),
+            left_out: None,
+            candidates,
+            units: Vec::new(),
+            notes: Vec::new(),
+            files: Files::new(),
+        }
+    }
+}
+
+impl Manifest for SweepManifest {
+    const FORMAT: u32 = 3;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// Where a sweep keeps its finished units.
+pub(crate) fn unit_store(directory: &Path) -> UnitStore {
+    UnitStore::new(directory.join("units"))
+}
+
+/// Train every candidate in every environment. A dry run says what was `counted` before.
+pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    let candidates = candidates_of(study)?;
+    let model = model_files::open(job)?;
+    let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, printer)?;
+    model_files::check_data(job, &model.manifest, &dataset)?;
+    let content = model.manifest.content()?;
+    let Ok(streams) = streams.as_ref() else {
+        let reason = streams.err().unwrap_or_default();
+        return LeftOut { job, dataset, model: content, candidates }.leave_out(reason, printer);
+    };
+    let span = streams.demand.span;
+    let Environments { environments, starts: told_starts } =
+        Environments::new(job, &model, &dataset, streams, printer)?;
+    let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let scales = error_scales(&dataset, &sensors, &candidates);
+    let still = standing_still(&dataset, streams, &sensors, printer);
+    let (starts, notes) =
+        pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
+    printer.say_all(&notes);
+    let as_dyn = environments.iter().map(|environment| &**environment).collect();
+    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options(study, streams));
+    let plan = raced(plan.starting_from(starts), study)?;
+    let directory = paths.sweep();
+    let store = unit_store(&directory);
+    let Found { own, stored } =
+        if job.policy().redoes() { Found::default() } else { Found::of(&plan, &store, paths)? };
+    let missing = plan.left(&stored)?;
+    let sizes = Sizes::of(study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
+    let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
+    preview(&candidates, &sizes, [plan.count(), missing, shared], span).announce(job, printer)?;
+    if job.policy().is_dry() {
+        return Ok(Outcome::Done);
+    }
+    // Nothing is given up, nor need the disk be writable, before there is something to write.
+    let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
+    let kept = if is_done { finished(&directory, job) } else { None };
+    let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
+    if job.policy().redoes() {
+        store.clear()?;
+    }
+    let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
+    shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
+    let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
+    let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
+    printer.say_all(saved(&results, candidates.len()).as_slice());
+    let failed = failed_rollouts(&results, &dataset.normaliser, printer);
+    let told = still.iter().map(Still::note).collect();
+    let mut manifest = SweepManifest {
+        key: artefact::key(&units)?,
+        windows: windows(&dataset, streams),
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
+        scales,
+        units,
+        notes: [notes, streams.notes.clone(), told, told_starts, failed].concat(),
+        files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
+        ..SweepManifest::of_nothing(study, &dataset, content, span, candidates)
+    };
+    let is_the_same = match kept {
+        Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,
+        None => false,
+    };
+    if !is_the_same {
+        let claim = claim.map_or_else(|| begin(&directory), Ok)?;
+        sweep_tables::write(&directory, &manifest, &results)?;
+        recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
+        manifest.files = artefact::fingerprints(&directory, tables())?;
+        if ran > 0 {
+            write_timings(&directory, ran, &clock)?;
+        }
+        claim.complete(&manifest)?;
+    }
+    finish(job, &manifest, ran, clock, printer)?;
+    Ok(Outcome::Done)
+}
+
+/// The values that a study sweeps.
+fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    let seed = Seed::new(study.seed).child("sweep");
+    Ok(candidates(&study.sweep, &study.agent, seed)?)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+fn scorable(
+    job: &Job,
+    candidates: &[Candidate],
+    printer: &Printer,
+) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+    let is_one_of_several = job.deployment().is_some();
+    let parts = match partition::load(job, printer) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load_training(job, printer)?;
+            return Ok((rest, Err(format!("{reason:#}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
+        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
+}
+
+/// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
+fn preview<'a>(
+    candidates: &'a [Candidate],
+    sizes: &Sizes,
+    [units, left, shared]: [usize; 3],
+    span: Span,
+) -> SweepPlan<'a> {
+    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
+    let threads = rayon::current_num_threads();
+    let memory = Memory::of(sizes, &agents, threads);
+    SweepPlan { candidates, units, left, shared, steps: span.steps, threads, memory }
+}
+
+/// What a sweep writes beside its units.
+fn tables() -> impl Iterator<Item = &'static str> {
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED])
+}
+
+/// The manifest of a sweep whose tables are what was written.
+fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
+    let kept = artefact::read::<SweepManifest>(directory)?;
+    (!job.policy().redoes() && artefact::are_whole(directory, &kept.files)).then_some(kept)
+}
+
+/// Claim the directory of a sweep that has something to write.
+fn begin(directory: &Path) -> anyhow::Result<Claim> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    Ok(claim)
+}
+
+fn planned(result: &UnitResult) -> PlannedUnit {
+    PlannedUnit { unit: result.unit.clone(), key: result.key.clone() }
+}
+
+fn options(study: &Study, streams: &Streams) -> PlanOptions {
+    PlanOptions {
+        part: streams.demand.part,
+        span: streams.demand.span,
+        curve_points: study.sweep.curve_points,
+        seed: Seed::new(study.seed).child("agent"),
+    }
+}
+
+fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
+    let sweep = &study.sweep;
+    if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
+}
+
+/// What Online replays.
+fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
+    match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+        _ => Vec::new(),
+    }
+}
+
+/// A deployment in which nothing can be scored.
+struct LeftOut<'a> {
+    job: &'a Job,
+    dataset: Dataset,
+    model: String,
+    candidates: Vec<Candidate>,
+}
+
+impl LeftOut<'_> {
+    /// Write down why, so that the other deployments are judged without it.
+    fn leave_out(self, reason: String, printer: &Printer) -> anyhow::Result<Outcome> {
+        let Self { job, dataset, model, candidates } = self;
+        let study = job.study();
+        let name = job.deployment().unwrap_or_default();
+        printer.error(&format!("deployment {name} is left out: {reason}"));
+        if job.policy().is_dry() {
+            return Ok(Outcome::Negative);
+        }
+        let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
+        let manifest = SweepManifest {
+            key: artefact::key(&reason)?,
+            left_out: Some(reason),
+            ..SweepManifest::of_nothing(study, &dataset, model, span, candidates)
+        };
+        let claim = begin(&job.layout().sweep())?;
+        claim.complete(&manifest)?;
+        Ok(Outcome::Negative)
+    }
+}
+
+/// Units that are left to run, and that another part of the same command runs before.
+fn shared_units(plan: &Plan<'_>, stored: &BTreeMap<Unit, UnitResult>, counted: &Counted) -> usize {
+    let units = plan.units();
+    let left = units.iter().filter(|planned| !stored.contains_key(&planned.unit));
+    counted.again(left.map(|planned| &planned.key))
+}
+
+/// Units that need not be run.
+#[derive(Default)]
+struct Found {
+    /// What this sweep has.
+    own: BTreeMap<Unit, UnitResult>,
+    /// The same and what others of the study have: Online and log replay are the same for all models, members for all
+    /// deployments that give the same start states.
+    stored: BTreeMap<Unit, UnitResult>,
+}
+
+impl Found {
+    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &Layout) -> anyhow::Result<Self> {
+        let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
+        let stored = plan.stored(&store.clone().beside(others))?;
+        Ok(Self { own: plan.stored(store)?, stored })
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Timings {
+    units: usize,
+    wall_secs: f64,
+}
+
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
+}
+
+/// How long the sweep took when it last ran anything.
+pub(crate) fn wall_secs(paths: &Layout) -> Option<f64> {
+    let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
+    Some(timings.wall_secs)
+}
+
+fn finish(
+    job: &Job,
+    manifest: &SweepManifest,
+    ran: usize,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    if printer.is_for_machines() {
+        printer.json(manifest)?;
+    } else {
+        let did = if ran == 0 {
+            "up to date".to_owned()
+        } else {
+            format!("{} units run in {}", count(ran), duration(clock.elapsed()))
+        };
+        let runs = job.layout().sweep().join("runs.parquet");
+        printer.result(&format!("{did}; results in {}", runs.display()))?;
+    }
+    printer.next(&[job.command("evaluate")]);
+    Ok(())
+}

@@ -1,0 +1,78 @@
+//! Sensors that do not move in held-out data: there is nothing to predict, so no error there says which value is better.
+
+use calib_core::States;
+use calib_sweep::Windows;
+
+/// A sensor that has one value throughout some of the windows.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Still {
+    sensor: String,
+    /// Windows in which it stands still.
+    windows: usize,
+    /// All windows.
+    of: usize,
+}
+
+/// Those of `sensors`, by name and column of the `held_out` states, that stand still in a window.
+pub(crate) fn all(held_out: &States, windows: &Windows, sensors: &[(String, usize)]) -> Vec<Still> {
+    let of = windows.starts.len();
+    let still = |(sensor, column): &(String, usize)| {
+        let rows = |&&start: &&usize| {
+            let own = start..(start + windows.states).min(held_out.rows());
+            own.into_iter().all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
+        };
+        let windows = windows.starts.iter().filter(rows).count();
+        Still { sensor: sensor.clone(), windows, of }
+    };
+    sensors.iter().map(still).filter(|still| still.windows > 0).collect()
+}
+
+impl Still {
+    /// The sensor, if it stands still in all windows.
+    pub(crate) fn everywhere(&self) -> Option<String> {
+        (self.windows == self.of).then(|| self.sensor.clone())
+    }
+
+    /// What the reader of the results should know.
+    pub(crate) fn note(&self) -> String {
+        let Self { sensor, windows, of } = self;
+        let place = match of {
+            1 => "the window".to_owned(),
+            _ if windows == of => format!("all {of} windows"),
+            _ => format!("{windows} of {of} windows"),
+        };
+        format!(
+            "{sensor} stands still in {place} of the held-out range, though not in the training range: there is nothing to predict, and \
+             errors there say nothing about a choice; hold out a range in which it moves"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_is_still_where_all_rows_of_a_window_are_equal() {
+        // Column 0 moves in the second window only, column 1 in none, column 2 in both.
+        let rows: [[f32; 3]; 6] = [
+            [1.0, 5.0, 1.0],
+            [1.0, 5.0, 2.0],
+            [1.0, 5.0, 3.0],
+            [1.0, 5.0, 4.0],
+            [2.0, 5.0, 5.0],
+            [1.0, 5.0, 6.0],
+        ];
+        let states = States::new(rows.concat(), 6, 3).expect("finite");
+        let windows = Windows { starts: vec![0, 3], states: 3, left_out: 0 };
+        let sensors = ["a", "b", "c"].into_iter().enumerate();
+        let sensors: Vec<_> = sensors.map(|(column, name)| (name.to_owned(), column)).collect();
+        let still = all(&states, &windows, &sensors);
+        let told: Vec<_> = still.iter().map(|of| (of.sensor.as_str(), of.windows)).collect();
+        assert_eq!(told, [("a", 1), ("b", 2)]);
+        assert_eq!(still[0].everywhere(), None);
+        assert_eq!(still[1].everywhere().as_deref(), Some("b"));
+        assert!(still[0].note().starts_with("a stands still in 1 of 2 windows"));
+        assert!(still[1].note().starts_with("b stands still in all 2 windows"));
+    }
+}

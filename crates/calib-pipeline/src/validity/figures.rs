@@ -1,0 +1,271 @@
+//! Figures of the judgement.
+
+use std::path::Path;
+
+use calib_agent::Part;
+use calib_report::{
+    Axis, Cell, Chart, Colour, Dash, Figure, Marker, OverviewFigure, Point, Scale, ScaleKind,
+    Series, Side, Table,
+};
+use calib_validity::{Method, MethodSummary, ModelPair, Validity};
+
+use super::{Judgement, show, tables::short};
+use crate::rollouts::figures;
+
+/// Regrets below this are drawn here: logarithms have no zero.
+const FLOOR: f64 = 1e-3;
+/// Regrets above this are beyond the edge.
+const CEILING: f64 = 10.0;
+
+const MARKERS: [Marker; 5] =
+    [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
+
+/// Write all figures as SVG and PNG.
+pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<()> {
+    for (name, figure) in all(judgement) {
+        figures::write(directory, name, &Figure::new(figure.chart))?;
+    }
+    Ok(())
+}
+
+/// All figures with their names.
+pub(super) fn all(judgement: &Judgement) -> Vec<(&'static str, OverviewFigure)> {
+    let first = judgement.first();
+    let mut all = vec![("regret", regrets(first, "")), ("profile", profile(first))];
+    let later = judgement.scores.iter().skip(1).find(|of| of.part == Part::AfterFirstQuarter);
+    all.extend(later.map(|score| {
+        let by = format!(". {}", show::of_score(score));
+        ("regret-after-first-quarter", regrets(&score.validity, &by))
+    }));
+    let one_step = "one-step error of the sensor / no change";
+    let of = [
+        ("one-step", one_step, (|of| of.one_step_relative) as fn(&ModelPair) -> Option<f64>),
+        ("dtw", "normalised warping distance", |of| of.dtw),
+    ];
+    for (name, label, value) in of {
+        all.extend(scatter(first, label, value).map(|figure| (name, figure)));
+    }
+    all
+}
+
+/// Typical regret of each method, with its interval; `by` says by what score.
+fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
+    let methods = &validity.methods;
+    let percent = |share: f64| 100.0 * share;
+    let ends =
+        |of: &MethodSummary| of.typical_interval.map(|of| (percent(of.low), percent(of.high)));
+    let points = |models: bool| -> Vec<Point> {
+        let numbered = methods.iter().enumerate();
+        let own = numbered.filter(|(_, of)| matches!(of.method, Method::Model(_)) == models);
+        let point = |(place, of): (usize, &MethodSummary)| Point {
+            x: place as f64,
+            y: percent(of.typical),
+            interval: ends(of),
+        };
+        own.map(point).collect()
+    };
+    let values: Vec<f64> = methods
+        .iter()
+        .flat_map(|of| {
+            let (low, high) = ends(of).unwrap_or((percent(of.typical), percent(of.typical)));
+            [percent(of.typical), low, high]
+        })
+        .collect();
+    let series = [("models", true), ("without a model", false)];
+    let series = series
+        .into_iter()
+        .enumerate()
+        .map(|(number, (label, models))| of_points(label, number, broken(points(models))));
+    let title = format!("Typical regret of each way to choose{by}");
+    OverviewFigure {
+        caption: "Geometric mean over plant–sensor pairs of the Online error of the choice over that of the best value, minus \
+                  one; 95 % intervals over plants. Lower is better. Other plants: the best default of all other plants; same optimiser: \
+                  of those with the same optimiser. Best constant and other window are floors, which hindsight alone reaches."
+            .to_owned(),
+        table: Table {
+            title: title.clone(),
+            columns: ["choice of", "typical regret", "mean regret"].map(str::to_owned).to_vec(),
+            rows: methods
+                .iter()
+                .map(|of| {
+                    vec![
+                        Cell::Text(of.method.to_string()),
+                        Cell::Percent(of.typical),
+                        Cell::Percent(of.mean),
+                    ]
+                })
+                .collect(),
+            ..Table::default()
+        },
+        chart: Chart {
+            description: "Typical regret of each way to choose, with intervals.".to_owned(),
+            title,
+            x: Axis {
+                label: String::new(),
+                scale: Scale::names(methods.iter().map(|of| short(&of.method)).collect()),
+            },
+            left: Axis { label: "typical regret (%)".to_owned(), scale: Scale::around(&values) },
+            right: None,
+            series: series.filter(|series| !series.points.is_empty()).collect(),
+            rules: Vec::new(),
+        },
+    }
+}
+
+/// Share of pairs with at most a regret.
+fn profile(validity: &Validity) -> OverviewFigure {
+    let shown = |of: &&MethodSummary| {
+        let other = [
+            Method::LogReplay,
+            Method::Default,
+            Method::BestDefault,
+            Method::OtherPlants,
+            Method::AnotherWindow,
+        ];
+        of.method.is_model() || other.contains(&of.method)
+    };
+    let methods: Vec<&MethodSummary> = validity.methods.iter().filter(shown).collect();
+    let mut rows = Vec::new();
+    let series = methods.iter().enumerate().map(|(number, of)| {
+        let own = validity.each.iter().filter(|each| each.method == of.method);
+        let mut regrets: Vec<f64> = own.map(|each| each.regret).collect();
+        regrets.sort_by(f64::total_cmp);
+        let mut row = vec![Cell::Text(of.method.to_string())];
+        row.extend([0.0, 0.05, 0.2, 1.0].map(|limit| {
+            let within = regrets.iter().filter(|&&regret| regret <= limit).count();
+            Cell::Percent(within as f64 / regrets.len() as f64)
+        }));
+        rows.push(row);
+        Series {
+            label: of.method.to_string(),
+            side: Side::Left,
+            colour: Colour::Curve(number),
+            dash: if matches!(of.method, Method::Model(_)) { Dash::Solid } else { Dash::Dashed },
+            width: 1.8,
+            marker: None,
+            points: steps(&regrets),
+        }
+    });
+    let title = "How often a choice is how good".to_owned();
+    let series = series.collect();
+    OverviewFigure {
+        caption: "Share of plant–sensor pairs in which the regret is at most so large. Further left and higher is better; \
+                  regrets of less than 0.1 % are drawn at the left edge."
+            .to_owned(),
+        table: Table {
+            title: title.clone(),
+            columns: ["choice of", "none", "at most 5 %", "at most 20 %", "at most 100 %"]
+                .map(str::to_owned)
+                .to_vec(),
+            rows,
+            ..Table::default()
+        },
+        chart: Chart {
+            description: "Share of plant–sensor pairs with at most a regret, for each way to choose."
+                .to_owned(),
+            title,
+            x: Axis {
+                label: "regret (%, log scale)".to_owned(),
+                scale: Scale { kind: ScaleKind::Log, min: 100.0 * FLOOR, max: 100.0 * CEILING },
+            },
+            left: Axis { label: "share of pairs (%)".to_owned(), scale: Scale::linear(0.0, 100.0) },
+            right: None,
+            series,
+            rules: Vec::new(),
+        },
+    }
+}
+
+/// A staircase that rises at each of the sorted regrets.
+fn steps(regrets: &[f64]) -> Vec<Point> {
+    let all = regrets.len() as f64;
+    let mut points = Vec::new();
+    let mut at = |x: f64, reached: usize| {
+        let y = 100.0 * reached as f64 / all;
+        points.push(Point { x: 100.0 * x, y, interval: None });
+    };
+    at(FLOOR, regrets.iter().filter(|&&regret| regret <= FLOOR).count());
+    let mut last = 0;
+    for (number, &regret) in regrets.iter().enumerate().filter(|(_, regret)| **regret <= CEILING) {
+        if regret > FLOOR {
+            at(regret, number);
+            at(regret, number + 1);
+        }
+        last = number + 1;
+    }
+    at(CEILING, last);
+    points
+}
+
+/// Regret of every model in every pair against something that is known of the model.
+fn scatter(
+    validity: &Validity,
+    label: &str,
+    value: fn(&ModelPair) -> Option<f64>,
+) -> Option<OverviewFigure> {
+    let mut rows = Vec::new();
+    let mut of_model = |name: &String| -> Vec<Point> {
+        let own = validity.each.iter().filter(|of| of.method == Method::Model(name.clone()));
+        let points = own.filter_map(|of| {
+            let pair = &validity.judged[of.pair];
+            let model = pair.models.iter().find(|model| model.model == *name)?;
+            let x = value(model).filter(|x| *x > 0.0)?;
+            let names = [&pair.plant, &pair.sensor, name].map(|name| Cell::Text(name.clone()));
+            rows.push([&names[..], &[Cell::Number(x), Cell::Percent(of.regret)]].concat());
+            Some(Point { x, y: 100.0 * of.regret.clamp(FLOOR, CEILING), interval: None })
+        });
+        let mut points: Vec<Point> = points.collect();
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        points
+    };
+    let points: Vec<Vec<Point>> = validity.models.iter().map(&mut of_model).collect();
+    let x: Vec<f64> = points.iter().flatten().map(|point| point.x).collect();
+    if x.is_empty() {
+        return None;
+    }
+    let named = validity.models.iter().zip(points).enumerate();
+    let series = named.map(|(number, (name, points))| of_points(name, number, broken(points)));
+    let title = format!("Regret against {label}");
+    Some(OverviewFigure {
+        caption: format!(
+            "Each point is a model on one sensor of one plant: {label}, and the regret of its choice (0.1 % stands for less). \
+             If accuracy decided, points would rise to the right."
+        ),
+        table: Table {
+            title: title.clone(),
+            columns: ["plant", "sensor", "model", label, "regret"].map(str::to_owned).to_vec(),
+            rows,
+            ..Table::default()
+        },
+        chart: Chart {
+            description: format!("Regret of every model in every pair against {label}."),
+            title,
+            x: Axis { label: format!("{label} (log scale)"), scale: Scale::log_around(&x) },
+            left: Axis {
+                label: "regret (%, log scale)".to_owned(),
+                scale: Scale { kind: ScaleKind::Log, min: 80.0 * FLOOR, max: 120.0 * CEILING },
+            },
+            right: None,
+            series: series.collect(),
+            rules: Vec::new(),
+        },
+    })
+}
+
+/// Points that no line connects: each is followed by a missing one.
+fn broken(points: Vec<Point>) -> Vec<Point> {
+    let missing = |point: Point| Point { y: f64::NAN, interval: None, ..point };
+    points.into_iter().flat_map(|point| [point, missing(point)]).collect()
+}
+
+fn of_points(label: &str, number: usize, points: Vec<Point>) -> Series {
+    Series {
+        label: label.to_owned(),
+        side: Side::Left,
+        colour: Colour::Curve(number),
+        dash: Dash::Solid,
+        width: 1.6,
+        marker: Some(MARKERS[number % MARKERS.len()]),
+        points,
+    }
+}

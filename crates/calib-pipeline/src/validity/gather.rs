@@ -1,0 +1,221 @@
+//! What a study says about its sensors.
+
+use anyhow::bail;
+use calib_agent::Part;
+use calib_sweep::{Baseline, Candidate, SensorVerdict, SweepError, Truth};
+use calib_validity::{ModelPair, Pair, RuleChoice};
+
+use super::{race, studies::Listed, task::Task};
+use crate::{
+    rollouts::{
+        one_step::{self, OneStep},
+        rollout::{self, RolloutManifest},
+    },
+    verdict::evaluate::{self, Judged},
+};
+
+/// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.
+const HORIZONS: f64 = 200.0;
+
+/// A study's sensors, and the values that were swept.
+pub(super) struct Gathered {
+    /// Label of each value of the grid.
+    pub(super) values: Vec<String>,
+    pub(super) task: Task,
+    /// What is scored, and a pair by that score.
+    pub(super) pairs: Vec<(Part, Pair)>,
+    /// Models that are networks.
+    pub(super) networks: Vec<String>,
+    /// Models without a choice, as "model, sensor".
+    pub(super) without: Vec<String>,
+}
+
+/// One model of a study with what is known of it.
+struct OfModel {
+    name: String,
+    judged: Judged,
+    rollouts: Option<RolloutManifest>,
+    one_step: Option<OneStep>,
+}
+
+/// Why a study is not judged.
+pub(super) struct Reason(pub(super) String);
+
+/// All sensors of `study` in all its deployments, with what each of `models` chose; or why it is not judged. By two scores: what the
+/// study scores, and the last three quarters of runs that are long enough.
+pub(super) fn gather(
+    study: &Listed,
+    models: &[Option<String>],
+    least_windows: usize,
+) -> anyhow::Result<Result<Gathered, Reason>> {
+    let mut gathered: Option<Gathered> = None;
+    let mut reasons = Vec::new();
+    for deployment in &study.deployments {
+        let deployment = deployment.as_deref();
+        if deployment.is_some()
+            && let Some(first) = models.first()
+            && let Some(reason) =
+                evaluate::left_out(&study.job.choose(first.as_deref(), deployment)?)?
+        {
+            reasons.push(reason);
+            continue;
+        }
+        let of = models.iter().map(|model| of_model(study, (model.as_deref(), deployment)));
+        let of = of.collect::<anyhow::Result<Vec<_>>>()?;
+        let Some(first) = of.first() else {
+            return Ok(Err(Reason("no model of it can be made here".to_owned())));
+        };
+        let windows = first.judged.manifest.windows.len();
+        if windows < least_windows {
+            reasons.push(format!(
+                "{windows} held-out window fits, and the protocol wants {least_windows}"
+            ));
+            continue;
+        }
+        let own = gathered.get_or_insert_with(|| Gathered {
+            values: first.judged.manifest.candidates.iter().map(Candidate::label).collect(),
+            task: Task::of(first.judged.study(), first.judged.manifest.span.steps),
+            pairs: Vec::new(),
+            networks: networks(&of),
+            without: Vec::new(),
+        });
+        for sensor in &first.judged.study().sweep.sensors {
+            add(own, sensor, deployment, (study, &of))?;
+        }
+    }
+    Ok(gathered.ok_or_else(|| Reason(reasons.join("; "))))
+}
+
+fn of_model(
+    study: &Listed,
+    (model, deployment): (Option<&str>, Option<&str>),
+) -> anyhow::Result<OfModel> {
+    let judged = evaluate::judge(&study.job.choose(model, deployment)?)?;
+    let key = &judged.manifest.model;
+    let rollouts = rollout::finished(&judged.job, key)?;
+    let one_step = rollouts.as_ref().and_then(|_| one_step::read(&judged.job, key));
+    let name = model.unwrap_or_else(|| judged.study().model_name()).to_owned();
+    Ok(OfModel { name, judged, rollouts, one_step })
+}
+
+fn networks(models: &[OfModel]) -> Vec<String> {
+    let networks = models.iter().filter(|model| model.judged.study().is_parametric());
+    networks.map(|model| model.name.clone()).collect()
+}
+
+/// Add a sensor by each score.
+fn add(
+    gathered: &mut Gathered,
+    sensor: &str,
+    deployment: Option<&str>,
+    (study, models): (&Listed, &[OfModel]),
+) -> anyhow::Result<()> {
+    let own = models[0].judged.study().part();
+    let parts = [own, Part::AfterFirstQuarter];
+    for part in if own == parts[1] { &parts[..1] } else { &parts } {
+        let verdicts = models.iter().map(|model| verdict(model, sensor, *part));
+        // A run that the part has no step of cannot be judged by it.
+        let Some(verdicts) = verdicts.collect::<anyhow::Result<Option<Vec<_>>>>()? else {
+            continue;
+        };
+        let Some(truth) = verdicts.first().and_then(|first| first.truth.as_ref()) else {
+            bail!(
+                "{} has no held-out data, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
+                study.path().display()
+            );
+        };
+        if *part != own && truth.horizons < HORIZONS {
+            continue;
+        }
+        let candidates = &models[0].judged.manifest.candidates;
+        let mut pair = pair(study, sensor, (truth, candidates), &gathered.task);
+        for (model, verdict) in models.iter().zip(&verdicts) {
+            if verdict.selection.mean_errors.iter().all(|error| error.is_infinite()) {
+                if *part == own {
+                    gathered.without.push(format!("{}, {sensor}", model.name));
+                }
+                continue;
+            }
+            pair.models.push(model_pair(model, verdict)?);
+        }
+        if let Some(deployment) = deployment {
+            pair.sensor = format!("{sensor} ({deployment})");
+        }
+        gathered.pairs.push((*part, pair));
+    }
+    Ok(())
+}
+
+/// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
+fn verdict(model: &OfModel, sensor: &str, part: Part) -> anyhow::Result<Option<SensorVerdict>> {
+    let Judged { job, manifest, results, summary } = &model.judged;
+    let study = job.study();
+    if part == study.part() {
+        return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
+    }
+    match evaluate::verdict_of(sensor, part, (study, manifest, results)) {
+        Err(SweepError::NothingScored { .. }) => Ok(None),
+        verdict => Ok(Some(verdict?)),
+    }
+}
+
+fn pair(
+    study: &Listed,
+    sensor: &str,
+    (truth, candidates): (&Truth, &[Candidate]),
+    task: &Task,
+) -> Pair {
+    let baseline = |of: Baseline| truth.baselines.iter().find(|found| found.baseline == of);
+    let chosen = |of: Baseline| baseline(of).and_then(|found| found.chosen);
+    Pair {
+        plant: study.plant.clone(),
+        sensor: sensor.to_owned(),
+        optimiser: task.optimiser.to_owned(),
+        task: task.features(),
+        online: truth.scores.candidates[..candidates.len()].iter().map(|of| of.mean).collect(),
+        skill: truth.best.and_then(|best| truth.scores.skill[best]),
+        regrets: truth.regrets.clone(),
+        default: chosen(Baseline::Default),
+        log_replay: chosen(Baseline::LogReplay),
+        latest_window: chosen(Baseline::LatestWindow),
+        another_window: baseline(Baseline::AnotherWindow)
+            .and_then(|found| found.regret)
+            .map(|regret| regret.value),
+        models: Vec::new(),
+    }
+}
+
+fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> anyhow::Result<ModelPair> {
+    let own = |sensor: &String| *sensor == verdict.sensor;
+    let one_step = model.one_step.as_ref();
+    let of_sensor = one_step.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
+    let comparison = model.rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
+    let compared = comparison.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
+    let dtw = compared.and_then(|of| of.dtw.first()).map(|of| {
+        let distance = of.normalized_distance.as_ref().unwrap_or(&of.distance);
+        distance.mean
+    });
+    let share = verdict.stability.iter().find(|of| of.candidate == verdict.chosen);
+    let raced = race::outcome(&model.judged, verdict)?;
+    let rules = verdict
+        .rules
+        .iter()
+        .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
+        .chain([RuleChoice { rule: "raced".to_owned(), chosen: raced.chosen }]);
+    Ok(ModelPair {
+        model: model.name.clone(),
+        chosen: verdict.chosen,
+        stability: match share {
+            Some(of) => Some(of.share),
+            None if verdict.stability.is_empty() => None,
+            None => Some(0.0),
+        },
+        rules: rules.collect(),
+        saved: Some(raced.saved),
+        spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
+        one_step: of_sensor.and_then(|of| of.error.rmse),
+        one_step_relative: of_sensor.and_then(|of| of.error.relative),
+        one_step_all: one_step.and_then(|of| of.all_columns.rmse),
+        dtw,
+    })
+}

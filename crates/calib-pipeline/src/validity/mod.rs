@@ -1,0 +1,302 @@
+//! How well calib chooses, over several studies.
+
+mod claims;
+mod figures;
+mod files;
+mod gather;
+mod page;
+mod plan;
+mod protocol;
+mod race;
+mod show;
+mod studies;
+mod tables;
+mod task;
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use anyhow::bail;
+use calib_agent::Part;
+use calib_core::Seed;
+use calib_study::shell_words;
+use calib_validity::{Options, Pair, Validity, judge};
+use serde::Serialize;
+
+use crate::{
+    base::{
+        artefact::{Below, Claim, TOOL},
+        clock::Stopwatch,
+        options::{ValidityExtent, ValidityOptions},
+        outcome::Outcome,
+    },
+    chain::Extent,
+    output::{Printer, duration},
+};
+use gather::{Gathered, Reason, gather};
+use studies::{Listed, Listing};
+use task::Task;
+
+/// `validity.json`.
+#[derive(Serialize)]
+struct Summary<'a> {
+    format: u32,
+    tool: &'static str,
+    /// Of the draws of intervals.
+    seed: u64,
+    /// What drew plants and tasks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    protocol: Option<&'a Drew>,
+    /// The plants that were judged.
+    plants: &'a [Judged],
+    /// Plants that were not, and why.
+    left_out: &'a [LeftOut],
+    /// Models that are missing, and why.
+    missing: &'a [String],
+    /// By each score, the first one that of the studies.
+    scores: &'a [Score],
+}
+
+/// The protocol that drew the plants.
+#[derive(Serialize)]
+struct Drew {
+    /// Its file's name.
+    file: String,
+    seed: u64,
+}
+
+/// A plant with its task.
+#[derive(Serialize)]
+struct Judged {
+    plant: String,
+    #[serde(flatten)]
+    task: Task,
+}
+
+/// A plant that is not judged.
+#[derive(Clone, Serialize)]
+struct LeftOut {
+    plant: String,
+    reason: String,
+}
+
+/// All pairs by the errors over one part of each run.
+#[derive(Serialize)]
+struct Score {
+    part: Part,
+    #[serde(flatten)]
+    validity: Validity,
+}
+
+/// All studies together.
+struct Judgement {
+    protocol: Option<Drew>,
+    plants: Vec<Judged>,
+    left_out: Vec<LeftOut>,
+    missing: Vec<String>,
+    /// At least one.
+    scores: Vec<Score>,
+    seed: u64,
+    command: String,
+}
+
+/// Run what is missing of each study, and judge all of them together.
+pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+    let listing = studies::list(args)?;
+    studies::check(&listing.studies)?;
+    let directory = output(args, &listing);
+    if args.extent == ValidityExtent::Plan {
+        plan::show(&listing, printer)?;
+        printer.say(&format!("dry run: would write {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    let judgement = judgement(all(&listing, args, printer)?, &listing, args)?;
+    let _claim = Claim::new(&directory, Below::Ours)?;
+    files::write(&directory, &judgement)?;
+    figures::write(&directory.join("figures"), &judgement)?;
+    page::write(&directory.join("report.html"), &judgement)?;
+    if printer.is_for_machines() {
+        printer.json(&judgement.summary())?;
+    } else {
+        show::show(&judgement, printer)?;
+        printer.result(&format!("report: {}", directory.join("report.html").display()))?;
+    }
+    Ok(Outcome::Done)
+}
+
+impl Judgement {
+    fn summary(&self) -> Summary<'_> {
+        Summary {
+            format: 2,
+            tool: TOOL,
+            seed: self.seed,
+            protocol: self.protocol.as_ref(),
+            plants: &self.plants,
+            left_out: &self.left_out,
+            missing: &self.missing,
+            scores: &self.scores,
+        }
+    }
+
+    /// By the score of the studies.
+    fn first(&self) -> &Validity {
+        &self.scores[0].validity
+    }
+}
+
+/// In the folder of the draw, or beside the first study, unless the user says where.
+fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
+    if let Some(protocol) = &listing.protocol {
+        return protocol.directory.clone();
+    }
+    let beside = |path: &Path| match path {
+        folder if folder.is_dir() => folder.join("validity-results"),
+        file => file.parent().unwrap_or(Path::new("")).join("validity-results"),
+    };
+    args.output.clone().unwrap_or_else(|| beside(&args.studies[0]))
+}
+
+/// What all studies gave.
+#[derive(Default)]
+struct All {
+    gathered: Vec<(String, Gathered)>,
+    left_out: Vec<LeftOut>,
+    /// Model → plants that lack it.
+    lacking: BTreeMap<String, usize>,
+}
+
+/// Go through all studies.
+fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> anyhow::Result<All> {
+    let clock = Stopwatch::start();
+    let mut all = All::default();
+    let count = listing.studies.len();
+    let mut ran = 0;
+    for (number, study) in listing.studies.iter().enumerate() {
+        let task = Task::of(study.study(), study.study().sweep.steps).text();
+        printer.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
+        let left = args.extent != ValidityExtent::Judge
+            && study.out_of_reach()?.is_none()
+            && study.left()? > 0;
+        match take(study, listing, args, &mut all.lacking, printer)? {
+            Ok(gathered) => all.gathered.push((study.plant.clone(), gathered)),
+            Err(Reason(reason)) => {
+                printer.warn(&format!("{} is left out: {reason}", study.plant));
+                all.left_out.push(LeftOut { plant: study.plant.clone(), reason });
+            }
+        }
+        ran += u32::from(left);
+        let remaining = (count - number - 1) as u32;
+        if left && remaining > 0 {
+            let each = clock.elapsed() / ran;
+            printer.say(&format!(
+                "{} of {count} plants done, {} each; at most {} left",
+                number + 1,
+                duration(each),
+                duration(each * remaining)
+            ));
+        }
+    }
+    Ok(all)
+}
+
+/// One study: run what is missing, and take what it says; or why it is left out.
+fn take(
+    study: &Listed,
+    listing: &Listing,
+    args: &ValidityOptions,
+    lacking: &mut BTreeMap<String, usize>,
+    printer: &Printer,
+) -> anyhow::Result<Result<Gathered, Reason>> {
+    if let Some(reason) = study.out_of_reach()? {
+        return Ok(Err(Reason(reason)));
+    }
+    let protocol = listing.protocol.as_ref();
+    if args.extent == ValidityExtent::Judge && protocol.is_some() && study.left()? > 0 {
+        return Ok(Err(Reason("it has not been run".to_owned())));
+    }
+    if args.extent != ValidityExtent::Judge {
+        let extent = protocol.map_or(Extent::Report, protocol::Named::extent);
+        if let Some(reason) = study.complete(extent, printer)? {
+            return Ok(Err(Reason(reason)));
+        }
+    }
+    let mut models = Vec::with_capacity(study.models.len());
+    for model in &study.models {
+        if study.lacks(model.as_deref()) {
+            let name = model.as_deref().unwrap_or("the model").to_owned();
+            *lacking.entry(name).or_default() += 1;
+        } else {
+            models.push(model.clone());
+        }
+    }
+    gather(study, &models, protocol.map_or(1, protocol::Named::least_windows))
+}
+
+/// Judge what was gathered, by each score.
+fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> anyhow::Result<Judgement> {
+    let All { gathered, left_out, lacking } = all;
+    let Some((_, first)) = gathered.first() else {
+        let told = left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
+        bail!("no plant is left to judge ({})", told.collect::<Vec<_>>().join("; "));
+    };
+    let values = first.values.clone();
+    let missing = missing(&gathered, &lacking);
+    let mut networks: Vec<String> =
+        gathered.iter().flat_map(|(_, of)| of.networks.clone()).collect();
+    networks.sort();
+    networks.dedup();
+    let mut plants = Vec::with_capacity(gathered.len());
+    let mut by_score: Vec<(Part, Vec<Pair>)> = Vec::new();
+    for (plant, Gathered { task, pairs, .. }) in gathered {
+        plants.push(Judged { plant, task });
+        for (part, pair) in pairs {
+            match by_score.iter_mut().find(|(of, _)| *of == part) {
+                Some((_, pairs)) => pairs.push(pair),
+                None => by_score.push((part, vec![pair])),
+            }
+        }
+    }
+    let options = Options { resamples: args.resamples, seed: Seed::new(args.seed), networks };
+    let score =
+        |(part, pairs)| Ok(Score { part, validity: judge(values.clone(), pairs, &options)? });
+    Ok(Judgement {
+        protocol: listing.protocol.as_ref().map(|protocol| Drew {
+            file: protocol.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            seed: protocol.seed(),
+        }),
+        plants,
+        left_out,
+        missing,
+        scores: by_score.into_iter().map(score).collect::<anyhow::Result<_>>()?,
+        seed: args.seed,
+        command: command(listing, args),
+    })
+}
+
+/// What is not there of models, in sentences.
+fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -> Vec<String> {
+    let lacking = lacking.iter().map(|(model, plants)| {
+        format!(
+            "{model} is left out of {plants} plants: it wants libtorch, which this calib was built without, and no other one \
+             has built it"
+        )
+    });
+    let without = gathered.iter().flat_map(|(plant, of)| {
+        of.without.iter().map(move |which| {
+            format!("{which} of {plant}: every value diverged in the model, which has no choice")
+        })
+    });
+    lacking.chain(without).collect()
+}
+
+/// What was typed.
+fn command(listing: &Listing, args: &ValidityOptions) -> String {
+    let paths = args.studies.iter().map(|path| path.display().to_string());
+    let overrides = args.set.iter().map(|text| shell_words(["--set", text]));
+    let draw = listing.protocol.as_ref().map(|protocol| format!("--draw {}", protocol.seed()));
+    let draws = format!("--resamples {} --seed {}", args.resamples, args.seed);
+    let words = ["calib validity".to_owned()].into_iter().chain(paths).chain(overrides);
+    words.chain(draw).chain([draws]).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,75 @@
+//! The protocol that the command line names.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{bail, ensure};
+use calib_study::{Drawn, Protocol};
+
+use super::studies::files;
+use crate::{base::options::ValidityOptions, chain::Extent};
+
+/// A protocol, its file, and where what follows from it goes.
+pub(super) struct Named {
+    pub(super) file: PathBuf,
+    protocol: Protocol,
+    /// The folder of this draw.
+    pub(super) directory: PathBuf,
+}
+
+impl Named {
+    /// The protocol among the arguments: a file, or the one in a folder, whose other files are then the studies that it draws from.
+    pub(super) fn find(args: &ValidityOptions) -> anyhow::Result<Option<Self>> {
+        let mut found = Vec::new();
+        for argument in &args.studies {
+            for path in files(argument)? {
+                if let Some(protocol) = Protocol::find(&path)? {
+                    found.push((path, protocol));
+                }
+            }
+        }
+        let names = || found.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
+        if found.len() > 1 || (found.len() == 1 && args.studies.len() > 1) {
+            bail!(
+                "{} is a protocol, which draws its own studies: name nothing beside it (a protocol is a file with [validity])",
+                names().join(" and ")
+            );
+        }
+        let Some((file, mut protocol)) = found.pop() else {
+            ensure!(
+                args.draw.is_none(),
+                "--draw is for protocols, and none is named; for the draws of intervals say --seed"
+            );
+            return Ok(None);
+        };
+        protocol.seed = args.draw.unwrap_or(protocol.seed);
+        let beside = || file.parent().unwrap_or(Path::new("")).join("validity-results");
+        let results = args.output.clone().unwrap_or_else(beside);
+        let directory = results.join(format!("draw-{}", protocol.seed));
+        Ok(Some(Self { file, protocol, directory }))
+    }
+
+    /// Where the drawn studies lie.
+    pub(super) fn studies(&self) -> PathBuf {
+        self.directory.join("studies")
+    }
+
+    /// The seed of what is drawn.
+    pub(super) fn seed(&self) -> u64 {
+        self.protocol.seed
+    }
+
+    /// The fewest windows by which a plant is judged.
+    pub(super) fn least_windows(&self) -> usize {
+        self.protocol.least_windows
+    }
+
+    /// How far each study is taken.
+    pub(super) fn extent(&self) -> Extent {
+        if self.protocol.rollouts { Extent::Report } else { Extent::Choice }
+    }
+
+    /// All studies, with `overrides` over what is drawn.
+    pub(super) fn draw(&self, overrides: &[String]) -> anyhow::Result<Vec<Drawn>> {
+        Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
+    }
+}

@@ -1,0 +1,248 @@
+//! Which studies there are, and running what is missing of them.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail, ensure};
+use calib_core::Seed;
+use calib_files::read_regular;
+use calib_knn::ModelKind;
+use calib_study::{Drawn, Job, Request, Study, StudyError};
+use calib_sweep::{Candidate, candidates};
+
+use super::protocol::Named;
+use crate::{
+    base::{artefact::MANIFEST, options::ValidityOptions},
+    chain::{self, Extent},
+    log::{
+        plant_of_study::{self, PlantOfStudy},
+        simulate::Found,
+    },
+    output::Printer,
+    sweep::{self, streams::Unscorable},
+    verdict::evaluate,
+};
+
+/// What is judged together.
+pub(super) struct Listing {
+    pub(super) studies: Vec<Listed>,
+    /// The protocol that draws them, if one does.
+    pub(super) protocol: Option<Named>,
+}
+
+/// A study, which stands for a plant.
+pub(super) struct Listed {
+    /// What the plant is called: the name of the file without `.toml`.
+    pub(super) plant: String,
+    /// The whole study, no model or deployment of it chosen.
+    pub(super) job: Job,
+    /// Its models; `None` for a study with one model that has no name.
+    pub(super) models: Vec<Option<String>>,
+    /// Its deployments; `None` for a study with one held-out range that has no name.
+    pub(super) deployments: Vec<Option<String>>,
+    /// What the file is to be, where a protocol draws it.
+    pub(super) drawn: Option<Drawn>,
+}
+
+/// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
+pub(super) fn list(args: &ValidityOptions) -> anyhow::Result<Listing> {
+    if let Some(protocol) = Named::find(args)? {
+        let drawn = protocol.draw(&args.set)?;
+        let listed = |drawn: Drawn| {
+            let job = drawn.job(&protocol.studies())?;
+            Ok(Listed::new(drawn.plant.clone(), job, Some(drawn)))
+        };
+        let studies = drawn.into_iter().map(listed).collect::<anyhow::Result<_>>()?;
+        return Ok(Listing { studies, protocol: Some(protocol) });
+    }
+    let mut studies: Vec<Listed> = Vec::new();
+    for path in &args.studies {
+        for path in files(path)? {
+            let plant = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+            let plant = plant.with_context(|| format!("{} has no name", path.display()))?;
+            if let Some(other) = studies.iter().find(|other| other.plant == plant) {
+                bail!(
+                    "{} and {} are both called {plant}, and a study stands for a plant: intervals are over plants; \
+                     rename one, or leave it out",
+                    other.path().display(),
+                    path.display()
+                );
+            }
+            let request = Request { set: args.set.clone(), ..Request::new(path) };
+            studies.push(Listed::new(plant, Job::resolve(request)?, None));
+        }
+    }
+    Ok(Listing { studies, protocol: None })
+}
+
+impl Listed {
+    fn new(plant: String, job: Job, drawn: Option<Drawn>) -> Self {
+        let models = or_the_only(job.study().compared_models());
+        let deployments = or_the_only(job.study().deployment_names());
+        Self { plant, job, models, deployments, drawn }
+    }
+
+    /// Its file.
+    pub(super) fn path(&self) -> &Path {
+        self.job.layout().study()
+    }
+
+    /// The whole study.
+    pub(super) fn study(&self) -> &Study {
+        self.job.study()
+    }
+
+    /// Why its data cannot be looked for here, if that is so: they lie where a variable of the environment says, and it is not set.
+    pub(super) fn out_of_reach(&self) -> anyhow::Result<Option<String>> {
+        match plant_of_study::data_to_read(&self.job) {
+            Err(StudyError::UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
+            Err(error) => Err(error.into()),
+            Ok(_) => Ok(None),
+        }
+    }
+
+    /// Each of its models in each of its deployments.
+    fn parts(&self) -> impl Iterator<Item = Result<Job, StudyError>> {
+        self.models.iter().flat_map(|model| {
+            let of = |deployment: &Option<String>| {
+                self.job.choose(model.as_deref(), deployment.as_deref())
+            };
+            self.deployments.iter().map(of)
+        })
+    }
+
+    /// How many of its models, in how many deployments each, are still to be swept by this calib.
+    pub(super) fn left(&self) -> anyhow::Result<usize> {
+        let is_written = self.is_written()?;
+        let mut left = 0;
+        for part in self.parts() {
+            let part = part?;
+            if !self.lacks(part.model()) {
+                left += usize::from(!is_written || !evaluate::is_swept(&part));
+            }
+        }
+        Ok(left)
+    }
+
+    /// How long its sweeps took, as far as they say so.
+    pub(super) fn swept_secs(&self) -> anyhow::Result<f64> {
+        let mut secs = 0.0;
+        for part in self.parts() {
+            secs += sweep::wall_secs(part?.layout()).unwrap_or(0.0);
+        }
+        Ok(secs)
+    }
+
+    /// Whether its file is what it is to be.
+    fn is_written(&self) -> anyhow::Result<bool> {
+        let Some(drawn) = &self.drawn else { return Ok(true) };
+        let path = self.path();
+        Ok(path.exists() && read_regular(path)? == drawn.text.as_bytes())
+    }
+
+    /// Write the file of a drawn study, if it is not there as it is to be.
+    fn write(&self) -> anyhow::Result<()> {
+        if let Some(drawn) = &self.drawn
+            && !self.is_written()?
+        {
+            calib_files::write_atomically(self.path(), |file| {
+                std::io::Write::write_all(file, drawn.text.as_bytes())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Run what is missing of it, as far as `extent` says: `calib run`, whose results are only steps here. Returns why it cannot be
+    /// scored, if it cannot.
+    pub(super) fn complete(
+        &self,
+        extent: Extent,
+        printer: &Printer,
+    ) -> anyhow::Result<Option<String>> {
+        self.write()?;
+        let talk = printer.talking();
+        // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
+        if self.drawn.is_some()
+            && let Some(plant) = PlantOfStudy::of(&self.job)?
+            && plant.found == Found::Another
+        {
+            plant.make(true, &talk).context("[simulate]")?;
+        }
+        match chain::run_to(extent, &self.job, &talk) {
+            Err(reason) if reason.is::<Unscorable>() => Ok(Some(reason.to_string())),
+            ended => ended.map(|_| None),
+        }
+    }
+
+    /// Whether a model is one that this calib cannot train, and that no other one has trained.
+    pub(super) fn lacks(&self, model: Option<&str>) -> bool {
+        let own = model.and_then(|name| self.study().models.get(name)?.get("model")?.get("kind"));
+        let own = own.and_then(|kind| kind.clone().try_into::<ModelKind>().ok());
+        let kind = own.unwrap_or(self.study().model.kind);
+        let layout = self.job.layout().clone();
+        let paths = match model {
+            Some(name) => layout.of_model(name),
+            None => layout,
+        };
+        let wants_libtorch = matches!(kind, ModelKind::Gru | ModelKind::Torchscript);
+        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
+    }
+}
+
+/// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep and score the same.
+pub(super) fn check(studies: &[Listed]) -> anyhow::Result<()> {
+    let mut first: Option<(&Listed, Vec<String>)> = None;
+    for listed in studies {
+        let (study, path, plant) = (listed.study(), listed.path(), &listed.plant);
+        let data = &study.data;
+        let holds_nothing_out =
+            data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);
+        ensure!(
+            !holds_nothing_out || listed.deployments.iter().any(Option::is_some),
+            "{} holds no data out, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
+            path.display()
+        );
+        let seed = Seed::new(study.seed).child("sweep");
+        let candidates = candidates(&study.sweep, &study.agent, seed)
+            .with_context(|| path.display().to_string())?;
+        let values: Vec<String> = candidates.iter().map(Candidate::label).collect();
+        let Some((other, theirs)) = &first else {
+            first = Some((listed, values));
+            continue;
+        };
+        ensure!(
+            *theirs == values,
+            "the studies sweep different values: {} has {}, {plant} has {}; give all the same [sweep.grid] and default, or \
+             judge them apart",
+            other.plant,
+            theirs.join(", "),
+            values.join(", ")
+        );
+        ensure!(
+            other.study().part() == study.part(),
+            "the studies score different parts of a run: {} and {plant} differ in sweep.scored or [pretrain]; judge them apart",
+            other.plant
+        );
+    }
+    Ok(())
+}
+
+fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
+    if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() }
+}
+
+/// The file, or all `*.toml` of a folder.
+pub(super) fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries =
+        std::fs::read_dir(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut files: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .collect();
+    ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
+    files.sort();
+    Ok(files)
+}

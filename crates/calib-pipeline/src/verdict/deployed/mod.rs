@@ -1,0 +1,252 @@
+//! What to deploy where a study has several deployments: a choice for each, and one for all of them.
+
+mod evidence;
+
+use calib_report::{Cell, Grade, Table};
+use calib_sweep::SensorVerdict;
+use serde::Serialize;
+
+use crate::{
+    output::{Printer, percent, table},
+    verdict::{
+        compare::{Part, by_deployment},
+        verdict_rows,
+    },
+};
+
+/// What one model says of one sensor in all deployments; in `summary.json`.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Deployed {
+    pub(crate) sensor: String,
+    pub(crate) model: String,
+    /// The choice for each deployment, in the order of time.
+    pub(crate) choices: Vec<Choice>,
+    /// What the study's rule chooses from the evidence of all deployments together.
+    pub(crate) for_all: String,
+    /// What it costs in each deployment.
+    pub(crate) regrets: Vec<Option<f64>>,
+}
+
+/// The choice for one deployment.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Choice {
+    pub(crate) deployment: String,
+    /// The value.
+    pub(crate) chosen: String,
+    /// What it costs Online.
+    pub(crate) regret: Option<f64>,
+    /// How well held-out data supports it.
+    pub(crate) grade: calib_sweep::Grade,
+    /// How far it can be relied on.
+    #[serde(skip)]
+    pub(crate) reliance: Grade,
+}
+
+impl Deployed {
+    /// Whether deployments want different values.
+    fn disagrees(&self) -> bool {
+        self.choices.iter().any(|choice| choice.chosen != self.choices[0].chosen)
+    }
+
+    /// Whether no value learns the sensor anywhere.
+    fn is_not_learnt(&self) -> bool {
+        self.choices.iter().all(Choice::is_not_learnt)
+    }
+}
+
+impl Choice {
+    fn is_not_learnt(&self) -> bool {
+        self.reliance == Grade::NotLearnt
+    }
+
+    /// "1e-4 (2.3 %, good)": the value, what it costs, and how far it can be relied on.
+    fn text(&self) -> String {
+        let word = self.reliance.word();
+        match (self.reliance, self.regret) {
+            (Grade::NotLearnt, _) => word.to_owned(),
+            (_, None) => self.chosen.clone(),
+            (Grade::Unchecked, Some(_)) => format!("{} ({word})", self.chosen),
+            (_, Some(regret)) => format!("{} ({}, {word})", self.chosen, percent(regret)),
+        }
+    }
+}
+
+/// Sensor by sensor and model by model; nothing where there are no several deployments.
+pub(crate) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
+    let deployments = by_deployment(parts);
+    if deployments.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let mut rows = Vec::new();
+    for sensor in &parts[0].judged.study().sweep.sensors {
+        for model in &deployments[0] {
+            let own = deployments.iter().flatten().copied();
+            let own: Vec<&Part> =
+                own.filter(|part| part.model_name() == model.model_name()).collect();
+            rows.extend(of_sensor(sensor, &own)?);
+        }
+    }
+    Ok(rows)
+}
+
+fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> {
+    let judged = |part: &&Part| {
+        let mut verdicts = part.judged.summary.verdicts.iter().zip(&part.report.verdicts);
+        let (verdict, row) = verdicts.find(|(verdict, _)| verdict.sensor == sensor)?;
+        Some((verdict.clone(), row.reliance()))
+    };
+    let Some(verdicts) = parts.iter().map(judged).collect::<Option<Vec<(SensorVerdict, Grade)>>>()
+    else {
+        return Ok(None);
+    };
+    let label = |index: usize| {
+        verdict_rows::setting(&parts[0].judged.manifest.candidates[index]).to_string()
+    };
+    let choices = parts.iter().zip(&verdicts).map(|(part, (verdict, reliance))| Choice {
+        deployment: part.deployment_name().to_owned(),
+        chosen: label(verdict.chosen),
+        regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
+        grade: verdict.grade,
+        reliance: *reliance,
+    });
+    let for_all = evidence::choice(sensor, parts, &verdicts)?;
+    let regrets = verdicts.iter().map(|(verdict, _)| {
+        verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
+    });
+    Ok(Some(Deployed {
+        sensor: sensor.to_owned(),
+        model: parts[0].model_name().to_owned(),
+        choices: choices.collect(),
+        for_all: label(for_all),
+        regrets: regrets.collect(),
+    }))
+}
+
+/// The largest cost, if all are known.
+fn largest(regrets: &[Option<f64>]) -> Option<f64> {
+    let all: Option<Vec<f64>> = regrets.iter().copied().collect();
+    all?.into_iter().reduce(f64::max)
+}
+
+fn header(rows: &[Deployed]) -> Vec<String> {
+    let deployments = rows[0].choices.iter().map(|choice| choice.deployment.clone());
+    let leading = ["sensor", "model"].map(str::to_owned);
+    leading.into_iter().chain(deployments).chain(["for all".to_owned()]).collect()
+}
+
+fn row(of: &Deployed) -> Vec<String> {
+    let choices = of.choices.iter().map(Choice::text);
+    [of.sensor.clone(), of.model.clone()]
+        .into_iter()
+        .chain(choices)
+        .chain([for_all_text(of)])
+        .collect()
+}
+
+/// "1e-4 (at most 25 %; not learnt in july)".
+fn for_all_text(of: &Deployed) -> String {
+    if of.is_not_learnt() {
+        return Grade::NotLearnt.word().to_owned();
+    }
+    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !choice.is_not_learnt());
+    let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
+    let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
+    let without: Vec<&str> = of
+        .choices
+        .iter()
+        .filter(|choice| choice.is_not_learnt())
+        .map(|choice| choice.deployment.as_str())
+        .collect();
+    let without = (!without.is_empty()).then(|| format!("not learnt in {}", without.join(", ")));
+    let told: Vec<String> = cost.into_iter().chain(without).collect();
+    if told.is_empty() {
+        of.for_all.clone()
+    } else {
+        format!("{} ({})", of.for_all, told.join("; "))
+    }
+}
+
+/// Print the choices side by side; nothing where there are no several deployments.
+pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> anyhow::Result<()> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    printer.result("")?;
+    printer.result(match rows.iter().any(Deployed::disagrees) {
+        _ if rows.iter().all(Deployed::is_not_learnt) => {
+            "what to deploy: nothing, as no value learns any sensor in any deployment"
+        }
+        false => {
+            "what to deploy (regret Online, grade): every choice is the same for all deployments"
+        }
+        true => "what to deploy (regret Online, grade): choices differ between deployments",
+    })?;
+    let header = header(rows);
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    printer.lines(&table(&header, &rows.iter().map(row).collect::<Vec<_>>()))
+}
+
+/// The same for the report.
+pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
+    rows.first()?;
+    let cells = |of: &Deployed| row(of).into_iter().map(Cell::Text).collect();
+    Some(Table {
+        title: "What to deploy".to_owned(),
+        caption: "The choice for each deployment; in brackets its regret Online, and how far it can be relied on. One value for all is what \
+            the study's rule chooses from the members of all deployments and the replayed log; beside it is the largest of its regrets."
+            .to_owned(),
+        columns: header(rows),
+        rows: rows.iter().map(cells).collect(),
+        best: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn choice(deployment: &str, chosen: &str, regret: Option<f64>, reliance: Grade) -> Choice {
+        Choice {
+            deployment: deployment.to_owned(),
+            chosen: chosen.to_owned(),
+            regret,
+            grade: calib_sweep::Grade::Good,
+            reliance,
+        }
+    }
+
+    fn deployed(choices: Vec<Choice>, regrets: Vec<Option<f64>>) -> Deployed {
+        Deployed {
+            sensor: "PIT300".to_owned(),
+            model: "year".to_owned(),
+            choices,
+            for_all: "1e-4".to_owned(),
+            regrets,
+        }
+    }
+
+    #[test]
+    fn costs_and_grades_stand_beside_values() {
+        let choices = vec![
+            choice("april", "1e-4", Some(0.0), Grade::Good),
+            choice("july", "1e-3", None, Grade::Unchecked),
+        ];
+        let of = deployed(choices, vec![Some(0.0), Some(0.25)]);
+        assert!(of.disagrees());
+        assert_eq!(row(&of), ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
+        assert_eq!(header(&[of]), ["sensor", "model", "april", "july", "for all"]);
+    }
+
+    #[test]
+    fn what_is_not_learnt_is_not_recommended() {
+        let not_learnt = |name| choice(name, "1e-4", Some(0.0), Grade::NotLearnt);
+        let of = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
+        assert_eq!(row(&of)[2..], ["not learnt", "not learnt", "not learnt"]);
+        let fair = choice("april", "1e-4", Some(0.1), Grade::Fair);
+        let of = deployed(vec![fair, not_learnt("july")], vec![Some(0.1), Some(0.0)]);
+        assert_eq!(
+            row(&of)[2..],
+            ["1e-4 (10 %, fair)", "not learnt", "1e-4 (at most 10 %; not learnt in july)"]
+        );
+    }
+}

@@ -1,0 +1,240 @@
+use anyhow::{Context as _, bail, ensure};
+use calib_agent::Part;
+use calib_core::Seed;
+use calib_report::caveats;
+use calib_rollout::StartKind;
+use calib_study::{Job, Layout, Made, Study};
+use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
+use serde::Serialize;
+
+use crate::{
+    base::{
+        artefact::{self, MANIFEST, TOOL},
+        outcome::Outcome,
+        stale::Kept,
+    },
+    log::partition,
+    model::model_files::{self, ModelManifest},
+    output::Printer,
+    rollouts::rollout,
+    sweep::{SweepManifest, unit_store},
+    verdict::{
+        report,
+        verdict_rows::{self, verdict_row},
+    },
+};
+
+/// `summary.json`: the verdict for machines.
+#[derive(Debug, Serialize)]
+pub(crate) struct Summary {
+    pub(crate) format: u32,
+    pub(crate) tool: &'static str,
+    pub(crate) title: String,
+    /// The advice in words, one list of lines a sensor.
+    pub(crate) advice: Vec<Vec<String>>,
+    /// Labels of the candidates that the verdicts count.
+    pub(crate) candidates: Vec<String>,
+    pub(crate) verdicts: Vec<SensorVerdict>,
+    /// What the reader must know before relying on the verdicts.
+    pub(crate) caveats: Vec<String>,
+    /// What else is worth knowing of the sweep.
+    pub(crate) notes: Vec<String>,
+}
+
+/// A finished sweep, and what follows from it.
+pub(crate) struct Judged {
+    pub(crate) job: Job,
+    pub(crate) manifest: SweepManifest,
+    pub(crate) results: Vec<UnitResult>,
+    pub(crate) summary: Summary,
+}
+
+impl Judged {
+    /// The study of the model and deployment that are judged.
+    pub(crate) fn study(&self) -> &Study {
+        self.job.study()
+    }
+
+    /// Where its results lie.
+    pub(crate) fn paths(&self) -> &Layout {
+        self.job.layout()
+    }
+}
+
+/// Judge a finished sweep and write the report.
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    let judged = judge(job)?;
+    let (paths, summary) = (judged.paths(), &judged.summary);
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: would write {}", paths.report().display()));
+        return Ok(Outcome::Done);
+    }
+    let report = report::assemble(&judged)?;
+    let written = report::write(job, &report, summary);
+    artefact::or_read_only(written, &paths.report(), printer)?;
+    if printer.is_for_machines() {
+        printer.json(summary)?;
+    } else {
+        print(summary, paths, printer)?;
+    }
+    Ok(told(summary))
+}
+
+/// Whether every sensor's members prefer some value to another.
+pub(crate) fn told(summary: &Summary) -> Outcome {
+    if summary.verdicts.iter().all(|verdict| told_apart(&verdict.selection)) {
+        Outcome::Done
+    } else {
+        Outcome::Negative
+    }
+}
+
+/// Why a deployment is not judged, if it is not.
+pub(crate) fn left_out(job: &Job) -> anyhow::Result<Option<String>> {
+    let name = job.deployment().unwrap_or_default();
+    let reason = finished_sweep(job)?.left_out;
+    Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
+}
+
+/// Judge a finished sweep; nothing is written.
+pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
+    let (study, paths) = (job.study(), job.layout());
+    let manifest = finished_sweep(job)?;
+    if let Some(reason) = &manifest.left_out {
+        bail!("there is nothing to judge: {reason}");
+    }
+    let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
+        format!("the sweep is not complete; run `{}` again", job.command("sweep"))
+    })?;
+    let sensors = study.sweep.sensors.iter();
+    let profile = model_files::read_profile(&paths.model())?;
+    let doubts = profile.value_doubts();
+    let verdicts = sensors
+        .map(|sensor| {
+            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
+            let of_it = doubts.iter().filter(|(name, _)| name == sensor);
+            verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            Ok(verdict)
+        })
+        .collect::<anyhow::Result<Vec<_>>>()
+        .with_context(|| {
+            format!(
+                "{} cannot be judged; if they were edited, `{} --force` makes them again",
+                paths.sweep().display(),
+                job.command("sweep")
+            )
+        })?;
+    let rows: Vec<calib_report::Verdict> =
+        verdicts.iter().map(|verdict| verdict_row(verdict, &manifest, study)).collect();
+    let summary = Summary {
+        format: 2,
+        tool: TOOL,
+        title: job.title(),
+        advice: rows.iter().map(verdict_rows::advice).collect(),
+        caveats: caveats(&rows),
+        candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
+        verdicts,
+        notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
+    };
+    Ok(Judged { job: job.clone(), manifest, results, summary })
+}
+
+/// What a finished sweep says about a sensor by the errors over `part` of each run.
+pub(crate) fn verdict_of(
+    sensor: &str,
+    part: Part,
+    (study, manifest, results): (&Study, &SweepManifest, &[UnitResult]),
+) -> Result<SensorVerdict, SweepError> {
+    let judging = Judging {
+        part,
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &manifest.scales,
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    };
+    let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
+    if study.sweep_starts().start == StartKind::Nearest {
+        verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
+    }
+    Ok(verdict)
+}
+
+/// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.
+const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states that are nearest to those of the deployment: this \
+     choice has looked into what it is judged on, as no choice can that is made before; sweep.start = \"recent\" is what is \
+     known beforehand";
+
+/// Whether a sweep was finished with the study as it is now.
+pub(crate) fn is_swept(job: &Job) -> bool {
+    finished_sweep(job).is_ok()
+}
+
+/// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
+fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
+    let paths = job.layout();
+    let there = paths.rollout().join(MANIFEST).exists();
+    if there && rollout::finished(job, model)?.is_none() {
+        Ok(vec![format!(
+            "the rollouts in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
+            paths.rollout().display(),
+            job.command("rollout")
+        )])
+    } else {
+        Ok(Vec::new())
+    }
+}
+
+/// The manifest of a sweep that was made with this study and the model as it is now.
+fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
+    let (paths, again) = (job.layout(), job.command("sweep"));
+    let manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
+    let directory = &paths.sweep();
+    Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
+    check_log(job, &manifest)?;
+    let model = artefact::read::<ModelManifest>(&paths.model());
+    if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
+        bail!("the model was built again after the sweep; run `{again}` again");
+    }
+    artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
+    Ok(manifest)
+}
+
+/// Whether a log in another folder than the one that was swept holds the same states.
+fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
+    if job.study().data.path == swept.study.data.path {
+        return Ok(());
+    }
+    let dataset = partition::load(job, &Printer::nobody())?.dataset;
+    let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
+    ensure!(
+        dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
+        "the sweep in {} is of other data than those in {}; run `{}` again",
+        job.layout().sweep().display(),
+        job.study().data.path.0.join(", "),
+        job.command("sweep")
+    );
+    Ok(())
+}
+
+/// The verdicts, what stands in their way, and where the report is.
+fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {
+    print_advice(summary, printer)?;
+    print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
+    printer.result(&format!("report: {}", paths.report().display()))
+}
+
+/// The verdict on each sensor.
+pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> anyhow::Result<()> {
+    for lines in &summary.advice {
+        for (position, line) in lines.iter().enumerate() {
+            printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
+        }
+    }
+    Ok(())
+}
+
+/// What the reader must know before relying on verdicts.
+pub(crate) fn print_notes(notes: &[String], printer: &Printer) -> anyhow::Result<()> {
+    notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
+}

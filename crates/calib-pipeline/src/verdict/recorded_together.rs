@@ -1,0 +1,90 @@
+//! What was recorded of a sensor, in all models and deployments of a study.
+
+use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod};
+
+use crate::verdict::compare::Part;
+
+/// One figure a sensor of all parts of a study: what any model was learned from, and every deployment.
+pub(crate) fn of_parts(sensors: &[String], deployments: &[Vec<&Part>]) -> Vec<RecordedFigure> {
+    fn own<'a>(part: &'a Part, sensor: &str) -> Option<&'a RecordedFigure> {
+        part.report.recorded.iter().find(|figure| figure.sensor == sensor)
+    }
+    let figure = |sensor: &String| {
+        let models = deployments.first()?.iter();
+        let models = models.filter_map(|part| Some((part.model_name(), own(part, sensor)?)));
+        let windows = deployments.iter().filter_map(|group| own(group[0], sensor));
+        together(&models.collect::<Vec<_>>(), &windows.collect::<Vec<_>>())
+    };
+    sensors.iter().filter_map(figure).collect()
+}
+
+/// Of the same sensor in several models and deployments: each period that a model was learned from, once, in the order of
+/// time, then each deployment. A period that not all `models` share is called after those that do; `deployments` are
+/// in the order of time.
+fn together(
+    models: &[(&str, &RecordedFigure)],
+    deployments: &[&RecordedFigure],
+) -> Option<RecordedFigure> {
+    let (_, first) = models.first()?;
+    let learned = |of: &RecordedPeriod| of.used_for == PeriodUse::Learning;
+    let mut periods: Vec<(Vec<&str>, RecordedPeriod)> = Vec::new();
+    for (model, figure) in models {
+        for period in figure.periods.iter().filter(|of| learned(of)) {
+            match periods.iter_mut().find(|(_, known)| known == period) {
+                Some((names, _)) => names.push(model),
+                None => periods.push((vec![model], period.clone())),
+            }
+        }
+    }
+    let start = |of: &RecordedPeriod| of.points.first().map_or(f64::NAN, |point| point.0);
+    periods.sort_by(|(_, a), (_, b)| start(a).total_cmp(&start(b)));
+    let named = |(names, period): (Vec<&str>, RecordedPeriod)| {
+        let name = if names.len() == models.len() {
+            period.name.clone()
+        } else {
+            format!("{} of {}", period.name, names.join(", "))
+        };
+        RecordedPeriod { name, ..period }
+    };
+    let held_out = deployments.iter().flat_map(|of| of.periods.iter().filter(|of| !learned(of)));
+    let periods = periods.into_iter().map(named).chain(held_out.cloned()).collect();
+    Some(RecordedFigure { periods, ..(*first).clone() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figure(periods: &[(&str, PeriodUse, f64)]) -> RecordedFigure {
+        let period = |&(name, used_for, first): &(&str, PeriodUse, f64)| RecordedPeriod {
+            name: name.to_owned(),
+            used_for,
+            times: [first.to_string(), (first + 1.0).to_string()],
+            points: vec![(first, 5.0), (first + 1.0, 6.0)],
+        };
+        let periods = periods.iter().map(period).collect();
+        RecordedFigure { sensor: "PIT300".to_owned(), unit: None, periods }
+    }
+
+    #[test]
+    fn models_and_deployments_have_one_figure_together() {
+        use PeriodUse::{Deployment, Learning};
+        let year = figure(&[("training", Learning, 0.0), ("april", Deployment, 400.0)]);
+        let week = figure(&[("training", Learning, 358.0), ("april", Deployment, 400.0)]);
+        let july = figure(&[("training", Learning, 0.0), ("july", Deployment, 480.0)]);
+        let names = |models: &[(&str, &RecordedFigure)]| -> Vec<String> {
+            let whole = together(models, &[&year, &july]).expect("there are models");
+            whole.periods.into_iter().map(|period| period.name).collect()
+        };
+        assert_eq!(
+            names(&[("week", &week), ("year", &year)]),
+            ["training of year", "training of week", "april", "july"]
+        );
+        assert_eq!(names(&[("knn", &year), ("nn", &year)]), ["training", "april", "july"]);
+        assert_eq!(
+            names(&[("a", &year), ("b", &year), ("c", &week)])[..2],
+            ["training of a, b", "training of c"]
+        );
+        assert_eq!(together(&[], &[]), None);
+    }
+}

@@ -1,0 +1,318 @@
+//! The report: results as typed rows for the page.
+
+use std::{io::Write as _, path::Path};
+
+use anyhow::{Context as _, ensure};
+use calib_data::table::read_parquet_columns;
+use calib_files::{write_atomically, write_json};
+use calib_report::{
+    Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
+};
+use calib_represent::RepresentationKind;
+use calib_study::{Job, Layout, Study};
+
+use crate::{
+    base::artefact::{self, Below},
+    model::{
+        build_model, jumps as jump_text,
+        model_files::{self, ModelManifest},
+        recurrence,
+    },
+    represent::{self, RepresentationManifest},
+    rollouts::{
+        collapse,
+        comparison::{self, ComparedModel},
+        figures::{self, Starts},
+        one_step::{self, Predicting},
+        rollout::{self, RolloutManifest},
+        trajectory_columns::Columns,
+    },
+    sweep::{SweepManifest, recorded},
+    verdict::{
+        described::Descriptions,
+        evaluate::{Judged, Summary},
+        kept_report, learning,
+        report_data::{data_profile, subtitle},
+        verdict_rows::{self, verdict_row},
+    },
+};
+
+/// Write the summary, the figures and `report.html`, unless they are there and show the same.
+pub(crate) fn write(job: &Job, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary))
+}
+
+fn write_all(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+    write_json(&paths.evaluate().join("summary.json"), summary)?;
+    let directory = paths.evaluate().join("figures");
+    write_comparisons(&directory, report)?;
+    for sensitivity in &report.sensitivities {
+        let name = format!("sensitivity-{}", sensitivity.sensor);
+        figures::write(&directory, &name, &sensitivity.figure()?)?;
+    }
+    for curves in &report.learning {
+        let environment = curves.environment.to_lowercase().replace(' ', "-");
+        let name = format!("learning-{}-{environment}", curves.sensor);
+        figures::write(&directory, &name, &curves.figure()?)?;
+    }
+    for rollout in &report.rollouts {
+        figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
+    }
+    write_page(paths, report)
+}
+
+/// Write `report.html`.
+pub(crate) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> {
+    let html = report.html()?;
+    if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
+        calib_files::remove_temporaries(directory, Below::Unknown)?;
+    }
+    Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
+}
+
+/// Write the figures that show all sensors, or all models, beside each other.
+pub(crate) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Result<()> {
+    if !report.sensitivities.is_empty() {
+        figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
+    }
+    for recorded in &report.recorded {
+        figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
+    }
+    let names = placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
+    for (grid, name) in report.rollout_grids.iter().zip(names) {
+        figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?;
+    }
+    Ok(())
+}
+
+/// Sensors in a deployment or of a model, as parts of file names: "PIT300 (april)" is `PIT300-april`. Those that would
+/// then be called alike keep the names that they have.
+pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let sensors: Vec<&str> = sensors.collect();
+    let short = |sensor: &str| sensor.replace(" (", "-").replace(", ", "-").replace(')', "");
+    let alike = |sensor: &str| {
+        let name = short(sensor);
+        sensors.iter().filter(|other| short(other) == name || **other == name).count() > 1
+    };
+    let name = |&sensor: &&str| if alike(sensor) { sensor.to_owned() } else { short(sensor) };
+    sensors.iter().map(name).collect()
+}
+
+/// Everything that is known of a finished sweep and its model.
+pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
+    let cannot = || {
+        let page = judged.paths().report();
+        let page = page.display();
+        format!(
+            "{page} cannot be written; if results were edited, the steps with --force make them again"
+        )
+    };
+    assembled(judged).with_context(cannot)
+}
+
+fn assembled(judged: &Judged) -> anyhow::Result<Report> {
+    let Judged { job, manifest: sweep, summary, results } = judged;
+    let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let model: ModelManifest = artefact::require(&paths.model(), &build)?;
+    ensure!(
+        model.has_profile(&paths.model()),
+        "profile.json of the model in {} is not what was written; run `{build}` to make it again",
+        paths.model().display()
+    );
+    let profile = model_files::read_profile(&paths.model())?;
+    let rollouts = rollout::finished(job, &model.content()?)?;
+    let descriptions = Descriptions::of(job, &profile)?;
+    let (shown, mut starts) = match &rollouts {
+        Some(rollouts) => rollout_figures(paths, rollouts)?,
+        None => (Vec::new(), Vec::new()),
+    };
+    for of in &mut starts {
+        of.unit = descriptions.words(&of.sensor);
+    }
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
+    let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
+    let mut report = Report {
+        title: summary.title.clone(),
+        subtitle: Some(subtitle(&profile, &model, judged)),
+        score: Score::nrmse(),
+        decision: None,
+        verdicts: summary
+            .verdicts
+            .iter()
+            .map(|verdict| verdict_row(verdict, sweep, study))
+            .collect(),
+        warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
+        sensitivities: summary
+            .verdicts
+            .iter()
+            .map(|verdict| {
+                verdict_rows::sensitivity(verdict, &sweep.candidates, study.model_name())
+            })
+            .collect(),
+        learning: learning::curves(&study.sweep.sensors, &sweep.candidates, results)?,
+        recorded: kept,
+        rollouts: shown,
+        rollout_grids: grids.collect(),
+        jumps: jumps(&model),
+        tables: tables(job, &model, rollouts.as_ref())?,
+        data: Some(data_profile(&profile, &model, judged)),
+        reproduction: reproduction(job, &commands(&[study]), sweep)?,
+    };
+    descriptions.put_into(&mut report);
+    Ok(report)
+}
+
+/// What the rollouts were like, and the representations that could be used.
+fn tables(
+    job: &Job,
+    model: &ModelManifest,
+    rollouts: Option<&RolloutManifest>,
+) -> anyhow::Result<Vec<Table>> {
+    let (study, paths) = (job.study(), job.layout());
+    let name = study.model_name();
+    let mut tables = Vec::new();
+    if let Some(rollouts) = rollouts {
+        tables.extend(collapse::report_table(name, &rollouts.collapse));
+        let one_step = Predicting::read(name, job, &rollouts.model)?;
+        tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
+        let members = rollouts.members.len();
+        // Beside no other model the means are all there is to show.
+        let compared = rollouts.comparison.as_ref();
+        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        tables.extend(comparison::report_tables(compared.as_slice())?);
+        tables.extend(starts_table(name, rollouts));
+    }
+    tables.extend(recurrence::report_table(model));
+    tables.extend(representation_table(study, paths));
+    Ok(tables)
+}
+
+/// How many start states each member lacks, and how far what stands for them is; none where all are there.
+pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Table> {
+    let all = rollouts.members.iter().map(|member| &member.starts);
+    if all.clone().all(|starts| starts.mean_distance.is_none()) {
+        return None;
+    }
+    let cell = |distance: Option<f64>| distance.map_or(Cell::Missing, Cell::Number);
+    let rows = all.enumerate().map(|(member, starts)| {
+        vec![
+            Cell::Text(format!("member {member}")),
+            Cell::Count(starts.starts as u64),
+            Cell::Count(starts.replaced as u64),
+            cell(starts.mean_distance),
+            cell(starts.largest_distance),
+        ]
+    });
+    let columns = ["member", "start states", "in the block left out", "mean distance", "largest"];
+    Some(Table {
+        title: "Start states".to_owned(),
+        caption: format!(
+            "{model}: a start state that lies in the block that a member leaves out, or in no block because it is of \
+             the deployment, is replaced by the nearest that the member has. Distances are from what was asked for \
+             to what stands for it, in the metric of the model."
+        ),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+        best: None,
+    })
+}
+
+/// The representations that could be used, if the study has any.
+pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
+    (study.representation.kind != RepresentationKind::None)
+        .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
+        .flatten()
+        .map(|manifest| represent::report_table(&manifest))
+}
+
+/// The rollouts over what was recorded, and all starts that they were made from.
+pub(crate) fn rollout_figures(
+    paths: &Layout,
+    manifest: &RolloutManifest,
+) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
+    let mut columns =
+        ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
+    let of_sensors = Columns::of(&manifest.sensors).into_iter();
+    columns.extend(of_sensors.flat_map(|named| [named.physical, named.recorded]));
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let path = paths.rollout().join("trajectories.parquet");
+    let trajectories = read_parquet_columns(&path, &columns)?;
+    let (sensors, period_secs) = (&manifest.sensors, manifest.period_secs);
+    let shown = figures::rollouts(&trajectories, sensors, period_secs)?;
+    Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
+}
+
+fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
+    let members = model.members.iter().enumerate();
+    members
+        .filter_map(|(member, summary)| {
+            let jumps = summary.jumps.as_ref()?;
+            Some(JumpStatistics {
+                model: model.study.model_name().to_owned(),
+                member,
+                steps: jumps.steps as u64,
+                jump_rate: jumps.jump_rate,
+                departure_rate: jumps.departure_rate,
+                mean_run_length: jumps.mean_run_length,
+                note: jump_text::note(jumps, summary.transitions).map(str::to_owned),
+            })
+        })
+        .collect()
+}
+
+/// The commands that make the report of studies that differ in their models only.
+pub(crate) fn commands(models: &[&Study]) -> Vec<&'static str> {
+    let represented = |study: &&Study| {
+        !study.is_parametric() && study.representation.kind != RepresentationKind::None
+    };
+    let pretrained =
+        |study: &&Study| study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none();
+    let needed = [
+        ("pretrain", models.iter().any(pretrained)),
+        ("represent", models.iter().any(represented)),
+    ];
+    let needed = needed.into_iter().filter(|(_, needed)| *needed).map(|(command, _)| command);
+    needed.chain(["build-model", "rollout", "sweep", "evaluate"]).collect()
+}
+
+fn reproduction(
+    job: &Job,
+    commands: &[&str],
+    sweep: &SweepManifest,
+) -> anyhow::Result<Reproduction> {
+    let written = job.whole()?;
+    let laid_over = job.profile().map_or_else(String::new, |name| {
+        format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
+    });
+    Ok(Reproduction {
+        command: command_lines(job, commands),
+        study_toml: laid_over + &toml::to_string(&written)?,
+        versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
+        seeds: vec![("study".to_owned(), written.seed)],
+        fingerprint: sweep.data.to_string(),
+    })
+}
+
+/// What to type, one command a line.
+pub(crate) fn command_lines(job: &Job, commands: &[&str]) -> String {
+    commands.iter().map(|command| job.reproduction(command)).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_of_sensors_have_names_of_their_own() {
+        let deployed = ["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"];
+        assert_eq!(
+            placed(deployed.into_iter()),
+            ["PIT300-april", "PIT300-july", "PIT300-july-week"]
+        );
+        let alike = ["X (1)", "X-1", "X, 1", "X 1", "X (1"];
+        let names = placed(alike.into_iter());
+        for (place, name) in names.iter().enumerate() {
+            assert!(!names[..place].contains(name), "{names:?}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What the report says about the data.
+
+use calib_data::{ChannelProfile, Profile, format_time};
+use calib_report::{Channel, ChannelStatus, DataProfile};
+
+use crate::{model::model_files::ModelManifest, sweep::SweepManifest, verdict::evaluate::Judged};
+
+/// What was learned from, and what it was judged by.
+pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged) -> String {
+    let [first, last] = training_times(profile, model);
+    let learned = format!("Learned from {first} to {last}");
+    match &judged.manifest.held_out {
+        Some(held_out) => {
+            let [start, end] = &held_out.times;
+            let name = judged.job.deployment();
+            let name = name.map_or_else(String::new, |name| format!("{name}, "));
+            let windows = windows(&judged.manifest, held_out.rows);
+            format!(
+                "{learned}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
+            )
+        }
+        None => format!("{learned}; no data was held out."),
+    }
+}
+
+/// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
+fn windows(manifest: &SweepManifest, held_out_rows: u64) -> String {
+    let (count, steps) = (manifest.windows.len(), manifest.span.steps);
+    let share = (count * steps) as f64 / held_out_rows as f64;
+    let of = if count == 1 { "window" } else { "windows" };
+    format!(
+        "{count} {of} of {} steps ({} of the states)",
+        calib_report::count(steps as u64),
+        calib_report::percent(share)
+    )
+}
+
+/// Of what the model was built from: agents may be pre-trained on the rest of the training range.
+fn training_times(profile: &Profile, model: &ModelManifest) -> [String; 2] {
+    let train = &profile.train;
+    model.times.clone().unwrap_or_else(|| [train.start, train.end].map(format_time))
+}
+
+/// What the data looked like, and what was kept of it.
+pub(crate) fn data_profile(
+    profile: &Profile,
+    model: &ModelManifest,
+    judged: &Judged,
+) -> DataProfile {
+    let train = &profile.train;
+    let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
+    let mut facts = vec![
+        fact("rows of the log", profile.rows),
+        fact("files", profile.files as u64),
+        fact("gaps", profile.gaps.count),
+        fact(
+            "duplicate rows dropped",
+            profile.duplicates.identical + profile.duplicates.conflicting,
+        ),
+        fact("steps back in time", profile.backward_steps.count),
+        fact("rows dropped for missing values", train.dropped_rows),
+        fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
+    ];
+    facts.extend(deployment_facts(judged));
+    let [first, last] = training_times(profile, model);
+    DataProfile {
+        rows: model.rows as u64,
+        segments: model.segments as u64,
+        period_secs: model.period.as_secs(),
+        first,
+        last,
+        facts,
+        channels: profile.channels.iter().map(channel).collect(),
+    }
+}
+
+const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
+
+/// What is known of the deployment that was judged by.
+pub(crate) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
+    let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
+    let [first, last] = &held_out.times;
+    let values = [calib_report::count(held_out.rows), format!("{first} to {last}")];
+    HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
+}
+
+/// Whether a fact is one of those.
+pub(crate) fn is_of_deployment(fact: &str) -> bool {
+    HELD_OUT.contains(&fact)
+}
+
+fn channel(of: &ChannelProfile) -> Channel {
+    Channel {
+        name: of.name.clone(),
+        unit: None,
+        min: of.values.as_ref().map(|values| values.min),
+        max: of.values.as_ref().map(|values| values.max),
+        missing: of.missing_fraction,
+        status: of
+            .dropped
+            .as_ref()
+            .map_or(ChannelStatus::Kept, |reason| ChannelStatus::Dropped(reason.to_string())),
+    }
+}

@@ -1,0 +1,231 @@
+//! Verdicts and sensitivity curves of a sweep as the report's rows.
+
+use calib_report::{
+    Agreement, Alternative, ErrorCurve, ErrorSource, Grade, RankCurve, Reason, Samples, Score,
+    Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
+};
+use calib_stats::Summary;
+use calib_study::Study;
+use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, Sampling, SensorVerdict, Truth};
+
+use crate::sweep::{SweepManifest, streams::part_name};
+
+/// The swept field, or all of them where there are several.
+pub(crate) fn field(candidates: &[Candidate]) -> String {
+    let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
+    fields.collect::<Vec<_>>().join(", ")
+}
+
+/// The value of a candidate: a number where one numeric field is swept, else its label.
+pub(crate) fn setting(candidate: &Candidate) -> Setting {
+    match candidate.values.as_slice() {
+        [(_, value)] => value
+            .as_f64()
+            .map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number),
+        _ => Setting::Name(candidate.label()),
+    }
+}
+
+/// The values of the grid along an axis. A step size of 0, the agent as it was pre-trained, has no place on a
+/// logarithmic axis: values beside it are evenly spaced names.
+fn axis(grid: &[&Candidate]) -> Vec<Setting> {
+    let values: Vec<Setting> = grid.iter().map(|candidate| setting(candidate)).collect();
+    let zero = values.iter().any(|value| value.as_number() == Some(0.0));
+    let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
+    values.into_iter().map(named).collect()
+}
+
+/// The verdict on one sensor in words: what to deploy, then the reasons.
+pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
+    [verdict.headline()].into_iter().chain(verdict.reasons(&Score::nrmse())).collect()
+}
+
+/// What the report says of a sensor.
+pub(crate) fn verdict_row(
+    verdict: &SensorVerdict,
+    sweep: &SweepManifest,
+    study: &Study,
+) -> Verdict {
+    let candidates = &sweep.candidates;
+    let of = |index: usize| setting(&candidates[index]);
+    let selection = &verdict.selection;
+    let streams = |of: &EnvironmentScores| of.streams;
+    let of_members: usize = verdict.members.iter().map(streams).sum();
+    let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
+    let log = verdict.log_replay.as_ref();
+    let sources = log.map_or(Sources::Members, |_| Sources::MembersAndLog);
+    Verdict {
+        sensor: verdict.sensor.clone(),
+        field: field(candidates),
+        model: study.model_name().to_owned(),
+        chosen: of(verdict.chosen),
+        grade: match verdict.grade {
+            calib_sweep::Grade::Good => Grade::Good,
+            calib_sweep::Grade::Fair => Grade::Fair,
+            calib_sweep::Grade::Poor => Grade::Poor,
+            calib_sweep::Grade::NotLearnt => Grade::NotLearnt,
+            calib_sweep::Grade::Unchecked => Grade::Unchecked,
+        },
+        reason: match verdict.rule {
+            Rule::WorstRank => Reason::WorstRank,
+            Rule::MeanRank => Reason::MeanRank,
+            Rule::MeanError => Reason::MeanError,
+            Rule::MeanLogError => Reason::MeanLogError { streams: of_members },
+            Rule::Pooled => Reason::Pooled { streams: of_all, sources },
+            Rule::LogReplay => Reason::LogReplay { streams: of_all - of_members },
+            Rule::OneStandardError => Reason::OneStandardError { streams: of_all, sources },
+        },
+        evidence: told(&verdict.scores),
+        tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
+        worst_rank: selection.worst_ranks[verdict.chosen],
+        values: selection.worst_ranks.len(),
+        members: verdict.members.len(),
+        stability: verdict
+            .stability
+            .iter()
+            .map(|of| (setting(&candidates[of.candidate]), of.share))
+            .collect(),
+        online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
+        alternatives: verdict
+            .truth
+            .iter()
+            .flat_map(|truth| &truth.baselines)
+            .map(|other| Alternative {
+                way: way(other.baseline),
+                value: other.chosen.map(of),
+                regret: other.regret,
+            })
+            .collect(),
+        notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
+    }
+}
+
+/// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
+fn at_the_end(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<String> {
+    let candidates = &sweep.candidates;
+    let numbers: Vec<f64> =
+        candidates.iter().map(|of| setting(of).as_number()).collect::<Option<_>>()?;
+    let online = verdict.truth.as_ref();
+    let told_apart = match online {
+        Some(truth) => truth.regrets.as_deref().is_some_and(|of| told(of) == Told::Apart),
+        None => told(&verdict.scores) == Told::Apart,
+    };
+    if sweep.study.sweep.sampling != Sampling::Grid || numbers.len() < 3 || !told_apart {
+        return None;
+    }
+    let best = numbers[online.map_or(Some(verdict.chosen), |truth| truth.best)?];
+    let end = if numbers.iter().all(|&number| number <= best) {
+        "largest"
+    } else if best > 0.0 && numbers.iter().all(|&number| number >= best) {
+        "smallest"
+    } else {
+        return None;
+    };
+    let whose = if online.is_some() { "the best value on held-out data" } else { "the choice" };
+    Some(format!(
+        "{whose} is the {end} of the grid: better ones may lie beyond it; add some to sweep.grid"
+    ))
+}
+
+fn agreement(
+    verdict: &SensorVerdict,
+    truth: &Truth,
+    sweep: &SweepManifest,
+    study: &Study,
+) -> Agreement {
+    let candidates = &sweep.candidates;
+    let best = truth.best.unwrap_or(verdict.chosen);
+    let choice = &truth.choice;
+    Agreement {
+        part: part_name(verdict.part).to_owned(),
+        windows: truth.windows.len(),
+        runs: truth.scores.runs,
+        // Of every window the best value has no regret: where all have none, all have the same error.
+        values: truth.regrets.as_deref().map_or(Told::Apart, told),
+        stands_still: sweep.standing_still.contains(&verdict.sensor),
+        chosen_error: choice.online_error,
+        chosen_skill: truth.scores.skill[verdict.chosen],
+        best: setting(&candidates[best]),
+        best_error: truth.scores.candidates[best].mean,
+        best_skill: truth.scores.skill[best],
+        regret: choice.regret,
+        against_default: choice.against_default,
+        spearman: choice.spearman,
+        kendall: choice.kendall,
+        // All values are among as many best.
+        top_k: (study.evaluate.top_k < candidates.len())
+            .then_some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
+    }
+}
+
+const fn way(baseline: Baseline) -> Way {
+    match baseline {
+        Baseline::Default => Way::Default,
+        Baseline::LogReplay => Way::LogReplay,
+        Baseline::LatestWindow => Way::LatestWindow,
+        Baseline::Random => Way::Random,
+        Baseline::Hindsight => Way::Hindsight,
+        Baseline::AnotherWindow => Way::AnotherWindow,
+    }
+}
+
+/// The sensitivity curves of a sensor.
+pub(crate) fn sensitivity(
+    verdict: &SensorVerdict,
+    candidates: &[Candidate],
+    model: &str,
+) -> Sensitivity {
+    let grid: Vec<&Candidate> = candidates.iter().collect();
+    let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
+        label: label.to_owned(),
+        source,
+        over: if scores.streams == 1 { Samples::Runs } else { Samples::Windows },
+        summaries: scores.candidates.iter().copied().map(Some).collect::<Vec<Option<Summary>>>(),
+    };
+    let mut errors = Vec::new();
+    if let Some(truth) = &verdict.truth {
+        errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
+    }
+    if let Some(replay) = &verdict.log_replay {
+        errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
+    }
+    errors.extend(evidence(verdict, model));
+    Sensitivity {
+        sensor: verdict.sensor.clone(),
+        field: field(candidates),
+        score: Score::nrmse(),
+        values: axis(&grid),
+        errors,
+        worst_ranks: vec![RankCurve {
+            label: format!("{model}, worst rank"),
+            worst_ranks: verdict.selection.worst_ranks.clone(),
+        }],
+        chosen: Some(verdict.chosen),
+        default: grid.iter().position(|candidate| candidate.is_default),
+    }
+}
+
+/// The curve that decided, where values are chosen by their mean logarithms: geometric means of the errors.
+fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
+    if !verdict.rule.is_by_logarithms() {
+        return None;
+    }
+    let streams = verdict.members.iter().chain(&verdict.log_replay).map(|of| of.streams).sum();
+    let point = |&mean_log: &f64| {
+        let mean = mean_log.exp();
+        let diverged = usize::from(mean.is_infinite());
+        Some(Summary { mean, std: None, interval: None, runs: streams, diverged })
+    };
+    Some(ErrorCurve {
+        label: format!("{model}, by which it chose"),
+        source: ErrorSource::Evidence,
+        over: Samples::Streams,
+        summaries: verdict.scores.iter().map(point).collect(),
+    })
+}
+
+/// Whether any of these numbers differs from another. A single one has none to differ from.
+fn told(numbers: &[f64]) -> Told {
+    let differ = numbers.len() < 2 || numbers.windows(2).any(|pair| pair[0] != pair[1]);
+    if differ { Told::Apart } else { Told::Alike }
+}

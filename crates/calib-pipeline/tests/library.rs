@@ -1,0 +1,90 @@
+//! A study that is run by the library is the study that the command line runs.
+
+use std::{
+    io,
+    sync::{Arc, Mutex},
+};
+
+use calib_core::Monitor;
+use calib_pipeline::{Job, Observer, Outcome, Printer, Remark, Request, Shown, output::Result};
+
+const STUDY: &str = "\
+[simulate]\ndays = 3\nchannels = 8\nperiod_secs = 60\n\
+[data]\npath = \"plant\"\ntrain_fraction = 0.7\n\
+[agent]\nvalue_function = \"linear\"\ngamma = 0.9\nbatch_size = 16\n\
+[rollout]\nsteps = 200\n\
+[sweep]\nsensors = [\"PIT300\"]\nsteps = 600\nonline_runs = 2\nmember_runs = 1\nlog_replay_runs = 2\n\
+[sweep.grid]\nlearning_rate = [1e-4, 1e-2]\n";
+
+/// Keeps what it is told.
+#[derive(Default)]
+struct Kept {
+    results: Mutex<Vec<String>>,
+    remarks: Mutex<Vec<String>>,
+    /// Asks to stop once this was said.
+    until: Option<&'static str>,
+    stop: Arc<Mutex<bool>>,
+}
+
+struct Watching(Arc<Mutex<bool>>);
+
+impl Monitor for Watching {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        *self.0.lock().expect("no panic")
+    }
+}
+
+impl Observer for Kept {
+    fn remark(&self, remark: Remark<'_>) {
+        let text = format!("{remark:?}");
+        if self.until.is_some_and(|until| text.contains(until)) {
+            *self.stop.lock().expect("no panic") = true;
+        }
+        self.remarks.lock().expect("no panic").push(text);
+    }
+
+    fn result(&self, result: Result<'_>) -> io::Result<()> {
+        self.results.lock().expect("no panic").push(format!("{result:?}"));
+        Ok(())
+    }
+
+    fn progress(&self, _shown: Shown) -> Box<dyn Monitor> {
+        Box::new(Watching(Arc::clone(&self.stop)))
+    }
+}
+
+#[test]
+fn a_study_is_run_stopped_and_gone_on_with() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("study.toml");
+    std::fs::write(&file, STUDY).expect("writable");
+    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let stopping = Kept { until: Some("Heading(\"sweep\")"), ..Kept::default() };
+    let stopped = calib_pipeline::run(&job, &Printer::new(Arc::new(stopping)));
+    assert!(stopped.expect_err("it is asked to stop").was_interrupted());
+    assert!(folder.path().join("study-results/model/manifest.json").exists());
+    assert!(!folder.path().join("study-results/sweep/manifest.json").exists());
+    let going_on = Arc::new(Kept::default());
+    let ended = calib_pipeline::run(&job, &Printer::new(Arc::<Kept>::clone(&going_on)));
+    assert!(matches!(ended, Ok(Outcome::Done | Outcome::Negative)), "{ended:?}");
+    let remarks = going_on.remarks.lock().expect("no panic").join("\n");
+    assert!(remarks.contains("up to date: "), "the model is there: {remarks}");
+    let results = going_on.results.lock().expect("no panic").join("\n");
+    assert!(results.contains("learning_rate") && results.contains("report: "), "{results}");
+}
+
+#[test]
+fn a_mistake_has_its_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("study.toml");
+    std::fs::write(&file, STUDY.replace("PIT300", "PIT301")).expect("writable");
+    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let error = calib_pipeline::run(&job, &Printer::new(Arc::new(Kept::default())))
+        .expect_err("no such sensor");
+    assert!(!error.was_interrupted());
+    assert!(error.to_string().contains("PIT301"), "{error}");
+}

@@ -1,0 +1,82 @@
+//! A study from Rust, without the command line: a small simulated plant, from its log to the verdict.
+//!
+//! ```sh
+//! cargo run --release --example study -- FOLDER
+//! ```
+
+use std::{error::Error, io, path::PathBuf, sync::Arc};
+
+use calib_core::{Monitor, Silent};
+use calib_pipeline::{
+    Job, Observer, Outcome, Printer, Remark, Request, Shown, output::Result as Answered,
+};
+
+/// Three days of a plant, and linear agents: seconds.
+const STUDY: &str = r#"
+[simulate]
+days = 3
+channels = 8
+period_secs = 60
+
+[data]
+path = "plant"
+train_fraction = 0.7
+
+[agent]
+value_function = "linear"
+gamma = 0.9
+batch_size = 16
+
+[rollout]
+steps = 200
+
+[sweep]
+sensors = ["PIT300"]
+steps = 600
+online_runs = 2
+member_runs = 1
+log_replay_runs = 2
+
+[sweep.grid]
+learning_rate = [1e-4, 1e-3, 1e-2]
+"#;
+
+/// Results and warnings on stdout, and nothing else.
+struct Brief;
+
+impl Observer for Brief {
+    #[expect(clippy::print_stdout, reason = "an example shows what it is told")]
+    fn remark(&self, remark: Remark<'_>) {
+        if let Remark::Warning(text) | Remark::Error(text) = remark {
+            println!("  ({text})");
+        }
+    }
+
+    #[expect(clippy::print_stdout, reason = "an example shows what it is told")]
+    fn result(&self, result: Answered<'_>) -> io::Result<()> {
+        let (Answered::Line(text) | Answered::Lines(text) | Answered::Json(text)) = result;
+        println!("{text}");
+        Ok(())
+    }
+
+    fn progress(&self, _shown: Shown) -> Box<dyn Monitor> {
+        Box::new(Silent)
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder: PathBuf = std::env::args_os().nth(1).ok_or("give a folder to write to")?.into();
+    std::fs::create_dir_all(&folder)?;
+    let file = folder.join("study.toml");
+    std::fs::write(&file, STUDY)?;
+    // Read once; whoever edits the file from here on changes the next run, and not this one.
+    let job = Job::resolve(Request::new(&file))?;
+    let printer = Printer::new(Arc::new(Brief));
+    match calib_pipeline::run(&job, &printer)? {
+        Outcome::Done => {}
+        other => return Err(format!("{other:?}").into()),
+    }
+    // The same steps one by one do nothing more: everything is there.
+    calib_pipeline::sweep(&job, &printer)?;
+    Ok(())
+}

@@ -1,0 +1,77 @@
+use std::io::{self, IsTerminal as _, Write as _};
+
+use calib_core::Monitor;
+use calib_pipeline::{
+    Observer, Remark, Shown,
+    output::{Lines, Result, harmless, harmless_json},
+};
+
+use super::progress::ProgressMonitor;
+use crate::cli::ColorChoice;
+
+/// Results to stdout, talk, warnings and progress to stderr.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Terminal {
+    color: bool,
+}
+
+impl Terminal {
+    /// The terminal, with colour or without.
+    pub(crate) fn new(color: ColorChoice) -> Self {
+        let color = match color {
+            ColorChoice::Always => true,
+            ColorChoice::Never => false,
+            ColorChoice::Auto => {
+                io::stderr().is_terminal()
+                    && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+            }
+        };
+        Self { color }
+    }
+
+    fn paint(self, text: &str, code: &str) -> String {
+        if self.color { format!("\x1b[{code};1m{text}\x1b[0m") } else { text.to_owned() }
+    }
+}
+
+impl Observer for Terminal {
+    fn remark(&self, remark: Remark<'_>) {
+        let one = |text| harmless(text, Lines::One);
+        eprint_line(&match remark {
+            Remark::Talk(text) => one(text).into_owned(),
+            Remark::Table(text) => harmless(text, Lines::Several).into_owned(),
+            Remark::Heading(text) => self.paint(&one(text), "1"),
+            Remark::Warning(text) => format!("{} {}", self.paint("warning:", "33"), one(text)),
+            Remark::Error(text) => format!("{} {}", self.paint("error:", "31"), one(text)),
+        });
+    }
+
+    fn result(&self, result: Result<'_>) -> io::Result<()> {
+        let text = match result {
+            Result::Line(text) => harmless(text, Lines::One),
+            Result::Lines(text) => harmless(text, Lines::Several),
+            Result::Json(text) => harmless_json(text),
+        };
+        match writeln!(io::stdout().lock(), "{text}") {
+            // `calib … | head` is no failure.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            other => other,
+        }
+    }
+
+    fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
+        Box::new(ProgressMonitor::new(shown))
+    }
+}
+
+/// Lines of a file that an error is about.
+pub(crate) fn excerpt(excerpt: &str) {
+    for line in excerpt.lines() {
+        eprint_line(&harmless(line, Lines::One));
+    }
+}
+
+fn eprint_line(text: &str) {
+    // A closed stderr is no reason to stop working.
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}

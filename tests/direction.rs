@@ -1,0 +1,256 @@
+//! Dependencies point one way: between crates, and between the rooms of the pipeline.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Names, and what each uses.
+type Graph = BTreeMap<String, BTreeSet<String>>;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// All Rust files below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|of| of == "rs") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// A way round, if there is one: each uses the next, and the last the first.
+fn circle(graph: &Graph) -> Option<Vec<String>> {
+    fn from(
+        graph: &Graph,
+        path: &mut Vec<String>,
+        done: &mut BTreeSet<String>,
+    ) -> Option<Vec<String>> {
+        let here = path.last()?.clone();
+        for next in graph.get(&here).into_iter().flatten() {
+            if let Some(start) = path.iter().position(|of| of == next) {
+                return Some(path[start..].to_vec());
+            }
+            if !done.contains(next) {
+                path.push(next.clone());
+                if let Some(found) = from(graph, path, done) {
+                    return Some(found);
+                }
+                path.pop();
+            }
+        }
+        done.insert(here);
+        None
+    }
+    let mut done = BTreeSet::new();
+    graph.keys().find_map(|start| from(graph, &mut vec![start.clone()], &mut done))
+}
+
+/// The crates of the workspace, and which of them each is built from.
+fn crates() -> Graph {
+    let mut graph = Graph::new();
+    for entry in fs::read_dir(root().join("crates")).expect("crates").flatten() {
+        let name = entry.file_name().into_string().expect("a name");
+        let manifest = read(&entry.path().join("Cargo.toml"));
+        let (_, own) = manifest.split_once("[dependencies]").expect("dependencies");
+        let own = own.split("\n[dev-dependencies]").next().unwrap_or(own);
+        let used = own.lines().filter_map(|line| line.split(['.', ' ']).next());
+        let used = used.filter(|name| name.starts_with("calib-")).map(str::to_owned);
+        graph.insert(name, used.collect());
+    }
+    graph
+}
+
+#[test]
+fn a_circle_is_found() {
+    let graph = |edges: &[(&str, &str)]| {
+        let mut graph = Graph::new();
+        for (from, to) in edges {
+            graph.entry((*from).to_owned()).or_default().insert((*to).to_owned());
+        }
+        graph
+    };
+    assert_eq!(circle(&graph(&[("a", "b"), ("b", "c"), ("a", "c")])), None);
+    let around = circle(&graph(&[("a", "b"), ("b", "c"), ("c", "b")])).expect("b → c → b");
+    assert_eq!(around, ["b", "c"]);
+}
+
+#[test]
+fn rooms_of_the_pipeline_have_no_circles() {
+    let folder = root().join("crates/calib-pipeline/src");
+    let mut graph = Graph::new();
+    for path in sources(&folder) {
+        let inside = path.strip_prefix(&folder).expect("inside");
+        let mut parts = inside.iter().map(|part| part.to_string_lossy().into_owned());
+        let room = parts.next().expect("a file").trim_end_matches(".rs").to_owned();
+        // What others call, and what they may see, stand above all rooms.
+        if room == "lib" || room == "steps" {
+            continue;
+        }
+        let text = read(&path);
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        let mut used = BTreeSet::new();
+        for (place, _) in code.match_indices("crate::") {
+            let rest = &code[place + "crate::".len()..];
+            let names = match rest.strip_prefix('{') {
+                Some(list) => outer_names(list),
+                None => vec![first_name(rest)],
+            };
+            used.extend(names.into_iter().filter(|name| *name != room && !name.is_empty()));
+        }
+        used.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
+        graph.entry(room).or_default().extend(used);
+    }
+    assert!(graph.len() > 9, "{graph:?}");
+    assert_eq!(circle(&graph), None);
+}
+
+fn first_name(text: &str) -> String {
+    text.chars().take_while(|of| of.is_alphanumeric() || *of == '_').collect()
+}
+
+/// The first names of a list of imports, `a::{b, c}, d}`, as far as its closing brace.
+fn outer_names(list: &str) -> Vec<String> {
+    let (mut depth, mut names, mut name) = (0, Vec::new(), String::new());
+    for letter in list.chars() {
+        match letter {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => names.push(std::mem::take(&mut name)),
+            other if depth == 0 => name.push(other),
+            _ => {}
+        }
+    }
+    names.push(name);
+    names.iter().map(|name| first_name(name.trim())).collect()
+}
+
+#[test]
+fn crates_have_no_circles_and_the_low_ones_know_nobody() {
+    let graph = crates();
+    assert!(graph.len() > 15, "{graph:?}");
+    assert_eq!(circle(&graph), None);
+    for lonely in ["calib-stats", "calib-dtw"] {
+        assert!(graph[lonely].is_empty(), "{lonely} uses {:?}", graph[lonely]);
+    }
+    for (name, used) in &graph {
+        let pipeline = used.contains("calib-pipeline");
+        assert!(!pipeline, "{name} uses the pipeline, which only what runs a study does");
+    }
+}
+
+/// The crates as a picture: an arrow to each that one is built from, but to those that it has through another one anyway.
+fn picture() -> String {
+    let mut graph = crates();
+    let (_, own) = read(&root().join("Cargo.toml"))
+        .rsplit_once("\n[dependencies]\n")
+        .map(|(before, own)| (before.to_owned(), own.to_owned()))
+        .expect("dependencies");
+    let own = own.split("\n[").next().unwrap_or_default();
+    let used = own.lines().filter_map(|line| line.split(['.', ' ']).next());
+    let used = used.filter(|name| name.starts_with("calib-")).map(str::to_owned);
+    graph.insert("calib".to_owned(), used.collect());
+    let mut lines = vec!["```mermaid".to_owned(), "graph TD".to_owned()];
+    for (name, used) in &graph {
+        let direct = used
+            .iter()
+            .filter(|one| !used.iter().any(|other| other != *one && reaches(&graph, other, one)));
+        lines.extend(direct.map(|one| format!("    {} --> {}", short(name), short(one))));
+    }
+    lines.push("```".to_owned());
+    lines.join("\n")
+}
+
+fn short(name: &str) -> &str {
+    name.strip_prefix("calib-").unwrap_or(name)
+}
+
+fn reaches(graph: &Graph, from: &str, to: &str) -> bool {
+    graph.get(from).into_iter().flatten().any(|next| next == to || reaches(graph, next, to))
+}
+
+#[test]
+fn the_picture_of_the_crates_is_true() {
+    let told = read(&root().join("ARCHITECTURE.md"));
+    assert!(
+        told.contains(&picture()),
+        "`cargo test --release --test direction draw_the_crates -- --ignored` draws it anew"
+    );
+}
+
+#[test]
+#[ignore = "writes ARCHITECTURE.md"]
+fn draw_the_crates() {
+    let path = root().join("ARCHITECTURE.md");
+    let told = read(&path);
+    let (before, rest) = told.split_once("```mermaid").expect("a picture");
+    let (_, after) = rest.split_once("```").expect("its end");
+    fs::write(&path, format!("{before}{}{after}", picture())).expect("writable");
+}
+
+#[test]
+fn a_heavy_dependency_has_one_package() {
+    let owners = [
+        ("polars", "calib-data"),
+        ("kiddo", "calib-knn"),
+        ("gemm", "calib-nn"),
+        ("tch", "calib-torch"),
+    ];
+    let mut manifests = vec![(String::from("calib"), read(&root().join("Cargo.toml")))];
+    for name in crates().into_keys() {
+        let text = read(&root().join("crates").join(&name).join("Cargo.toml"));
+        manifests.push((name, text));
+    }
+    for (name, text) in &manifests {
+        let (_, own) = text.rsplit_once("\n[dependencies]").expect("dependencies");
+        let own = own.split("\n[dev-dependencies]").next().unwrap_or(own);
+        for (heavy, owner) in owners {
+            let names_it = own.lines().any(|line| {
+                line.starts_with(&format!("{heavy}.")) || line.starts_with(&format!("{heavy} "))
+            });
+            assert!(!names_it || name == owner, "{name} names {heavy}, which is {owner}'s");
+        }
+    }
+}
+
+#[test]
+fn no_function_is_longer_than_a_screen_and_a_half() {
+    const LONGEST: usize = 80;
+    let folders = [root().join("src"), root().join("crates")];
+    let files = folders.iter().flat_map(|folder| sources(folder));
+    let files = files.filter(|path| path.iter().any(|part| part == "src"));
+    let mut long = Vec::new();
+    for path in files {
+        let text = read(&path);
+        let mut begun: Option<(usize, usize)> = None;
+        for (number, line) in text.lines().enumerate() {
+            let indent = line.len() - line.trim_start().len();
+            let begins = line.trim_start().split(' ').take(4).any(|word| word == "fn");
+            if begun.is_none() && begins && !line.trim_end().ends_with(';') {
+                begun = Some((number, indent));
+            } else if let Some((start, of)) = begun
+                && indent == of
+                && line.trim_start().starts_with('}')
+            {
+                if number - start + 1 > LONGEST {
+                    long.push(format!("{}:{}: {}", path.display(), start + 1, number - start + 1));
+                }
+                begun = None;
+            }
+        }
+    }
+    assert!(long.is_empty(), "longer than {LONGEST} lines:\n{}", long.join("\n"));
+}
