@@ -29,6 +29,8 @@ const BUILD: f64 = 0.2;
 const SHORT: usize = 150;
 /// How much longer the others are.
 const LONGER: usize = 4;
+/// The folder of what costs are measured with.
+const COSTS: &str = "costs";
 /// How often a horizon is halved until some step can be scored.
 const HALVED: usize = 6;
 
@@ -70,9 +72,10 @@ pub(super) struct Trials<'a> {
 }
 
 impl Trials<'_> {
-    fn job(&self, text: String) -> anyhow::Result<Job> {
+    /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
+    fn job(&self, text: String, folder: &str) -> anyhow::Result<Job> {
         let request = Request {
-            output: Some(self.place.0.clone()),
+            output: Some(self.place.0.join(folder)),
             set: self.args.set.clone(),
             ..Request::new(&self.args.study)
         };
@@ -91,7 +94,7 @@ impl Trials<'_> {
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
             let apart = span(period_secs * spacing as f64);
-            let job = self.job(text(spacing))?;
+            let job = self.job(text(spacing), &format!("spacing-{spacing}"))?;
             let clock = Stopwatch::start();
             build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
             let secs = clock.elapsed().as_secs_f64();
@@ -139,7 +142,7 @@ impl Trials<'_> {
         let steps = |of: usize| of.min(most_steps);
         let short = steps(SHORT.max(2 * horizon.states as usize));
         let clock = Stopwatch::start();
-        let job = self.job(text(short, *horizon).0)?;
+        let job = self.job(text(short, *horizon).0, COSTS)?;
         build_model::run(&job, &BuildOptions::default(), silent)?;
         rollout::run(&job, silent)?;
         let before_sweep = clock.elapsed().as_secs_f64();
@@ -149,7 +152,7 @@ impl Trials<'_> {
             swept.push((text(steps, *horizon).1.agent_steps(), secs));
         }
         let clock = Stopwatch::start();
-        let job = self.job(text(steps(LONGER * short), *horizon).0)?;
+        let job = self.job(text(steps(LONGER * short), *horizon).0, COSTS)?;
         evaluate::run(&job, silent)?;
         let judged = clock.elapsed().as_secs_f64();
         let [(less, quick), (more, slow)] = [swept[0], swept[1]];
@@ -167,7 +170,7 @@ impl Trials<'_> {
         text: &impl Fn(usize, Horizon) -> (String, Size),
     ) -> anyhow::Result<f64> {
         for _ in 0..HALVED {
-            let job = self.job(text(steps, *horizon).0)?;
+            let job = self.job(text(steps, *horizon).0, COSTS)?;
             let clock = Stopwatch::start();
             match sweep::run(&job, &Counted::default(), &self.printer.silent()) {
                 Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
