@@ -4,6 +4,8 @@ use std::{fs, path::Path};
 
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet, write_log};
+use calib_files::{read_json, write_sealed_json};
+use serde_json::{Value, json};
 
 use crate::harness::Place;
 
@@ -190,7 +192,7 @@ fn sensors_may_be_called_anything() {
     let inspected = place.calib(&["inspect", "logs"]);
     assert!(!inspected.succeeds().contains('\u{1b}'), "{}", inspected.stdout());
     let json = place.calib(&["inspect", "logs", "--json"]).succeeds();
-    assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok());
+    assert!(serde_json::from_str::<Value>(&json).is_ok());
 }
 
 #[test]
@@ -286,4 +288,41 @@ fn a_simulated_log_is_what_was_simulated() {
     fs::write(place.path().join("data/2022-11-05.parquet"), "theirs").expect("writable");
     place.calib(&[&args[..], &["--force"]].concat()).fails(2);
     assert!(day.exists() && place.path().join("data/2022-11-05.parquet").exists());
+}
+
+/// Rewrite a file of JSON under a fingerprint that fits.
+fn forge(path: &Path, change: impl FnOnce(&mut Value)) {
+    let mut value: Value = read_json(path).expect("JSON");
+    value.as_object_mut().expect("an object").remove("fingerprint");
+    change(&mut value);
+    write_sealed_json(path, &value).expect("written");
+}
+
+#[test]
+fn forged_results_are_refused_with_what_to_do() {
+    let place = place();
+    for command in ["build-model", "rollout", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let results = place.path().join("study-results");
+    let before = place.content("study-results");
+
+    let unit = results.join("sweep/units/PIT300/member-0/run-0000.json");
+    forge(&unit, |unit| unit["rows"][0]["candidate"] = json!(u64::MAX));
+    let refused = place.calib(&["evaluate", "study.toml"]).fails(2);
+    assert!(refused.contains("PIT300 in member:0, run 0"), "{refused}");
+    assert!(refused.contains("--force"), "{refused}");
+    place.calib(&["sweep", "study.toml", "--force"]).succeeds();
+
+    forge(&results.join("rollout/manifest.json"), |rollout| rollout["period_secs"] = json!(-0.0));
+    let refused = place.calib(&["evaluate", "study.toml"]).fails(2);
+    assert!(refused.contains("sample period of -0 s"), "{refused}");
+    assert!(refused.contains("--force"), "{refused}");
+    place.calib(&["rollout", "study.toml", "--force"]).succeeds();
+
+    place.calib(&["evaluate", "study.toml"]).succeeds();
+    let again = place.content("study-results");
+    for (name, bytes) in before {
+        assert_eq!(again.get(&name), Some(&bytes), "{}", name.display());
+    }
 }

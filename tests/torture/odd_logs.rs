@@ -84,7 +84,16 @@ fn odd_logs() {
         let ended = run(
             &place,
             args,
-            &["log", "data.", "sweep.sensors", "query", "channel", "held-out", "values"],
+            &[
+                "log",
+                "data.",
+                "preprocess.",
+                "sweep.sensors",
+                "query",
+                "channel",
+                "held-out",
+                "values",
+            ],
         );
         (shape, args.join(" "), ended)
     });

@@ -1,4 +1,9 @@
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::Path,
+    thread,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +40,19 @@ impl Stamp {
             self.modified_ns % 1_000_000_000 == 0 && self.changed_ns % 1_000_000_000 == 0;
         if counts_seconds { 2_000_000_000 } else { 20_000_000 }
     }
+
+    /// Wait until every later change, and every file written from now on, has a stamp later by more than a tick: for a file
+    /// that was not written just now, not at all.
+    pub fn settle(&self) {
+        let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
+        // Two: stamps are of a clock that itself moves by ticks.
+        let longest = 2 * self.tick_ns();
+        let settled = self.changed_ns.saturating_add(longest);
+        // The clock of a file system elsewhere may be ahead of ours.
+        let left = now.map_or(longest, |now| settled.saturating_sub(now).clamp(0, longest));
+        thread::sleep(Duration::from_nanos(left.unsigned_abs()));
+    }
 }
 
 fn known(found: &fs::Metadata) -> Option<Stamp> {
@@ -64,15 +82,14 @@ mod tests {
         fs::write(&path, b"content").expect("written");
         let before = Stamp::of(&path).expect("there").expect("known");
         assert_eq!(Stamp::of(&path).expect("there"), Some(before));
-        std::thread::sleep(std::time::Duration::from_nanos(before.tick_ns() as u64));
+        before.settle();
         fs::write(&path, b"Content").expect("written");
         let time = fs::File::options().write(true).open(&path).expect("there");
-        let earlier =
-            std::time::UNIX_EPOCH + std::time::Duration::from_nanos(before.modified_ns as u64);
+        let earlier = UNIX_EPOCH + Duration::from_nanos(before.modified_ns as u64);
         time.set_modified(earlier).expect("ours");
         let after = Stamp::of(&path).expect("there").expect("known");
         assert_eq!((after.bytes, after.modified_ns), (before.bytes, before.modified_ns));
-        assert_ne!(after, before);
+        assert!(after.changed_ns > before.changed_ns + before.tick_ns());
         assert!(Stamp::of(&directory.path().join("b")).is_err());
     }
 }

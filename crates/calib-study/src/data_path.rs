@@ -21,7 +21,9 @@ impl Job {
         let mut data = self.study().data.clone();
         for path in &mut data.path.0 {
             if path.is_empty() {
-                return Err(refused("data.path is empty".to_owned()));
+                return Err(refused(
+                    "data.path is empty; name a file, a folder or a pattern of logs".to_owned(),
+                ));
             }
             *path = expand(path, &variable).map_err(|reason| match reason {
                 Reason::Unclosed => refused(format!("data.path = \"{path}\": `${{` without `}}`")),

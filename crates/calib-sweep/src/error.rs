@@ -29,6 +29,18 @@ pub enum SweepError {
         /// The value.
         value: String,
     },
+    /// A result that is none of this sweep.
+    #[error(
+        "the result of {unit} is of value {candidate}, counted from 0, and the sweep has {candidates}"
+    )]
+    UnknownCandidate {
+        /// Whose result.
+        unit: Unit,
+        /// Position of the value.
+        candidate: usize,
+        /// How many there are.
+        candidates: usize,
+    },
     /// A field that no agent has.
     #[error("sweep.grid.{field} is no key of [agent]; there are: {known}")]
     UnknownField {

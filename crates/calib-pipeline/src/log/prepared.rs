@@ -244,6 +244,8 @@ impl Place {
     ) -> anyhow::Result<Prepared> {
         plant_of_study::check_days(job)?;
         memory::check_log(data)?;
+        // A log that was simulated just now is not changed unseen while it is read, and known again next time.
+        self.sources.files.iter().filter_map(|source| source.stamp).for_each(|of| of.settle());
         // Before anything is read: what is held of the log by then is a part of what it takes.
         let there = memory.or_else(memory::available);
         let study = job.study();

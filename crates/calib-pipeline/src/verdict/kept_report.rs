@@ -2,6 +2,7 @@
 
 use std::{fs, path::Path};
 
+use anyhow::Context as _;
 use calib_report::Report;
 use calib_study::Job;
 use serde::{Deserialize, Serialize};
@@ -44,7 +45,13 @@ pub(crate) fn keep(
     }
     let claim = Claim::new(&directory, Below::Ours)?;
     claim.begin()?;
-    write()?;
+    write().with_context(|| {
+        let page = job.layout().report();
+        format!(
+            "{} cannot be written; if results were edited, the steps with --force make them again",
+            page.display()
+        )
+    })?;
     let page = job.layout().report();
     let page = page.file_name().map(|name| format!("../{}", name.to_string_lossy()));
     let names: Vec<String> = files(&directory, "")?.into_iter().chain(page).collect();

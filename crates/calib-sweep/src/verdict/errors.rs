@@ -78,8 +78,13 @@ impl Errors {
             let mut run = vec![None; candidates.len()];
             let mut scored_steps = 0;
             for row in &result.rows {
-                let scale =
-                    ErrorScale::find(scales, &result.unit.sensor, &candidates[row.candidate]);
+                let candidate =
+                    candidates.get(row.candidate).ok_or_else(|| SweepError::UnknownCandidate {
+                        unit: result.unit.clone(),
+                        candidate: row.candidate,
+                        candidates: candidates.len(),
+                    })?;
+                let scale = ErrorScale::find(scales, &result.unit.sensor, candidate);
                 let rmse = rmse(result, row, part)?;
                 run[row.candidate] = Some(rmse / scale);
                 let score = row.scores.of(part);

@@ -93,6 +93,22 @@ fn rules_choose_by_their_definitions() {
 }
 
 #[test]
+fn a_result_of_another_sweep_is_named() {
+    let mut results = members();
+    results[2].rows[1].candidate = usize::MAX;
+    let judging = Judging {
+        part: Part::WholeRun,
+        rule: Rule::Pooled,
+        top_k: 1,
+        scales: &[],
+        resamples: 300,
+        seed: Seed::new(3),
+    };
+    let refused = verdict("A", &candidates(), &results, &judging).expect_err("none of the three");
+    assert!(refused.to_string().contains("A in member:1, run 0"), "{refused}");
+}
+
+#[test]
 fn the_default_stays_unless_another_is_better_by_a_standard_error() {
     // Differences of logarithms to the default: ln 1/2 three times and ln 1/4 once: mean -0.866, sd 0.347, SE = sd / sqrt(4/3) = 0.3.
     assert_eq!(judge(Rule::OneStandardError, &members()).chosen, 1);
