@@ -1,9 +1,4 @@
-use std::{
-    fs,
-    path::Path,
-    thread,
-    time::{Duration, SystemTime, UNIX_EPOCH},
-};
+use std::{fs, path::Path};
 
 use serde::{Deserialize, Serialize};
 
@@ -41,17 +36,14 @@ impl Stamp {
         if counts_seconds { 2_000_000_000 } else { 20_000_000 }
     }
 
-    /// Wait until every later change, and every file written from now on, has a stamp later by more than a tick: for a file
-    /// that was not written just now, not at all.
-    pub fn settle(&self) {
-        let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
+    /// Nanoseconds until every change, and every file written from then on, has a stamp later by more than a tick. `now_ns` is
+    /// since 1970. Of a file that was not written just now it is 0.
+    pub fn unsettled_ns(&self, now_ns: i64) -> u64 {
         // Two: stamps are of a clock that itself moves by ticks.
         let longest = 2 * self.tick_ns();
-        let settled = self.changed_ns.saturating_add(longest);
+        let left = self.changed_ns.saturating_add(longest).saturating_sub(now_ns);
         // The clock of a file system elsewhere may be ahead of ours.
-        let left = now.map_or(longest, |now| settled.saturating_sub(now).clamp(0, longest));
-        thread::sleep(Duration::from_nanos(left.unsigned_abs()));
+        left.clamp(0, longest).unsigned_abs()
     }
 }
 
@@ -73,6 +65,11 @@ fn known(found: &fs::Metadata) -> Option<Stamp> {
 
 #[cfg(all(test, unix))]
 mod tests {
+    use std::{
+        thread,
+        time::{Duration, UNIX_EPOCH},
+    };
+
     use super::*;
 
     #[test]
@@ -82,7 +79,7 @@ mod tests {
         fs::write(&path, b"content").expect("written");
         let before = Stamp::of(&path).expect("there").expect("known");
         assert_eq!(Stamp::of(&path).expect("there"), Some(before));
-        before.settle();
+        thread::sleep(Duration::from_nanos(before.unsettled_ns(before.changed_ns)));
         fs::write(&path, b"Content").expect("written");
         let time = fs::File::options().write(true).open(&path).expect("there");
         let earlier = UNIX_EPOCH + Duration::from_nanos(before.modified_ns as u64);
@@ -91,5 +88,16 @@ mod tests {
         assert_eq!((after.bytes, after.modified_ns), (before.bytes, before.modified_ns));
         assert!(after.changed_ns > before.changed_ns + before.tick_ns());
         assert!(Stamp::of(&directory.path().join("b")).is_err());
+    }
+    #[test]
+    fn what_was_written_long_ago_is_settled() {
+        let of = |changed_ns| Stamp { bytes: 1, modified_ns: changed_ns, changed_ns, inode: 1 };
+        let stamp = of(7_000_000_001);
+        let tick = stamp.tick_ns();
+        assert_eq!(stamp.unsettled_ns(stamp.changed_ns + 2 * tick), 0);
+        assert_eq!(stamp.unsettled_ns(stamp.changed_ns + 2 * tick - 5), 5);
+        assert_eq!(stamp.unsettled_ns(0), 2 * tick.unsigned_abs(), "a clock that is behind");
+        assert_eq!(of(7_000_000_000).unsettled_ns(7_000_000_000), 4_000_000_000, "whole seconds");
+        assert_eq!(of(i64::MAX).unsettled_ns(i64::MIN), 2 * tick.unsigned_abs());
     }
 }

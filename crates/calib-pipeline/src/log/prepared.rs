@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     base::{
         artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
-        frames, memory,
+        clock, frames, memory,
     },
     log::plant_of_study,
     output::{Printer, bytes, count},
@@ -245,7 +245,7 @@ impl Place {
         plant_of_study::check_days(job)?;
         memory::check_log(data)?;
         // A log that was simulated just now is not changed unseen while it is read, and known again next time.
-        self.sources.files.iter().filter_map(|source| source.stamp).for_each(|of| of.settle());
+        clock::settle(self.sources.files.iter().filter_map(|source| source.stamp));
         // Before anything is read: what is held of the log by then is a part of what it takes.
         let there = memory.or_else(memory::available);
         let study = job.study();
