@@ -66,8 +66,8 @@ pub enum AgentError {
     },
     /// There is nothing to pre-train on.
     #[error(
-        "pre-training wants at least {expected} transitions to learn from and one to validate on, \
-         got {got} in all; use a longer range or a smaller batch_size"
+        "pre-training requires at least {expected} transitions to learn from and one to validate on, \
+         got {got} in all; use a longer range, or a smaller pretrain.validation_fraction or agent.batch_size"
     )]
     TooFewTransitions {
         /// Transitions there are.

@@ -21,7 +21,7 @@ pub enum DataError {
     )]
     NoPath,
     /// A path or pattern leads to no file of a log.
-    #[error("no log at {pattern}: {reason}")]
+    #[error("no log at {pattern}: {reason}; data.path names files, folders or patterns of logs")]
     NoFile {
         /// The path or pattern as it was given.
         pattern: String,

@@ -23,9 +23,9 @@ pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind
 pub use downsample::{min_max_in_time, min_max_indices};
 pub use error::ReportError;
 pub use figures::{
-    ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, PeriodUse,
-    RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow, Samples,
-    Score, Sensitivity, Trajectory,
+    Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,
+    PeriodUse, RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow,
+    Samples, Score, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Overview, OverviewFigure};

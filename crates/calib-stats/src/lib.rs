@@ -13,6 +13,7 @@
 //! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
 //! - [`Losses`]: what candidates cost over several windows, with intervals, and what choosing by another window does.
 //! - [`hierarchical`]: how often each candidate is chosen when members, windows of the log and their runs are drawn anew.
+//! - [`importance`]: which share of the differences of a grid one hyperparameter explains.
 //! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
 //! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
@@ -53,6 +54,7 @@ mod error;
 mod error_ratio;
 mod estimate;
 mod hierarchical;
+mod importance;
 mod log_choice;
 mod losses;
 mod nested;
@@ -77,6 +79,7 @@ pub use error::StatsError;
 pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
 pub use hierarchical::{ChoiceOfResamples, hierarchical};
+pub use importance::importance;
 pub use log_choice::{LogChoice, choose_by_mean_log};
 pub use losses::Losses;
 pub use nested::{Drawn, Nested};

@@ -1,12 +1,13 @@
 //! Verdicts and sensitivity curves of a sweep as the report's rows.
 
 use calib_report::{
-    Agreement, Alternative, ErrorCurve, ErrorSource, Grade, RankCurve, Reason, Samples, Score,
-    Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
+    Agreement, Alternative, Dimension, ErrorCurve, ErrorSource, Grade, RankCurve, Reason, Samples,
+    Score, Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
 };
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, Sampling, SensorVerdict, Truth};
+use serde_json::Value;
 
 use crate::sweep::{SweepManifest, streams::part_name};
 
@@ -19,9 +20,7 @@ pub(crate) fn field(candidates: &[Candidate]) -> String {
 /// The value of a candidate: a number where one numeric field is swept, else its label.
 pub(crate) fn setting(candidate: &Candidate) -> Setting {
     match candidate.values.as_slice() {
-        [(_, value)] => value
-            .as_f64()
-            .map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number),
+        [(_, value)] => single(value),
         _ => Setting::Name(candidate.label()),
     }
 }
@@ -202,7 +201,26 @@ pub(crate) fn sensitivity(
         }],
         chosen: Some(verdict.chosen),
         default: grid.iter().position(|candidate| candidate.is_default),
+        dimensions: dimensions(candidates),
     }
+}
+
+/// The swept hyperparameters, if there are several.
+fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
+    let fields = &candidates[0].values;
+    if fields.len() < 2 {
+        return Vec::new();
+    }
+    let dimension = |(place, (field, _)): (usize, &(String, Value))| Dimension {
+        field: field.clone(),
+        values: candidates.iter().map(|of| single(&of.values[place].1)).collect(),
+    };
+    fields.iter().enumerate().map(dimension).collect()
+}
+
+/// A value of one hyperparameter: a number, or a name.
+fn single(value: &Value) -> Setting {
+    value.as_f64().map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number)
 }
 
 /// The curve that decided, where values are chosen by their mean logarithms: geometric means of the errors.

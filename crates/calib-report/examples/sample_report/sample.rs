@@ -114,6 +114,7 @@ impl Sensor {
                 })
                 .into(),
             default: Some(DEFAULT),
+            dimensions: vec![],
         }
     }
 

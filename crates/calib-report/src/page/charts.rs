@@ -5,7 +5,7 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
-use super::{Part, Section};
+use super::{Part, Section, several};
 use crate::number::count;
 use crate::{
     Cell, Chart, ErrorCurve, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity,
@@ -29,8 +29,18 @@ pub(super) const WHOLE_VALUES: usize = 600_000;
 pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let (mut figures, mut parts) = (Vec::new(), Vec::new());
     for (index, sensitivity) in report.sensitivities.iter().enumerate() {
-        let figure = sensitivity.figure()?;
         let id = format!("sensitivity-{index}");
+        if sensitivity.varied().len() > 1 {
+            figures.push(several::markup(
+                sensitivity,
+                &id,
+                &sensitivity.caption(),
+                &sensitivity_table(sensitivity),
+            )?);
+            parts.push(Part { id, title: sensitivity.sensor.clone() });
+            continue;
+        }
+        let figure = sensitivity.figure()?;
         let drawn = Drawn {
             chart: figure.chart(),
             id: &id,
@@ -131,6 +141,7 @@ fn shown(chart: &Chart) -> usize {
 impl Sensitivity {
     fn caption(&self) -> String {
         let Self { score, field, .. } = self;
+        let field = if self.varied().len() > 1 { "value" } else { field.as_str() };
         if self.errors.is_empty() {
             return format!(
                 "Worst rank of each {field} of the grid over the members of each calibration model. \

@@ -90,6 +90,20 @@ pub(super) fn still(figure: &Figure, id: &str, caption: &str) -> Markup {
     }
 }
 
+/// The signs of a chart's curves, where they cannot be switched.
+pub(super) fn legend(chart: &Chart) -> Markup {
+    html! {
+        div.legend role="group" aria-label={ "Curves of " (chart.title) } {
+            @for key in keys(chart) {
+                span.key {
+                    (PreEscaped(sample_svg(&key)))
+                    span { (key.label) @if key.line.is_none() { ", at the upper edge" } }
+                }
+            }
+        }
+    }
+}
+
 /// Zooming, and ways to take the chart away; without the script there are none, as they would do nothing.
 fn tools(chart: &Chart) -> Markup {
     html! {

@@ -5,6 +5,7 @@ mod figure;
 mod learning;
 mod overview;
 mod recorded;
+mod several;
 mod tables;
 mod verdicts;
 

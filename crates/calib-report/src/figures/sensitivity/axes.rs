@@ -48,7 +48,9 @@ impl Sensitivity {
 
     /// Ranks run so that better is where better scores are.
     pub(super) fn rank_axis(&self) -> Axis {
-        let ranks = Scale::ranks(self.values.len());
+        // A slice of a grid has the ranks of all of it.
+        let worst = self.worst_ranks.iter().flat_map(|curve| &curve.worst_ranks).copied().max();
+        let ranks = Scale::ranks(worst.unwrap_or(0).max(self.values.len()));
         let scale = match self.score.direction {
             Direction::HigherIsBetter if !self.errors.is_empty() => ranks.upside_down(),
             _ => ranks,

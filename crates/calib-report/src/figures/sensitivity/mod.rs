@@ -2,12 +2,16 @@
 
 mod axes;
 mod curves;
+mod heat;
 mod panels;
+mod slices;
 
 use calib_stats::{Direction, Summary};
 
 use crate::chart::{Chart, Dash, Rule};
 use crate::{Figure, ReportError, Setting};
+
+pub(crate) use heat::{Heat, HeatCell};
 
 /// What runs are judged by.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,6 +50,7 @@ impl Score {
 ///     worst_ranks: vec![RankCurve { label: "kNN".to_owned(), worst_ranks: vec![2, 1, 3] }],
 ///     chosen: Some(1),
 ///     default: Some(2),
+///     dimensions: vec![],
 /// };
 /// assert!(figure.figure()?.svg().starts_with("<svg"));
 /// # Ok::<(), calib_report::ReportError>(())
@@ -68,6 +73,17 @@ pub struct Sensitivity {
     pub chosen: Option<usize>,
     /// Index of the value one would use without calib.
     pub default: Option<usize>,
+    /// The swept hyperparameters, where a value of the grid is a combination of several.
+    pub dimensions: Vec<Dimension>,
+}
+
+/// One of several hyperparameters that are swept together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dimension {
+    /// Its name, as in the study file.
+    pub field: String,
+    /// What it is in each combination of the grid.
+    pub values: Vec<Setting>,
 }
 
 /// Score against hyperparameter in one environment.
@@ -133,6 +149,8 @@ impl Sensitivity {
     /// Diverged values are crosses at the upper edge. Better is down on both axes if lower scores are better,
     /// and up on both if higher ones are, so that shapes can be compared.
     ///
+    /// Of several hyperparameters there is a plot each: a [slice](Self::slices) through the choice.
+    ///
     /// # Errors
     ///
     /// The grid is empty, there is no curve, a curve does not have one point for each value,
@@ -140,8 +158,17 @@ impl Sensitivity {
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: sensitivity to {}", self.sensor, self.field);
         self.check(&title)?;
+        let slices = self.slices();
+        if !slices.is_empty() {
+            return self.sliced(title, &slices);
+        }
+        Ok(Figure::new(self.chart(title)))
+    }
+
+    /// All curves in one plot.
+    fn chart(&self, title: String) -> Chart {
         let positions = self.positions();
-        Ok(Figure::new(Chart {
+        Chart {
             description: self.description(),
             title,
             x: self.horizontal_axis(&positions),
@@ -150,7 +177,7 @@ impl Sensitivity {
             right: self.has_two_axes().then(|| self.rank_axis()),
             series: self.curves(&positions),
             rules: self.rules(&positions),
-        }))
+        }
     }
 
     /// Whether scores and ranks share the figure, on two axes.
@@ -182,7 +209,8 @@ impl Sensitivity {
         let expected = self.values.len();
         let errors = self.errors.iter().map(|curve| (&curve.label, curve.summaries.len()));
         let ranks = self.worst_ranks.iter().map(|curve| (&curve.label, curve.worst_ranks.len()));
-        for (curve, got) in errors.chain(ranks) {
+        let dimensions = self.dimensions.iter().map(|of| (&of.field, of.values.len()));
+        for (curve, got) in errors.chain(ranks).chain(dimensions) {
             if got != expected {
                 let (figure, curve) = (title.to_owned(), curve.clone());
                 return Err(ReportError::Points { figure, curve, expected, got });

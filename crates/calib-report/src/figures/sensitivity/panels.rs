@@ -14,6 +14,9 @@ impl Sensitivity {
     ///
     /// One of them cannot be drawn, or there is none.
     pub fn panels(all: &[Self]) -> Result<Figure, ReportError> {
+        if let Some(figure) = Self::sliced_panels(all)? {
+            return Ok(figure);
+        }
         let mut charts = Vec::with_capacity(all.len());
         for one in all {
             charts.push(one.figure()?.chart().clone());
@@ -48,16 +51,39 @@ impl Sensitivity {
         let cells: Vec<GridCell> = charts.into_iter().zip(all).enumerate().map(cell).collect();
         Ok(Figure::with_grid(head, cells.chunks(columns).map(<[_]>::to_vec).collect(), HEIGHT))
     }
+
+    /// A row or more a sensor, where several hyperparameters are swept.
+    fn sliced_panels(all: &[Self]) -> Result<Option<Figure>, ReportError> {
+        let slices: Vec<Vec<Self>> = all.iter().map(Self::slices).collect();
+        if slices.is_empty() || slices.iter().any(Vec::is_empty) {
+            return Ok(None);
+        }
+        let mut head = all[0].figure()?.chart().clone();
+        head.title = "Sensitivity, through the choice of each sensor".to_owned();
+        let rows: Vec<Vec<GridCell>> = all
+            .iter()
+            .zip(&slices)
+            .flat_map(|(one, slices)| one.slice_rows(slices, Some(&one.sensor)))
+            .collect();
+        let charts: Vec<Chart> =
+            rows.iter().flatten().filter_map(|cell| cell.chart.clone()).collect();
+        head.description =
+            charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ");
+        head.series = widest(&charts);
+        Ok(Some(Figure::with_grid(head, rows, HEIGHT)))
+    }
+}
+
+/// Whether a curve of the chart diverges somewhere.
+pub(super) fn diverges(chart: &Chart) -> bool {
+    chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
 }
 
 /// The curves of the chart that has most of them, and a diverged point if any chart has one.
 fn widest(charts: &[Chart]) -> Vec<crate::Series> {
-    let diverges = |chart: &&Chart| {
-        chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
-    };
     let most = charts.iter().map(|chart| chart.series.len()).max().unwrap_or(0);
     let mut fullest = charts.iter().filter(|chart| chart.series.len() == most);
-    let chosen = fullest.clone().find(diverges).or_else(|| fullest.next());
+    let chosen = fullest.clone().find(|chart| diverges(chart)).or_else(|| fullest.next());
     chosen.map(|chart| chart.series.clone()).unwrap_or_default()
 }
 

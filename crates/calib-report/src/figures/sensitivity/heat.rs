@@ -1,0 +1,283 @@
+//! Several hyperparameters: how much each matters, and the two that matter most against each other.
+
+use calib_stats::{Direction, importance};
+
+use super::{Dimension, Sensitivity};
+use crate::Setting;
+
+/// A number of each combination of two hyperparameters: the best over all others.
+pub(crate) struct Heat {
+    /// What the numbers are: "Online (held-out), mean NRMSE".
+    pub(crate) label: String,
+    pub(crate) row_field: String,
+    pub(crate) rows: Vec<Setting>,
+    pub(crate) column_field: String,
+    pub(crate) columns: Vec<Setting>,
+    /// `[rows, columns]`; none where the grid has no such combination.
+    pub(crate) cells: Vec<Vec<Option<HeatCell>>>,
+}
+
+/// One cell of a [`Heat`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct HeatCell {
+    pub(crate) value: f64,
+    /// 0 for the best of all cells to 1 for the worst that is finite; none for those that diverged.
+    pub(crate) place: Option<f64>,
+    /// Whether the choice is in it.
+    pub(crate) is_chosen: bool,
+}
+
+/// One number a combination, and what it is.
+struct Surface {
+    label: String,
+    values: Vec<f64>,
+    direction: Direction,
+}
+
+impl Sensitivity {
+    /// What combinations are compared by: each curve of errors, or ranks where there is none.
+    fn surfaces(&self) -> Vec<Surface> {
+        let mean = |label: &str| format!("{label}, mean {}", self.score.name);
+        let errors = self.errors.iter().map(|curve| Surface {
+            label: mean(&curve.label),
+            values: curve.summaries.iter().map(|of| of.map_or(f64::NAN, |of| of.mean)).collect(),
+            direction: self.score.direction,
+        });
+        let ranks = self.worst_ranks.iter().map(|curve| Surface {
+            label: curve.label.clone(),
+            values: curve.worst_ranks.iter().map(|&rank| rank as f64).collect(),
+            direction: Direction::LowerIsBetter,
+        });
+        if self.errors.is_empty() { ranks.collect() } else { errors.collect() }
+    }
+
+    /// For each hyperparameter and curve, the share of the differences that its value alone explains
+    /// ([`calib_stats::importance`]): of logarithms where all are positive, with what diverged as bad as the worst that did not.
+    pub(crate) fn importances(&self) -> (Vec<String>, Vec<(String, Vec<Option<f64>>)>) {
+        let surfaces = self.surfaces();
+        let of = |dimension: &&Dimension| {
+            let (_, groups) = dimension.distinct();
+            let shares = surfaces.iter().map(|surface| surface.explained(&groups)).collect();
+            (dimension.field.clone(), shares)
+        };
+        let shares = self.varied().iter().map(of).collect();
+        (surfaces.into_iter().map(|surface| surface.label).collect(), shares)
+    }
+
+    /// The two hyperparameters that matter most to the first curve against each other, for every curve. Empty where a single
+    /// one is swept.
+    pub(crate) fn heats(&self) -> Vec<Heat> {
+        let mut order = self.varied();
+        let surfaces = self.surfaces();
+        let Some(first) = surfaces.first() else { return Vec::new() };
+        let share = |of: &&Dimension| first.explained(&of.distinct().1).unwrap_or(0.0);
+        // Stable: of those that matter alike the first of the grid comes first.
+        order.sort_by(|a, b| share(b).total_cmp(&share(a)));
+        let [rows, columns, ..] = order.as_slice() else { return Vec::new() };
+        surfaces.iter().map(|surface| surface.heat(rows, columns, self.chosen)).collect()
+    }
+}
+
+impl Surface {
+    fn explained(&self, groups: &[usize]) -> Option<f64> {
+        let known = self.values.iter().zip(groups).filter(|(value, _)| !value.is_nan());
+        let (values, groups): (Vec<f64>, Vec<usize>) =
+            known.map(|(&value, &of)| (value, of)).unzip();
+        let finite = || values.iter().copied().filter(|value| value.is_finite());
+        let positive = finite().all(|value| value > 0.0);
+        let scaled = |value: f64| if positive { value.ln() } else { value };
+        let worst = finite().map(scaled).max_by(|a, b| self.direction.compare(*a, *b))?;
+        let scaled = |&value: &f64| if value.is_finite() { scaled(value) } else { worst };
+        let values: Vec<f64> = values.iter().map(scaled).collect();
+        importance(&groups, &values).ok().flatten()
+    }
+
+    fn heat(&self, rows: &Dimension, columns: &Dimension, chosen: Option<usize>) -> Heat {
+        let (row_values, row_of) = rows.distinct();
+        let (column_values, column_of) = columns.distinct();
+        let best = |row: usize, column: usize| {
+            let own = (0..self.values.len())
+                .filter(|&place| row_of[place] == row && column_of[place] == column);
+            let known = own.map(|place| self.values[place]).filter(|value| !value.is_nan());
+            known.min_by(|a, b| self.direction.compare(*a, *b))
+        };
+        let values: Vec<Vec<Option<f64>>> = (0..row_values.len())
+            .map(|row| (0..column_values.len()).map(|column| best(row, column)).collect())
+            .collect();
+        let places = Places::of(values.iter().flatten().flatten().copied(), self.direction);
+        let is_chosen =
+            |row, column| chosen.is_some_and(|of| row_of[of] == row && column_of[of] == column);
+        let cell = |row, column, value: Option<f64>| {
+            value.map(|value| HeatCell {
+                value,
+                place: places.place(value),
+                is_chosen: is_chosen(row, column),
+            })
+        };
+        let cells = values.iter().enumerate().map(|(row, of)| {
+            let of = of.iter().enumerate();
+            of.map(|(column, value)| cell(row, column, *value)).collect()
+        });
+        let owned = |values: Vec<&Setting>| sorted(values.into_iter().cloned().collect());
+        let (row_order, rows_sorted) = owned(row_values);
+        let (column_order, columns_sorted) = owned(column_values);
+        let cells: Vec<Vec<Option<HeatCell>>> = cells.collect();
+        let ordered = row_order
+            .iter()
+            .map(|&row| column_order.iter().map(|&column| cells[row][column]).collect());
+        Heat {
+            label: self.label.clone(),
+            row_field: rows.field.clone(),
+            rows: rows_sorted,
+            column_field: columns.field.clone(),
+            columns: columns_sorted,
+            cells: ordered.collect(),
+        }
+    }
+}
+
+/// Numbers rise, whatever the order of the grid; names stay. With where each was.
+fn sorted(values: Vec<Setting>) -> (Vec<usize>, Vec<Setting>) {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    if let Some(numbers) = values.iter().map(Setting::as_number).collect::<Option<Vec<f64>>>() {
+        order.sort_by(|&a, &b| numbers[a].total_cmp(&numbers[b]));
+    }
+    let values = order.iter().map(|&place| values[place].clone()).collect();
+    (order, values)
+}
+
+/// Where numbers lie between the best and the worst: by logarithms where all are positive.
+struct Places {
+    best: f64,
+    worst: f64,
+    logarithmic: bool,
+}
+
+impl Places {
+    fn of(values: impl Iterator<Item = f64>, direction: Direction) -> Self {
+        let finite: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+        let logarithmic = finite.iter().all(|value| *value > 0.0);
+        let end = |best: bool| {
+            let of = finite.iter().copied();
+            let compare = |a: &f64, b: &f64| direction.compare(*a, *b);
+            if best { of.min_by(compare) } else { of.max_by(compare) }.unwrap_or(f64::NAN)
+        };
+        Self { best: end(true), worst: end(false), logarithmic }
+    }
+
+    fn place(&self, value: f64) -> Option<f64> {
+        if !value.is_finite() {
+            return None;
+        }
+        if self.best == self.worst {
+            return Some(0.0);
+        }
+        let scaled = |value: f64| if self.logarithmic { value.ln() } else { value };
+        let (best, worst) = (scaled(self.best), scaled(self.worst));
+        Some(((scaled(value) - best) / (worst - best)).clamp(0.0, 1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_stats::summarise;
+
+    use super::*;
+    use crate::{ErrorCurve, ErrorSource, RankCurve, Samples, Score};
+
+    /// learning_rate {0.1, 0.01} × batch_size {1, 16, 64}: error = rate's factor × batch's, one diverged.
+    fn grid() -> Sensitivity {
+        let (rates, batches) = ([0.1, 0.01], [1.0, 16.0, 64.0]);
+        let errors = [[4.0, 2.0, 4.0], [f64::INFINITY, 1.0, 2.0]];
+        let places = || (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)));
+        let curve = ErrorCurve {
+            label: "Online".to_owned(),
+            source: ErrorSource::Online,
+            over: Samples::Runs,
+            summaries: places()
+                .map(|(rate, batch)| summarise(&[errors[rate][batch]]).ok())
+                .collect(),
+        };
+        Sensitivity {
+            sensor: "A".to_owned(),
+            field: "learning_rate, batch_size".to_owned(),
+            score: Score::nrmse(),
+            values: places()
+                .map(|(rate, batch)| Setting::Name(format!("{rate} {batch}")))
+                .collect(),
+            errors: vec![curve],
+            worst_ranks: vec![RankCurve {
+                label: "kNN".to_owned(),
+                worst_ranks: vec![5, 3, 4, 6, 1, 2],
+            }],
+            chosen: Some(4),
+            default: Some(1),
+            dimensions: vec![
+                Dimension {
+                    field: "learning_rate".to_owned(),
+                    values: places().map(|(rate, _)| rates[rate].into()).collect(),
+                },
+                Dimension {
+                    field: "batch_size".to_owned(),
+                    values: places().map(|(_, batch)| batches[batch].into()).collect(),
+                },
+            ],
+        }
+    }
+
+    #[test]
+    fn slices_go_through_the_choice() {
+        let slices = grid().slices();
+        let fields: Vec<&str> = slices.iter().map(|of| of.field.as_str()).collect();
+        assert_eq!(fields, ["learning_rate", "batch_size"]);
+        // With batch_size = 16: rates 0.1 and 0.01.
+        assert_eq!(slices[0].values, [Setting::Number(0.1), Setting::Number(0.01)]);
+        assert_eq!(slices[0].worst_ranks[0].worst_ranks, [3, 1]);
+        assert_eq!((slices[0].chosen, slices[0].default), (Some(1), Some(0)));
+        // With learning_rate = 0.01: batches 1, 16 and 64; the default has another rate.
+        assert_eq!(slices[1].worst_ranks[0].worst_ranks, [6, 1, 2]);
+        assert_eq!((slices[1].chosen, slices[1].default), (Some(1), None));
+        let without = Sensitivity { chosen: None, ..grid() };
+        assert_eq!(without.slices()[1].worst_ranks[0].worst_ranks, [6, 1, 2], "the best Online");
+        let single = Sensitivity { dimensions: vec![], ..grid() };
+        assert!(single.slices().is_empty());
+    }
+
+    #[test]
+    fn what_matters_most_is_shown_against_what_matters_next() {
+        let heats = grid().heats();
+        assert_eq!(heats.len(), 1);
+        let heat = &heats[0];
+        // ln: rate means (ln 4 + ln 2 + ln 4, ln 4 + 0 + ln 2) / 3, batch means ln 4, ln √2, ln √8: batches differ more.
+        assert_eq!(
+            (heat.row_field.as_str(), heat.column_field.as_str()),
+            ("batch_size", "learning_rate")
+        );
+        assert_eq!(heat.columns, [Setting::Number(0.01), Setting::Number(0.1)], "numbers rise");
+        let values: Vec<Vec<f64>> = heat
+            .cells
+            .iter()
+            .map(|row| row.iter().flatten().map(|cell| cell.value).collect())
+            .collect();
+        assert_eq!(values, [[f64::INFINITY, 4.0], [1.0, 2.0], [2.0, 4.0]]);
+        let cell = |row: usize, column: usize| heat.cells[row][column].expect("in the grid");
+        assert_eq!(cell(0, 0).place, None);
+        assert_eq!(
+            (cell(1, 0).place, cell(1, 1).place, cell(2, 1).place),
+            (Some(0.0), Some(0.5), Some(1.0))
+        );
+        assert!(cell(1, 0).is_chosen && !cell(1, 1).is_chosen);
+        let (labels, shares) = grid().importances();
+        assert_eq!(labels, ["Online, mean NRMSE"]);
+        let share = |place: usize| shares[place].1[0].expect("differs");
+        assert!(share(1) > share(0), "{shares:?}");
+        assert!(share(0) + share(1) <= 1.0);
+    }
+
+    #[test]
+    fn ranks_stand_in_for_errors() {
+        let ranked = Sensitivity { errors: vec![], ..grid() };
+        assert_eq!(ranked.heats()[0].label, "kNN");
+        assert!(ranked.figure().is_ok());
+    }
+}

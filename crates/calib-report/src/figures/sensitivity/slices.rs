@@ -1,0 +1,148 @@
+//! Several hyperparameters: one plot each, through the choice.
+
+use super::{Dimension, ErrorCurve, RankCurve, Sensitivity};
+use crate::chart::{Axis, GridCell};
+use crate::{Figure, ReportError, Setting};
+
+const COLUMNS: usize = 3;
+const HEIGHT: f64 = 230.0;
+
+impl Dimension {
+    /// Its different values, in the order of the grid, and which of them each combination has.
+    pub(super) fn distinct(&self) -> (Vec<&Setting>, Vec<usize>) {
+        let mut seen: Vec<&Setting> = Vec::new();
+        let place = |value| {
+            seen.iter().position(|known| *known == value).unwrap_or_else(|| {
+                seen.push(value);
+                seen.len() - 1
+            })
+        };
+        let places = self.values.iter().map(place).collect();
+        (seen, places)
+    }
+}
+
+impl Sensitivity {
+    /// The hyperparameters that take more than one value, if there are several.
+    pub(crate) fn varied(&self) -> Vec<&Dimension> {
+        let varied = self.dimensions.iter().filter(|of| of.distinct().0.len() > 1);
+        let varied: Vec<&Dimension> = varied.collect();
+        if varied.len() > 1 { varied } else { Vec::new() }
+    }
+
+    /// One sensitivity for each of several hyperparameters: those combinations of the grid that differ from the choice in
+    /// this one alone. Without a choice they go through the best combination of the first curve. Ranks stay those among all
+    /// combinations. Empty where a single hyperparameter is swept.
+    pub fn slices(&self) -> Vec<Self> {
+        let Some(centre) = self.chosen.or_else(|| self.best()) else { return Vec::new() };
+        let varied = self.varied();
+        let slice = |along: &&Dimension| {
+            let others = varied.iter().filter(|of| of.field != along.field);
+            let others: Vec<&&Dimension> = others.collect();
+            let is_on = |place: &usize| {
+                others.iter().all(|of| of.values.get(*place) == of.values.get(centre))
+            };
+            let places: Vec<usize> = (0..self.values.len()).filter(is_on).collect();
+            let values = places.iter().map(|&place| along.values[place].clone());
+            self.restricted(along.field.clone(), values.collect(), &places)
+        };
+        // A list of combinations may have nothing beside the choice.
+        varied.iter().map(slice).filter(|slice| slice.values.len() > 1).collect()
+    }
+
+    /// The best combination by the first curve of errors, or else of ranks.
+    pub(super) fn best(&self) -> Option<usize> {
+        let direction = self.score.direction;
+        let places = 0..self.values.len();
+        match (self.errors.first(), self.worst_ranks.first()) {
+            (Some(curve), _) => {
+                let mean = |place: usize| curve.summaries[place].as_ref().map(|of| of.mean);
+                let known = places.filter_map(|place| Some((place, mean(place)?)));
+                let known = known.filter(|(_, mean)| !mean.is_nan());
+                known.min_by(|a, b| direction.compare(a.1, b.1)).map(|(place, _)| place)
+            }
+            (None, Some(curve)) => places.min_by_key(|&place| curve.worst_ranks[place]),
+            (None, None) => None,
+        }
+    }
+
+    /// The combinations at `places`, which are told apart by `values` of `field`.
+    fn restricted(&self, field: String, values: Vec<Setting>, places: &[usize]) -> Self {
+        let among = |of: Option<usize>| places.iter().position(|&place| Some(place) == of);
+        let errors = self.errors.iter().map(|curve| {
+            let summaries = places.iter().map(|&place| curve.summaries[place]).collect();
+            ErrorCurve { summaries, ..curve.clone() }
+        });
+        let ranks = self.worst_ranks.iter().map(|curve| {
+            let worst_ranks = places.iter().map(|&place| curve.worst_ranks[place]).collect();
+            RankCurve { worst_ranks, ..curve.clone() }
+        });
+        // Zero has no place on a logarithmic axis.
+        let zero = values.iter().any(|value| value.as_number() == Some(0.0));
+        let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
+        Self {
+            sensor: self.sensor.clone(),
+            field,
+            score: self.score.clone(),
+            values: values.into_iter().map(named).collect(),
+            errors: errors.collect(),
+            worst_ranks: ranks.collect(),
+            chosen: among(self.chosen),
+            default: among(self.default),
+            dimensions: Vec::new(),
+        }
+    }
+
+    /// Plots of `slices` beside each other, with common vertical axes: what matters is what is steep.
+    pub(super) fn sliced(&self, title: String, slices: &[Self]) -> Result<Figure, ReportError> {
+        let rows = self.slice_rows(slices, None);
+        let charts = || rows.iter().flatten().filter_map(|cell| cell.chart.as_ref());
+        let Some(mut head) = charts().next().cloned() else {
+            return Err(ReportError::Empty { figure: title, missing: "slices" });
+        };
+        head.title = title;
+        head.description = slices.iter().map(Self::description).collect::<Vec<_>>().join(" ");
+        if let Some(chart) = charts().find(|chart| super::panels::diverges(chart)) {
+            head.series.clone_from(&chart.series);
+        }
+        Ok(Figure::with_grid(head, rows, HEIGHT))
+    }
+
+    /// Rows of a figure: the plots of `slices`, the first of each row under `heading`.
+    pub(super) fn slice_rows(&self, slices: &[Self], heading: Option<&str>) -> Vec<Vec<GridCell>> {
+        let (left, right) = self.common_axes(slices);
+        let last = slices.len() - 1;
+        let cell = |(place, slice): (usize, &Self)| {
+            let mut chart = slice.chart(slice.field.clone());
+            let column = place % COLUMNS;
+            chart.left.scale = left.scale.clone();
+            if column != 0 {
+                chart.left.label.clear();
+            }
+            if let (Some(axis), Some(right)) = (&mut chart.right, &right) {
+                axis.scale = right.scale.clone();
+                if column + 1 != COLUMNS && place != last {
+                    axis.label.clear();
+                }
+            }
+            let heading = heading.filter(|_| column == 0).map(str::to_owned);
+            GridCell { heading, chart: Some(chart) }
+        };
+        let cells: Vec<GridCell> = slices.iter().enumerate().map(cell).collect();
+        cells.chunks(COLUMNS).map(<[GridCell]>::to_vec).collect()
+    }
+
+    /// Vertical axes that hold all of `slices`.
+    fn common_axes(&self, slices: &[Self]) -> (Axis, Option<Axis>) {
+        let mut all = slices[0].clone();
+        for slice in &slices[1..] {
+            all.values.extend(slice.values.iter().cloned());
+            for (whole, part) in all.errors.iter_mut().zip(&slice.errors) {
+                whole.summaries.extend(part.summaries.iter().copied());
+            }
+        }
+        all.worst_ranks.clone_from(&self.worst_ranks);
+        let left = if all.errors.is_empty() { self.rank_axis() } else { all.score_axis() };
+        (left, self.has_two_axes().then(|| self.rank_axis()))
+    }
+}

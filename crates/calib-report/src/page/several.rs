@@ -1,0 +1,112 @@
+//! A sweep of several hyperparameters: how much each matters, one plot each, and two against each other.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::figure::legend;
+use super::tables::rows;
+use crate::figures::{Heat, HeatCell};
+use crate::number::number;
+use crate::{Cell, ReportError, Sensitivity, Table};
+
+/// Steps of colour between the best and the worst cell.
+const SHADES: f64 = 7.0;
+
+/// The parts on one sensor. `caption` says how to read the curves; `table` holds all combinations.
+pub(super) fn markup(
+    sensitivity: &Sensitivity,
+    id: &str,
+    caption: &str,
+    table: &Table,
+) -> Result<Markup, ReportError> {
+    let figure = sensitivity.figure()?;
+    let chart = figure.chart();
+    let heats = sensitivity.heats();
+    Ok(html! {
+        figure.still.several id=(id) {
+            div.figure-head {
+                figcaption {
+                    h3 { (chart.title) }
+                    p {
+                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (caption)
+                    }
+                }
+                div.tools role="group" aria-label={ "Tools of " (chart.title) } {
+                    @for format in ["svg", "png"] {
+                        button.save type="button" data-format=(format) title={ "Download as " (format.to_uppercase()) } {
+                            span.hidden { "Download as " } (format.to_uppercase())
+                        }
+                    }
+                }
+            }
+            (legend(chart))
+            div.plot tabindex="0" role="group" aria-label=(chart.title) { (PreEscaped(figure.element(id))) }
+            h4 { "What matters" }
+            p.caption {
+                "Share of the differences between all combinations that a hyperparameter's value alone explains, by the logarithm of the \
+                 error. What is missing to 100 % depends on two or more together."
+            }
+            (rows(&importance_table(sensitivity)))
+            @if let Some(first) = heats.first() {
+                h4 { (first.row_field) " against " (first.column_field) }
+                p.caption {
+                    "The best over all other hyperparameters. Darker is better; the choice is framed."
+                }
+                div.heats { @for heat in &heats { (heat_table(heat)) } }
+            }
+            details.data {
+                summary { "All combinations" }
+                button.copy type="button" { "Copy table" }
+                (rows(table))
+            }
+        }
+    })
+}
+
+fn importance_table(sensitivity: &Sensitivity) -> Table {
+    let (labels, shares) = sensitivity.importances();
+    let row = |(field, shares): (String, Vec<Option<f64>>)| {
+        let share = |share: Option<f64>| share.map_or(Cell::Missing, Cell::Percent);
+        std::iter::once(Cell::Text(field)).chain(shares.into_iter().map(share)).collect()
+    };
+    Table {
+        title: format!("What matters for {}", sensitivity.sensor),
+        columns: std::iter::once("Hyperparameter".to_owned()).chain(labels).collect(),
+        rows: shares.into_iter().map(row).collect(),
+        ..Table::default()
+    }
+}
+
+fn heat_table(heat: &Heat) -> Markup {
+    html! {
+        div.heat {
+            h4 { (heat.label) }
+            div.scroll tabindex="0" role="region" aria-label=(heat.label) {
+                table {
+                    caption.hidden { (heat.label) ", " (heat.row_field) " down, " (heat.column_field) " across" }
+                    thead { tr {
+                        th scope="col" { (heat.row_field) " ↓ " (heat.column_field) " →" }
+                        @for column in &heat.columns { th.number scope="col" { (column) } }
+                    } }
+                    tbody {
+                        @for (row, cells) in heat.rows.iter().zip(&heat.cells) {
+                            tr { th scope="row" { (row) } @for cell in cells { (heat_cell(cell.as_ref())) } }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn heat_cell(cell: Option<&HeatCell>) -> Markup {
+    let Some(cell) = cell else { return html! { td.none { "–" } } };
+    let shade = cell.place.map_or_else(
+        || "diverged".to_owned(),
+        |place| format!("h{}", (place * SHADES).min(SHADES - 1.0).floor()),
+    );
+    html! {
+        td class=(shade) .chosen[cell.is_chosen] {
+            (number(cell.value)) @if cell.is_chosen { span.hidden { " (choice)" } }
+        }
+    }
+}
