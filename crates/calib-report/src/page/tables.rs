@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::{Part, Section};
 use crate::number::{count, duration, number, percent};
 use crate::{
-    Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Table,
+    Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Setting, Table,
 };
 
 /// Text up to this length stays on one line.
@@ -53,7 +53,7 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
         Cell::Missing => "–".to_owned(),
     };
     let class = match cell {
-        Cell::Text(text) if text.len() > SHORT => "text",
+        Cell::Text(_) | Cell::Setting(Setting::Name(_)) if text.len() > SHORT => "text",
         Cell::Text(_) => "short",
         _ => "number",
     };

@@ -112,16 +112,18 @@ impl Sensitivity {
     pub(super) fn slice_rows(&self, slices: &[Self], heading: Option<&str>) -> Vec<Vec<GridCell>> {
         let (left, right) = self.common_axes(slices);
         let last = slices.len() - 1;
+        // Two rows of two rather than three and one.
+        let columns = if slices.len() == 4 { 2 } else { COLUMNS };
         let cell = |(place, slice): (usize, &Self)| {
             let mut chart = slice.chart(slice.field.clone());
-            let column = place % COLUMNS;
+            let column = place % columns;
             chart.left.scale = left.scale.clone();
             if column != 0 {
                 chart.left.label.clear();
             }
             if let (Some(axis), Some(right)) = (&mut chart.right, &right) {
                 axis.scale = right.scale.clone();
-                if column + 1 != COLUMNS && place != last {
+                if column + 1 != columns && place != last {
                     axis.label.clear();
                 }
             }
@@ -129,7 +131,7 @@ impl Sensitivity {
             GridCell { heading, chart: Some(chart) }
         };
         let cells: Vec<GridCell> = slices.iter().enumerate().map(cell).collect();
-        cells.chunks(COLUMNS).map(<[GridCell]>::to_vec).collect()
+        cells.chunks(columns).map(<[GridCell]>::to_vec).collect()
     }
 
     /// Vertical axes that hold all of `slices`.
