@@ -41,6 +41,9 @@ mod opened {
     }
 }
 
+/// How often a file of the log is opened while it is read: for its pages, and for its fingerprint.
+const OPENS: usize = 2;
+
 fn logs(place: &Place) -> Vec<PathBuf> {
     let entries = fs::read_dir(place.path().join("data")).expect("there").flatten();
     let paths = entries.map(|entry| entry.path());
@@ -76,6 +79,7 @@ fn what_is_there_is_shown_without_a_look_into_the_log() {
     place.calib(&["run", "study.toml", "--force"]).succeeds();
     let once = watched.count();
     assert!(once > 0, "what is made again begins with the log");
+    assert!(once <= OPENS * logs(&place).len(), "{once} times");
     // Each step on its own reads as much as all of them together.
     place.calib(&["build-model", "study.toml", "--force"]).succeeds();
     assert_eq!(watched.count(), once);

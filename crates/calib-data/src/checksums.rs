@@ -5,12 +5,11 @@
 //! sees the pages. Pages that carry neither cannot be checked by anyone.
 
 use std::{
-    fs::File,
-    io::{self, BufReader, Read, Seek as _, SeekFrom},
+    io::{self, BufReader, Read, Seek as _},
     path::Path,
 };
 
-use calib_files::{FileError, open_regular};
+use calib_files::{FileError, HeldFile, HeldReader};
 use flate2::read::MultiGzDecoder;
 use polars::prelude as pl;
 use polars_parquet_format::{
@@ -43,6 +42,7 @@ struct Chunk {
 /// The first damage, in words; or that the file cannot be read.
 pub(crate) fn verify(
     path: &Path,
+    file: &HeldFile,
     metadata: &pl::FileMetadata,
     is_wanted: impl Fn(&str) -> bool,
 ) -> Result<Result<(), String>, FileError> {
@@ -53,9 +53,7 @@ pub(crate) fn verify(
     };
     let damage = |chunk: &Chunk| -> Result<Option<String>, FileError> {
         let of_system = |source| FileError::io("read", path, source);
-        let mut file = open_regular(path)?;
-        file.seek(SeekFrom::Start(chunk.bytes[0])).map_err(of_system)?;
-        match chunk.check(file) {
+        match chunk.check(file.reader(chunk.bytes[0])?) {
             Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),
             // The reader tells what it cannot read in its own words.
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
@@ -93,9 +91,9 @@ fn chunks(metadata: &pl::FileMetadata, is_wanted: impl Fn(&str) -> bool) -> Vec<
 
 impl Chunk {
     /// Look through the pages; what is wrong with the first that is not whole.
-    fn check(&self, file: File) -> io::Result<Option<String>> {
+    fn check(&self, file: HeldReader) -> io::Result<Option<String>> {
         // Pages are taken into memory as they are: none is larger than the file.
-        if self.bytes[1] > file.metadata()?.len() {
+        if self.bytes[1] > file.len()? {
             return Ok(Some("is cut off".to_owned()));
         }
         let mut reader = BufReader::with_capacity(WINDOW, file);
@@ -225,7 +223,7 @@ fn ones(mut levels: &[u8], count: i32) -> Option<i32> {
 }
 
 /// Read the header of the next page and nothing after it.
-fn header(reader: &mut BufReader<File>, most: usize) -> Result<PageHeader, String> {
+fn header(reader: &mut BufReader<HeldReader>, most: usize) -> Result<PageHeader, String> {
     // Numbers of a damaged header can ask for any amount of memory.
     let most = most.min(1 << 26);
     let mut protocol = TCompactInputProtocol::new(reader.by_ref(), most);

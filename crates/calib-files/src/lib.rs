@@ -18,6 +18,7 @@ mod disk;
 mod error;
 pub mod faults;
 mod fingerprint;
+mod held;
 mod json;
 mod lock;
 mod name;
@@ -39,6 +40,7 @@ pub use disk::{
 };
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
+pub use held::{HeldFile, HeldReader};
 pub use json::{read_json, write_json};
 pub use lock::open_lock;
 pub use name::file_name;

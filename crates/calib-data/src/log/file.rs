@@ -2,13 +2,12 @@
 
 use std::{
     collections::BTreeSet,
-    fs::File,
     ops::Range,
     path::Path,
     sync::{Arc, Mutex, PoisonError},
 };
 
-use calib_files::{FileError, open_regular};
+use calib_files::{FileError, HeldFile};
 use pl::SerReader as _;
 use polars::prelude as pl;
 
@@ -38,6 +37,8 @@ enum Content {
 }
 
 struct Parquet {
+    /// Opened once, however many columns are read from however many threads.
+    file: HeldFile,
     metadata: Arc<pl::FileMetadata>,
     /// Fields whose pages have been checked.
     checked: Mutex<BTreeSet<usize>>,
@@ -86,12 +87,13 @@ pub(crate) enum FieldKind {
 
 impl LogFile {
     pub(crate) fn open(source: Source) -> Result<Self, DataError> {
-        let file = open(&source.path)?;
+        let file = HeldFile::open(&source.path)?;
+        let footer = file.file()?;
         let bytes =
-            file.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
+            footer.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
         let not_parquet = |reason| DataError::NotParquet { path: source.path.clone(), reason };
         let (metadata, schema) = guard(|| {
-            let mut reader = pl::ParquetReader::new(file);
+            let mut reader = pl::ParquetReader::new(footer);
             Ok((Arc::clone(reader.get_metadata()?), reader.schema()?))
         })
         .map_err(not_parquet)?;
@@ -116,7 +118,7 @@ impl LogFile {
             .collect();
         let is_result =
             metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
-        let content = Content::Parquet(Parquet { metadata, checked: Mutex::default() });
+        let content = Content::Parquet(Parquet { file, metadata, checked: Mutex::default() });
         Ok(Self { source, fields, rows, bytes, is_result, content })
     }
 
@@ -195,7 +197,7 @@ impl LogFile {
         rows: &Range<usize>,
     ) -> Result<Vec<pl::Column>, DataError> {
         self.check_pages(parquet, fields)?;
-        let file = open(self.path())?;
+        let file = parquet.file.file()?;
         let columns = guard(|| {
             let mut reader = pl::ParquetReader::new(file);
             reader.set_metadata(Arc::clone(&parquet.metadata));
@@ -223,8 +225,10 @@ impl LogFile {
             .map(|&field| self.fields[field].name.as_str())
             .collect();
         if !left.is_empty() {
-            checksums::verify(self.path(), &parquet.metadata, |name| left.contains(name))?
-                .map_err(|reason| self.not_parquet(reason))?;
+            checksums::verify(self.path(), &parquet.file, &parquet.metadata, |name| {
+                left.contains(name)
+            })?
+            .map_err(|reason| self.not_parquet(reason))?;
             checked.extend(fields);
         }
         Ok(())
@@ -237,10 +241,6 @@ impl LogFile {
     fn not_parquet(&self, reason: String) -> DataError {
         DataError::NotParquet { path: self.path().to_owned(), reason }
     }
-}
-
-fn open(path: &Path) -> Result<File, DataError> {
-    Ok(open_regular(path)?)
 }
 
 pub(crate) fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {

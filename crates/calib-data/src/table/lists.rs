@@ -1,6 +1,6 @@
 use std::{fs::File, path::Path, sync::Arc};
 
-use calib_files::open_regular;
+use calib_files::{HeldFile, open_regular};
 use pl::ArrowDataType as D;
 use pl::SerReader as _;
 use polars::prelude as pl;
@@ -38,7 +38,8 @@ pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
 /// values.
 pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, TableError> {
     let refuse = |reason| TableError::NotParquet { path: path.to_owned(), reason };
-    let mut reader = open(path)?;
+    let file = HeldFile::open(path)?;
+    let mut reader = pl::ParquetReader::new(file.file()?);
     let schema = guard(|| reader.schema()).map_err(refuse)?;
     if !schema.contains(name) {
         let available = schema.iter_names().map(ToString::to_string).collect();
@@ -55,7 +56,7 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
         _ => return Ok(None),
     }
     let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
-    checksums::verify(path, &metadata, |column| column == name)?.map_err(refuse)?;
+    checksums::verify(path, &file, &metadata, |column| column == name)?.map_err(refuse)?;
     let frame =
         guard(|| reader.with_columns(Some(vec![name.to_owned()])).finish()).map_err(refuse)?;
     let column =

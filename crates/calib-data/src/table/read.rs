@@ -1,7 +1,7 @@
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use calib_core::Timestamp;
-use calib_files::open_regular;
+use calib_files::{HeldFile, open_regular};
 use pl::SerReader as _;
 use polars::prelude as pl;
 
@@ -60,8 +60,8 @@ pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableE
 
 fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
-    let file = open_regular(path)?;
-    let mut reader = pl::ParquetReader::new(file);
+    let file = HeldFile::open(path)?;
+    let mut reader = pl::ParquetReader::new(file.file()?);
     let (metadata, schema) = guard(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
         .map_err(not_parquet)?;
     let texts = metadata
@@ -88,7 +88,7 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
         return Err(TableError::UnknownType { path: path.to_owned(), name, got });
     }
     let wanted = |column: &str| names.iter().any(|name| name == column);
-    checksums::verify(path, &metadata, wanted)?.map_err(not_parquet)?;
+    checksums::verify(path, &file, &metadata, wanted)?.map_err(not_parquet)?;
     let read = guard(|| {
         let frame = reader.with_columns(Some(names.clone())).finish()?;
         let read = |name: &String| {
