@@ -45,6 +45,12 @@ pub(crate) struct GlobalArgs {
     /// Print results and errors only
     #[arg(short, long, global = true, help_heading = OUTPUT)]
     pub(crate) quiet: bool,
+    /// Say with every line how long the command has been running
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = OUTPUT)]
+    pub(crate) verbose: bool,
+    /// Append all that is said, and results, to a file, with times: what `--quiet` hides as well
+    #[arg(long, global = true, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) log: Option<PathBuf>,
     /// When to use colour; `NO_COLOR` is obeyed
     #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto, help_heading = OUTPUT)]
     pub(crate) color: ColorChoice,

@@ -1,8 +1,8 @@
 use calib_data::DataError;
-use calib_pipeline::{Observer as _, Outcome, Remark, StepError};
+use calib_pipeline::{Observer, Outcome, Remark, StepError};
 use calib_study::{Place, StudyError};
 
-use crate::output::{Terminal, excerpt};
+use crate::output::excerpt;
 
 /// How a command ended; the number is the process's exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +31,9 @@ impl From<Outcome> for ExitStatus {
 }
 
 /// Say what went wrong, and with which status to exit.
-pub(crate) fn report(error: &anyhow::Error, terminal: Terminal) -> ExitStatus {
+pub(crate) fn report(error: &anyhow::Error, observer: &dyn Observer) -> ExitStatus {
     let told = StepError::told(error);
-    terminal.remark(Remark::Error(&told));
+    observer.remark(Remark::Error(&told));
     if was_interrupted(error) {
         return ExitStatus::Interrupted;
     }

@@ -20,8 +20,9 @@ use std::{
     sync::Arc,
 };
 
-use calib_pipeline::Printer;
+use calib_pipeline::{Observer, Printer};
 use clap::Parser as _;
+use output::Voice;
 
 pub use cli::Cli;
 pub use exit::ExitStatus;
@@ -42,8 +43,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let terminal = output::Terminal::new(cli.global.color);
-    let printer = Printer::new(Arc::new(terminal));
-    let printer = if cli.global.quiet { printer.quiet() } else { printer };
+    let journal =
+        match output::Journal::open(terminal, Voice::of(&cli.global), cli.global.log.as_deref()) {
+            Ok(journal) => Arc::new(journal),
+            Err(error) => return ExitCode::from(exit::report(&error, &terminal) as u8),
+        };
+    let observer: Arc<dyn Observer> = Arc::clone(&journal) as Arc<dyn Observer>;
+    let printer = Printer::new(observer);
+    // A journal keeps what is not shown.
+    let silent = cli.global.quiet && cli.global.log.is_none();
+    let printer = if silent { printer.quiet() } else { printer };
     #[cfg(unix)]
     signals::tell_of_lost_pages();
     hush_readers();
@@ -53,7 +62,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }));
     let status = match outcome {
         Ok(Ok(outcome)) => outcome.into(),
-        Ok(Err(error)) => exit::report(&error, terminal),
+        Ok(Err(error)) => exit::report(&error, &*journal),
         Err(_) => {
             printer
                 .error("this is a bug in calib: please report the message above and the command");

@@ -1,8 +1,10 @@
 //! What a person or a machine reads: results on stdout, talk and progress on stderr.
 
+mod journal;
 mod progress;
 mod terminal;
 
 pub(crate) use calib_pipeline::output::{Lines, harmless};
+pub(crate) use journal::{Journal, Voice};
 pub(crate) use progress::watch_for_interrupts;
 pub(crate) use terminal::{Terminal, excerpt};

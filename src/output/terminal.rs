@@ -29,6 +29,17 @@ impl Terminal {
         Self { color }
     }
 
+    /// What to type next stands out from what was done.
+    fn hinted(self, text: &str) -> String {
+        let hint = ["next: ", "  or: "].iter().find_map(|word| text.strip_prefix(word));
+        hint.map_or_else(
+            || text.to_owned(),
+            |command| {
+                format!("{}{}", &text[..text.len() - command.len()], self.paint(command, "36"))
+            },
+        )
+    }
+
     fn paint(self, text: &str, code: &str) -> String {
         if self.color { format!("\x1b[{code};1m{text}\x1b[0m") } else { text.to_owned() }
     }
@@ -38,7 +49,7 @@ impl Observer for Terminal {
     fn remark(&self, remark: Remark<'_>) {
         let one = |text| harmless(text, Lines::One);
         eprint_line(&match remark {
-            Remark::Talk(text) => one(text).into_owned(),
+            Remark::Talk(text) => self.hinted(&one(text)),
             Remark::Table(text) => harmless(text, Lines::Several).into_owned(),
             Remark::Heading(text) => self.paint(&one(text), "1"),
             Remark::Warning(text) => format!("{} {}", self.paint("warning:", "33"), one(text)),

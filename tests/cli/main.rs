@@ -22,6 +22,7 @@ mod real_data;
 mod recorded;
 mod recurrent;
 mod represent;
+mod said;
 mod studies;
 mod sweeps;
 mod trust;

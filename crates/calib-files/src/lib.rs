@@ -45,7 +45,7 @@ pub use json::{read_json, write_json};
 pub use lock::open_lock;
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
-pub use open::{open_regular, read_regular, require_regular};
+pub use open::{open_regular, open_to_append, read_regular, require_regular};
 pub use scratch::{Scratch, ScratchFile, ScratchPlace};
 pub use sealed::{read_sealed_json, write_sealed_json};
 pub use spill::Spill;

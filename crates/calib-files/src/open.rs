@@ -25,6 +25,19 @@ pub fn read_regular(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(|source| FileError::io("read", path, source))
 }
 
+/// Open a file to write at its end, refused as in [`open_regular`]; it is made if there is none. For what is said of work, not
+/// for results: those are whole or absent.
+///
+/// # Errors
+/// If it is no regular file, or cannot be made or written.
+pub fn open_to_append(path: &Path) -> Result<File, FileError> {
+    if fs::symlink_metadata(path).is_ok() {
+        require_regular(path)?;
+    }
+    let opened = File::options().append(true).create(true).open(path);
+    opened.map_err(|source| FileError::io("write", path, source))
+}
+
 /// Check that `path` leads to a regular file.
 ///
 /// # Errors
@@ -42,6 +55,20 @@ pub fn require_regular(path: &Path) -> Result<(), FileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_appended_follows_what_is_there() {
+        use std::io::Write as _;
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("log");
+        for line in ["first\n", "second\n"] {
+            let mut file = open_to_append(&path).expect("writable");
+            file.write_all(line.as_bytes()).expect("room");
+        }
+        assert_eq!(fs::read_to_string(&path).expect("readable"), "first\nsecond\n");
+        assert!(open_to_append(directory.path()).is_err());
+        assert!(open_to_append(&directory.path().join("none/log")).is_err());
+    }
 
     #[test]
     fn only_files_are_opened() {

@@ -1,0 +1,110 @@
+//! All that is said, kept in a file beside the terminal.
+
+use std::{
+    fs::File,
+    io::{self, Write as _},
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
+
+use calib_core::Monitor;
+use calib_pipeline::{
+    Observer, Remark, Shown, Stopwatch,
+    output::{Lines, Result, harmless},
+};
+use jiff::Timestamp;
+
+use super::Terminal;
+use crate::cli::GlobalArgs;
+
+/// How much a terminal shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Voice {
+    /// Results and errors.
+    Quiet,
+    Usual,
+    /// Lines say how long the command has been running.
+    Verbose,
+}
+
+impl Voice {
+    pub(crate) const fn of(args: &GlobalArgs) -> Self {
+        match (args.quiet, args.verbose) {
+            (true, _) => Self::Quiet,
+            (false, true) => Self::Verbose,
+            (false, false) => Self::Usual,
+        }
+    }
+}
+
+/// A terminal, and perhaps a file that keeps what is said.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    terminal: Terminal,
+    voice: Voice,
+    started: Stopwatch,
+    file: Option<Mutex<File>>,
+}
+
+impl Journal {
+    /// # Errors
+    /// If the file cannot be appended to.
+    pub(crate) fn open(
+        terminal: Terminal,
+        voice: Voice,
+        path: Option<&Path>,
+    ) -> anyhow::Result<Self> {
+        let file = path.map(calib_files::open_to_append).transpose()?;
+        let started = Stopwatch::start();
+        Ok(Self { terminal, voice, started, file: file.map(Mutex::new) })
+    }
+
+    /// Keep `text`, each of its lines with the time and what it is.
+    fn keep(&self, kind: &str, text: &str) {
+        let Some(file) = &self.file else { return };
+        let now = Timestamp::now();
+        let lines = text.lines().map(|line| {
+            // Whoever reads the file does so on a terminal.
+            format!("{now:.3} {kind:<7} {}\n", harmless(line, Lines::One))
+        });
+        let lines: String = lines.collect();
+        let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+        // A full disk is no reason to stop working.
+        let _ = file.write_all(lines.as_bytes());
+    }
+}
+
+impl Observer for Journal {
+    fn remark(&self, remark: Remark<'_>) {
+        let (kind, text) = match remark {
+            Remark::Talk(text) | Remark::Table(text) => ("info", text),
+            Remark::Heading(text) => ("step", text),
+            Remark::Warning(text) => ("warning", text),
+            Remark::Error(text) => ("error", text),
+        };
+        self.keep(kind, text);
+        let secs = self.started.elapsed().as_secs_f64();
+        match (self.voice, remark) {
+            (Voice::Quiet, Remark::Error(_)) => self.terminal.remark(remark),
+            (Voice::Quiet, _) => {}
+            (Voice::Verbose, Remark::Talk(text)) => {
+                self.terminal.remark(Remark::Talk(&format!("{secs:8.2} s  {text}")));
+            }
+            (Voice::Verbose, Remark::Heading(text)) => {
+                self.terminal.remark(Remark::Heading(&format!("{secs:8.2} s  {text}")));
+            }
+            _ => self.terminal.remark(remark),
+        }
+    }
+
+    fn result(&self, result: Result<'_>) -> io::Result<()> {
+        let (Result::Line(text) | Result::Lines(text) | Result::Json(text)) = result;
+        self.keep("result", text);
+        self.terminal.result(result)
+    }
+
+    fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
+        let shown = if self.voice == Voice::Quiet { Shown::No } else { shown };
+        self.terminal.progress(shown)
+    }
+}

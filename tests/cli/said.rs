@@ -1,0 +1,54 @@
+//! What is said, on a terminal and in a file.
+
+use std::fs;
+
+use crate::harness::Place;
+
+#[test]
+fn a_file_keeps_what_is_said_and_what_quiet_hides() {
+    let place = Place::with_study();
+    let log = place.path().join("said.log");
+    let built = place.calib(&["build-model", "study.toml", "-q", "--log", "said.log"]);
+    built.succeeds();
+    assert_eq!(built.stderr(), "");
+    let kept = fs::read_to_string(&log).expect("written");
+    assert!(kept.contains(" info    reading data"), "{kept}");
+    assert!(kept.contains(" result  "), "{kept}");
+    for line in kept.lines() {
+        let (time, rest) = line.split_once(' ').expect("a time and more");
+        assert!(time.starts_with("20") && time.ends_with('Z') && time.contains('T'), "{line}");
+        let known = ["info", "step", "warning", "error", "result"];
+        assert!(known.iter().any(|kind| rest.starts_with(kind)), "{line}");
+    }
+    // The next command adds to it, also why it failed.
+    let told =
+        place.calib(&["build-model", "study.toml", "--set", "agent.gamma=7", "--log", "said.log"]);
+    let refused = told.fails(2);
+    let both = fs::read_to_string(&log).expect("written");
+    assert!(both.starts_with(&kept), "{both}");
+    assert!(both.contains(" error   ") && both.contains("gamma"), "{both}\n{refused}");
+    let refused = place.calib(&["build-model", "study.toml", "--log", "data"]).fails(2);
+    assert!(refused.contains("data") && refused.contains("a folder"), "{refused}");
+}
+
+#[test]
+fn verbose_lines_begin_with_the_time() {
+    let place = Place::with_study();
+    let said = place.calib(&["build-model", "study.toml", "-v"]).stderr();
+    assert!(said.lines().any(|line| line.ends_with("s  reading data")), "{said}");
+    let seconds =
+        |line: &str| line.trim().split(' ').next().and_then(|word| word.parse::<f64>().ok());
+    assert!(
+        said.lines().filter(|line| line.contains(" s  ")).all(|line| seconds(line).is_some()),
+        "{said}"
+    );
+    let refused = place.calib(&["build-model", "study.toml", "-v", "-q"]).fails(2);
+    assert!(refused.contains("--quiet"), "{refused}");
+}
+
+#[test]
+fn what_to_type_next_has_a_colour() {
+    let place = Place::with_study();
+    let said = place.calib(&["build-model", "study.toml", "--color", "always"]).stderr();
+    assert!(said.contains("next: \u{1b}[36;1mcalib rollout study.toml\u{1b}[0m"), "{said}");
+}
