@@ -19,6 +19,27 @@
 //! - [`RunOutcome`]: errors and the learning curve.
 //! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
 //! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns that predictions are held to.
+//!
+//! ```
+//! use calib_agent::{AgentConfig, CurveRule, Part, ValueFunction, train};
+//! use calib_core::{RowIndex, RowStream, Seed, Silent, States};
+//!
+//! // A sensor that alternates between 0 and 1, seen by agents of two step sizes that discount by one half.
+//! let states = States::new(vec![0.0, 1.0], 2, 1)?;
+//! let stream = RowStream::unbroken(states, (0..4_000).map(|t| RowIndex::new(t % 2)).collect());
+//! let agent = |learning_rate| AgentConfig {
+//!     value_function: ValueFunction::Linear,
+//!     gamma: 0.5,
+//!     batch_size: 32,
+//!     learning_rate,
+//!     ..AgentConfig::default()
+//! };
+//! let agents = [agent(1e-4), agent(1e-2)];
+//! let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
+//! let settled = |agent: usize| outcomes[agent].scores.of(Part::FinalQuarter).unwrap().rmse;
+//! assert!(settled(1) < settled(0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod config;
 mod curve;

@@ -10,6 +10,19 @@
 //! - [`Seed`], [`Rng`]: named, derived randomness that is stable across platforms and releases.
 //! - [`Monitor`]: progress and cancellation, seen from inside long work.
 //! - [`Stream`], [`RowStream`]: what an agent sees; replay and rollout look the same to it.
+//!
+//! ```
+//! use calib_core::{RowIndex, Seed, Segments, Transitions};
+//!
+//! // Three rows, a gap, two rows: nothing leads over the gap.
+//! let transitions = Transitions::new(Segments::from_lengths([3, 2])?);
+//! assert_eq!(transitions.len(), 3);
+//! assert_eq!(transitions.starting_at(RowIndex(2)), None);
+//! // What is drawn follows from names and numbers, not from the order of work.
+//! let seed = Seed::new(7).child("rollout");
+//! assert_eq!(seed.number(3).rng().bits(), seed.number(3).rng().bits());
+//! # Ok::<(), calib_core::SegmentError>(())
+//! ```
 
 mod column;
 mod frames;

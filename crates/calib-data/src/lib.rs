@@ -16,6 +16,22 @@
 //! looks at every channel, decides which are kept (`select`) and which rows are dropped (`impute`).
 //! The second (`dataset`) reads the kept channels again and writes the states. Both go through the
 //! channels in batches, file by file and slice by slice: memory is the states, the timestamps and one batch.
+//!
+//! ```
+//! use calib_core::{Silent, Timestamp};
+//! use calib_data::{DataConfig, Paths, PreprocessConfig, load, table::write_log};
+//!
+//! let directory = tempfile::tempdir()?;
+//! let path = directory.path().join("log.parquet");
+//! let times: Vec<Timestamp> = (0..100).map(|second| Timestamp::from_micros(second * 1_000_000)).collect();
+//! let level: Vec<f32> = (0..100).map(|second| (second % 7) as f32).collect();
+//! write_log(&path, &times, &[("LIT101", level)])?;
+//!
+//! let data = DataConfig { path: Paths::from(path), ..DataConfig::default() };
+//! let dataset = load(&data, &PreprocessConfig::default(), &Silent)?;
+//! assert_eq!(dataset.train.states().columns(), 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod channel;
 mod checksums;

@@ -10,6 +10,19 @@
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
 //! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
 //! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
+//!
+//! ```
+//! use calib_files::{read_sealed_json, write_sealed_json};
+//!
+//! let directory = tempfile::tempdir()?;
+//! let path = directory.path().join("manifest.json");
+//! write_sealed_json(&path, &[("k", 3)].into_iter().collect::<std::collections::BTreeMap<_, _>>())?;
+//! // A byte that differs is found.
+//! let edited = std::fs::read_to_string(&path)?.replace('3', "4");
+//! std::fs::write(&path, edited)?;
+//! assert!(read_sealed_json::<serde_json::Value>(&path).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod array;
 mod atomic;

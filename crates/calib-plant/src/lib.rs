@@ -32,6 +32,17 @@
 //! Janjua et al., "GVFs in the real world: making predictions online for water treatment", Machine
 //! Learning 2023, doi:10.1007/s10994-023-06413-x. No sensor series are published there: all series
 //! here follow from the equations in the source, whose constants are our choice.
+//!
+//! ```
+//! use calib_plant::{Plant, PlantOptions};
+//!
+//! let minute = calib_core::Period::from_secs(60.0).expect("positive");
+//! let options = PlantOptions { days: 2.0, channels: 12, period: minute, ..PlantOptions::default() };
+//! let plant = Plant::new(options)?;
+//! let days: Vec<_> = plant.collect();
+//! assert_eq!(days.len(), 2);
+//! # Ok::<(), calib_plant::OptionsError>(())
+//! ```
 
 mod catalogue;
 mod change;

@@ -12,6 +12,14 @@
 //!
 //! The measurements are a [`Sketch`](calib_data::Sketch) of the log, and times that the caller took. The numbers of the rules
 //! are our choices, if nothing else is said.
+//!
+//! ```
+//! use calib_propose::Horizon;
+//!
+//! // Ten minutes ahead, with states half a minute apart.
+//! let horizon = Horizon::new(600.0, 30.0);
+//! assert_eq!((horizon.states.round(), horizon.gamma), (20.0, 0.95));
+//! ```
 
 mod cleaning;
 mod cut;

@@ -8,6 +8,13 @@
 //!
 //! Curves are laid out here and painted as SVG here; kuva, with its embedded font, turns the same layout into
 //! pixels. Nothing depends on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
+//!
+//! ```
+//! use calib_report::{number, percent, setting};
+//!
+//! assert_eq!((number(0.012_345), percent(0.217)), ("0.0123".to_owned(), "22 %".to_owned()));
+//! assert_eq!(setting(1e-4), "1e-4");
+//! ```
 
 mod chart;
 mod downsample;

@@ -11,6 +11,21 @@
 //! - [`Plan::race`]: values that are surely worse than the leader make no more runs.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
+//!
+//! ```
+//! use calib_agent::AgentConfig;
+//! use calib_core::Seed;
+//! use calib_sweep::{SweepConfig, candidates};
+//!
+//! let mut sweep = SweepConfig::default();
+//! sweep.grid.clear();
+//! sweep.grid.insert("learning_rate".to_owned(), vec![1e-4.into(), 1e-2.into()].into());
+//! // The value of [agent] itself is always among them.
+//! let all = candidates(&sweep, &AgentConfig::default(), Seed::new(1))?;
+//! assert_eq!(all.iter().filter(|candidate| candidate.is_default).count(), 1);
+//! assert_eq!(all[0].label(), "learning_rate = 1e-4");
+//! # Ok::<(), calib_sweep::SweepError>(())
+//! ```
 
 mod axis;
 mod candidate;
