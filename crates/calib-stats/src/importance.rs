@@ -3,7 +3,7 @@
 use crate::StatsError;
 use crate::error::{check, check_length};
 
-/// The share of the variance of y that lies between groups: η² = Σ_g n_g (ȳ_g − ȳ)² / Σ_i (y_i − ȳ)², 0 to 1.
+/// The share of the variance of y that lies between groups: `η² = Σ_g n_g (ȳ_g − ȳ)² / Σ_i (y_i − ȳ)²`, 0 to 1.
 ///
 /// `groups` says for each of `values` which value of a hyperparameter it was measured at. In a complete grid the shares of all
 /// hyperparameters and of what they do together sum to 1, as in a functional analysis of variance; in an incomplete one they

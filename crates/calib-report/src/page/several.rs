@@ -63,15 +63,15 @@ pub(super) fn markup(
 }
 
 fn importance_table(sensitivity: &Sensitivity) -> Table {
-    let (labels, shares) = sensitivity.importances();
+    let importances = sensitivity.importances();
     let row = |(field, shares): (String, Vec<Option<f64>>)| {
         let share = |share: Option<f64>| share.map_or(Cell::Missing, Cell::Percent);
         std::iter::once(Cell::Text(field)).chain(shares.into_iter().map(share)).collect()
     };
     Table {
         title: format!("What matters for {}", sensitivity.sensor),
-        columns: std::iter::once("Hyperparameter".to_owned()).chain(labels).collect(),
-        rows: shares.into_iter().map(row).collect(),
+        columns: std::iter::once("Hyperparameter".to_owned()).chain(importances.labels).collect(),
+        rows: importances.shares.into_iter().map(row).collect(),
         ..Table::default()
     }
 }

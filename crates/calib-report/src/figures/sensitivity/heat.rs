@@ -27,6 +27,14 @@ pub(crate) struct HeatCell {
     pub(crate) is_chosen: bool,
 }
 
+/// How much each hyperparameter matters.
+pub(crate) struct Importances {
+    /// What each share is of.
+    pub(crate) labels: Vec<String>,
+    /// Each hyperparameter, with one share a label, 0 to 1; none where all combinations are alike.
+    pub(crate) shares: Vec<(String, Vec<Option<f64>>)>,
+}
+
 /// One number a combination, and what it is.
 struct Surface {
     label: String,
@@ -53,7 +61,7 @@ impl Sensitivity {
 
     /// For each hyperparameter and curve, the share of the differences that its value alone explains
     /// ([`calib_stats::importance`]): of logarithms where all are positive, with what diverged as bad as the worst that did not.
-    pub(crate) fn importances(&self) -> (Vec<String>, Vec<(String, Vec<Option<f64>>)>) {
+    pub(crate) fn importances(&self) -> Importances {
         let surfaces = self.surfaces();
         let of = |dimension: &&Dimension| {
             let (_, groups) = dimension.distinct();
@@ -61,7 +69,7 @@ impl Sensitivity {
             (dimension.field.clone(), shares)
         };
         let shares = self.varied().iter().map(of).collect();
-        (surfaces.into_iter().map(|surface| surface.label).collect(), shares)
+        Importances { labels: surfaces.into_iter().map(|surface| surface.label).collect(), shares }
     }
 
     /// The two hyperparameters that matter most to the first curve against each other, for every curve. Empty where a single
@@ -118,9 +126,8 @@ impl Surface {
             let of = of.iter().enumerate();
             of.map(|(column, value)| cell(row, column, *value)).collect()
         });
-        let owned = |values: Vec<&Setting>| sorted(values.into_iter().cloned().collect());
-        let (row_order, rows_sorted) = owned(row_values);
-        let (column_order, columns_sorted) = owned(column_values);
+        let (row_order, rows_sorted) = sorted(&row_values);
+        let (column_order, columns_sorted) = sorted(&column_values);
         let cells: Vec<Vec<Option<HeatCell>>> = cells.collect();
         let ordered = row_order
             .iter()
@@ -137,9 +144,11 @@ impl Surface {
 }
 
 /// Numbers rise, whatever the order of the grid; names stay. With where each was.
-fn sorted(values: Vec<Setting>) -> (Vec<usize>, Vec<Setting>) {
+fn sorted(values: &[&Setting]) -> (Vec<usize>, Vec<Setting>) {
     let mut order: Vec<usize> = (0..values.len()).collect();
-    if let Some(numbers) = values.iter().map(Setting::as_number).collect::<Option<Vec<f64>>>() {
+    if let Some(numbers) =
+        values.iter().map(|value| value.as_number()).collect::<Option<Vec<f64>>>()
+    {
         order.sort_by(|&a, &b| numbers[a].total_cmp(&numbers[b]));
     }
     let values = order.iter().map(|&place| values[place].clone()).collect();
@@ -185,7 +194,7 @@ mod tests {
     use super::*;
     use crate::{ErrorCurve, ErrorSource, RankCurve, Samples, Score};
 
-    /// learning_rate {0.1, 0.01} × batch_size {1, 16, 64}: error = rate's factor × batch's, one diverged.
+    /// Two learning rates × three batch sizes: the error is the rate's factor × the batch's, one diverged.
     fn grid() -> Sensitivity {
         let (rates, batches) = ([0.1, 0.01], [1.0, 16.0, 64.0]);
         let errors = [[4.0, 2.0, 4.0], [f64::INFINITY, 1.0, 2.0]];
@@ -267,7 +276,7 @@ mod tests {
             (Some(0.0), Some(0.5), Some(1.0))
         );
         assert!(cell(1, 0).is_chosen && !cell(1, 1).is_chosen);
-        let (labels, shares) = grid().importances();
+        let Importances { labels, shares } = grid().importances();
         assert_eq!(labels, ["Online, mean NRMSE"]);
         let share = |place: usize| shares[place].1[0].expect("differs");
         assert!(share(1) > share(0), "{shares:?}");

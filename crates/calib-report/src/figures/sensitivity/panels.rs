@@ -59,7 +59,7 @@ impl Sensitivity {
             return Ok(None);
         }
         let mut head = all[0].figure()?.chart().clone();
-        head.title = "Sensitivity, through the choice of each sensor".to_owned();
+        "Sensitivity, through the choice of each sensor".clone_into(&mut head.title);
         let rows: Vec<Vec<GridCell>> = all
             .iter()
             .zip(&slices)
