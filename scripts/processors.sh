@@ -11,7 +11,7 @@ command -v qemu-x86_64 >/dev/null || {
     apt-get -qq update
     DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes --no-install-recommends qemu-user >/dev/null
 }
-work=$(mktemp -d)
+work=$(mktemp -d -p "${CALIB_WORK:-/dev/shm}")
 trap 'rm -rf "$work"' EXIT
 
 cat >"$work/study.toml" <<'STUDY'
