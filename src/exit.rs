@@ -2,7 +2,7 @@ use calib_data::DataError;
 use calib_pipeline::{Observer, Outcome, Remark, StepError};
 use calib_study::{Place, StudyError};
 
-use crate::output::excerpt;
+use crate::output::{excerpt, is_to_be_tried_again};
 
 /// How a command ended; the number is the process's exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +16,10 @@ pub enum ExitStatus {
     BadInput = 2,
     /// A bug in calib.
     Internal = 3,
+    /// A part of work that is spread over several machines is missing; what there is stays.
+    Incomplete = 4,
+    /// TERM, USR1 or USR2 stopped it: the state is kept, and the same command goes on from it (`EX_TEMPFAIL`).
+    TryAgain = 75,
     /// The user stopped it.
     Interrupted = 130,
 }
@@ -26,6 +30,7 @@ impl From<Outcome> for ExitStatus {
             Outcome::Done => Self::Done,
             Outcome::Negative => Self::Negative,
             Outcome::Faulty => Self::Internal,
+            Outcome::Incomplete => Self::Incomplete,
         }
     }
 }
@@ -35,7 +40,10 @@ pub(crate) fn report(error: &anyhow::Error, observer: &dyn Observer) -> ExitStat
     let told = StepError::told(error);
     observer.remark(Remark::Error(&told));
     if was_interrupted(error) {
-        return ExitStatus::Interrupted;
+        return if is_to_be_tried_again() { ExitStatus::TryAgain } else { ExitStatus::Interrupted };
+    }
+    if is_incomplete(error) {
+        return ExitStatus::Incomplete;
     }
     excerpt(&place(error).map(Place::excerpt).unwrap_or_default());
     ExitStatus::BadInput
@@ -46,6 +54,10 @@ fn was_interrupted(error: &anyhow::Error) -> bool {
         cause.downcast_ref().is_some_and(StepError::was_interrupted)
             || matches!(cause.downcast_ref(), Some(DataError::Interrupted))
     })
+}
+
+fn is_incomplete(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(StepError::is_incomplete))
 }
 
 /// Where in the study file the reason is, if it is there.

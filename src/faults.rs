@@ -17,10 +17,14 @@ pub(crate) fn arm() -> anyhow::Result<()> {
     let text = text.to_string_lossy();
     let expected = || {
         format!(
-            "{VARIABLE} is for tests: expected fail:N, full:N, kill:N or list:FILE, got '{text}'; \
+            "{VARIABLE} is for tests: expected fail:N, full:N, kill:N, list:FILE or lockless, got '{text}'; \
              remove it from the environment"
         )
     };
+    if text == "lockless" {
+        faults::arm(Fault::Lockless);
+        return Ok(());
+    }
     let (kind, what) = text.split_once(':').with_context(expected)?;
     let number = || what.parse().with_context(expected);
     faults::arm(match kind {

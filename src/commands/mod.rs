@@ -1,5 +1,6 @@
 //! One command a file, as far as it is more than a step of the pipeline.
 
+mod cluster;
 mod dtw;
 mod explain;
 mod generate;
@@ -59,6 +60,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
             let logs = if args.read_data { Logs::Read } else { Logs::Leave };
             calib_pipeline::check(&args.directory, logs, printer)?
         }
+        Command::Cluster { command } => cluster::run(command, printer)?,
         Command::Validity(args) => calib_pipeline::validity(&args.into(), printer)?,
         Command::Dtw(args) => dtw::run(&args, printer)?,
         Command::Explain { key, .. } => explain::run(key.as_deref(), printer)?,

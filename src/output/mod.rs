@@ -1,10 +1,11 @@
 //! What a person or a machine reads: results on stdout, talk and progress on stderr.
 
+mod interrupts;
 mod journal;
 mod progress;
 mod terminal;
 
 pub(crate) use calib_pipeline::output::{Lines, harmless};
+pub(crate) use interrupts::{is_to_be_tried_again, watch_for_interrupts};
 pub(crate) use journal::{Journal, Voice};
-pub(crate) use progress::watch_for_interrupts;
 pub(crate) use terminal::{Terminal, excerpt};

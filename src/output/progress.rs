@@ -1,30 +1,10 @@
-use std::{
-    io::IsTerminal as _,
-    sync::{
-        Mutex, Once,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Duration,
-};
+use std::{io::IsTerminal as _, sync::Mutex, time::Duration};
 
 use calib_core::Monitor;
 use calib_pipeline::{Shown, Stopwatch, output::duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// From now on Ctrl-C asks the work to stop at its next safe point; a second Ctrl-C ends at once.
-pub(crate) fn watch_for_interrupts() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        // Without a handler Ctrl-C ends the process at once; that is safe too, only less polite.
-        let _ = ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        });
-    });
-}
+use super::interrupts::is_asked_to_stop;
 
 /// Shows progress with an ETA and passes interrupts on.
 #[derive(Debug)]
@@ -123,7 +103,7 @@ impl Monitor for ProgressMonitor {
     }
 
     fn interrupted(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
+        is_asked_to_stop()
     }
 }
 

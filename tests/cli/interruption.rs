@@ -104,13 +104,9 @@ fn a_killed_training_by_force_is_not_up_to_date() {
     assert!(place.content("study-results") == whole);
 }
 
+/// Start a sweep, wait until it has results of a sensor, send it this signal as often, and return how it ended.
 #[cfg(unix)]
-#[test]
-fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
-    let place = Place::with_study();
-    place.calib(&["build-model", "study.toml"]).succeeds();
-    // Long enough that the signal arrives in the middle.
-    place.edit_study("online_runs = 3", "online_runs = 4000");
+fn signalled(place: &Place, signal: &str, times: usize) -> std::process::Output {
     let child = place
         .command(&["sweep", "study.toml", "--threads", "1"])
         .stdout(Stdio::null())
@@ -124,10 +120,65 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
         }
         thread::sleep(Duration::from_millis(20));
     }
-    let interrupt =
-        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(interrupt.expect("kill runs").success());
-    let output = child.wait_with_output().expect("it ends");
+    for _ in 0..times {
+        let id = child.id().to_string();
+        let sent = std::process::Command::new("kill").args([signal, &id]).status();
+        assert!(sent.expect("kill runs").success());
+    }
+    child.wait_with_output().expect("it ends")
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    // Long enough that the signals arrive in the middle.
+    place.edit_study("online_runs = 3", "online_runs = 120");
+    for signal in ["-TERM", "-USR1", "-USR2"] {
+        let output = signalled(&place, signal, 2);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(75), "{signal}: {told}");
+        assert!(told.contains("run the same command again"), "{told}");
+        let sweep = place.path().join("study-results/sweep");
+        assert!(!sweep.join("manifest.json").exists());
+        place.calib(&["sweep", "study.toml"]).succeeds();
+        let pieces = place.content("study-results/sweep");
+        place.calib(&["sweep", "study.toml", "--force"]).succeeds();
+        assert!(place.content("study-results/sweep") == pieces, "{signal}");
+        std::fs::remove_dir_all(sweep).expect("there");
+    }
+}
+
+#[test]
+fn where_there_are_no_locks_two_sweeps_of_one_folder_end_well() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.edit_study("online_runs = 3", "online_runs = 60");
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let alone = place.content("study-results/sweep");
+    std::fs::remove_dir_all(place.path().join("study-results/sweep")).expect("there");
+    let start = || {
+        let mut command = place.command(&["sweep", "study.toml", "--threads", "1"]);
+        let command = command.env("CALIB_FAULT", "lockless");
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("calib runs")
+    };
+    let both = [start(), start(), start()];
+    for child in both {
+        let output = child.wait_with_output().expect("it ends");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert!(place.content("study-results/sweep") == alone);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    // Long enough that the signal arrives in the middle.
+    place.edit_study("online_runs = 3", "online_runs = 4000");
+    let output = signalled(&place, "-INT", 1);
     assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stderr).contains("run the same command again"));
     assert!(!place.path().join("study-results/sweep/manifest.json").exists());

@@ -3,6 +3,7 @@
 mod build;
 mod chain;
 mod change;
+mod cluster;
 mod comparisons;
 mod dataset;
 mod deployments;

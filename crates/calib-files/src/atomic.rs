@@ -9,17 +9,8 @@ use crate::{
     disk::{Announced, directory_of, sync_directory},
     faults::{Operation, reach},
     remove_file,
+    writer::{is_abandoned, is_temporary, prefix, suffix},
 };
-
-const PREFIX: &str = ".calib-";
-const SUFFIX: &str = ".tmp";
-
-/// Whether `path` has the name of a temporary file of [`write_atomically`]:
-/// one that no process writes any more is left over from a kill and may be removed.
-pub fn is_temporary(path: &Path) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX))
-}
 
 /// Write `path` as a whole: `fill` writes to a temporary file in the same directory,
 /// which is synced and then renamed. After a crash `path` holds the old content or the new.
@@ -42,8 +33,8 @@ fn replace(
 ) -> io::Result<()> {
     reach(Operation::Create, path)?;
     let mut temporary = tempfile::Builder::new()
-        .prefix(PREFIX)
-        .suffix(SUFFIX)
+        .prefix(&prefix())
+        .suffix(suffix())
         .permissions(default_permissions())
         .tempfile_in(directory)?;
     write_to(temporary.as_file_mut(), path, fill)?;
@@ -72,7 +63,8 @@ pub enum Below {
     Unknown,
 }
 
-/// Remove what a killed process left half-written in `directory`, and in those below if they are ours.
+/// Remove what a killed process left half-written in `directory`, and in those below if they are ours. What another
+/// process is writing, on this machine or on another one, stays.
 ///
 /// # Errors
 /// If it cannot be read, or something cannot be removed.
@@ -85,7 +77,7 @@ pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileErro
             if below == Below::Ours {
                 remove_temporaries(&path, below)?;
             }
-        } else if is_temporary(&path) {
+        } else if is_temporary(&path) && is_abandoned(&path).map_err(refused)? {
             remove_file(&path)?;
         }
     }
@@ -119,8 +111,10 @@ enum Linked {
 
 fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
     reach(Operation::Create, path)?;
-    let builder = || tempfile::Builder::new().prefix(PREFIX).suffix(SUFFIX).to_owned();
-    let Ok(temporary) = builder().make_in(directory, |name| fs::hard_link(from, name)) else {
+    let prefix = prefix();
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(suffix());
+    let Ok(temporary) = builder.make_in(directory, |name| fs::hard_link(from, name)) else {
         return Ok(Linked::NotHere);
     };
     reach(Operation::Rename, path)?;

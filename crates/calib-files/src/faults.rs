@@ -42,6 +42,8 @@ pub enum Fault {
     Kill(u64),
     /// Nothing; the operations are written to this file, a line each.
     List(File),
+    /// No lock can be had, as on some file systems of clusters.
+    Lockless,
 }
 
 #[derive(Debug)]
@@ -50,6 +52,7 @@ enum Armed {
     Full(u64),
     Kill(u64),
     List(Mutex<File>),
+    Lockless,
 }
 
 static ARMED: OnceLock<Armed> = OnceLock::new();
@@ -62,8 +65,14 @@ pub fn arm(fault: Fault) {
         Fault::Full(at) => Armed::Full(at),
         Fault::Kill(at) => Armed::Kill(at),
         Fault::List(file) => Armed::List(Mutex::new(file)),
+        Fault::Lockless => Armed::Lockless,
     };
     let _ = ARMED.set(armed);
+}
+
+/// Whether locks are to fail.
+pub(crate) fn have_no_locks() -> bool {
+    matches!(ARMED.get(), Some(Armed::Lockless))
 }
 
 /// Announce an operation on `path`: an error if it is to fail.

@@ -42,11 +42,10 @@ mod sealed;
 mod spill;
 mod stamp;
 mod tensors;
+mod writer;
 
 pub use array::{Array, read_array};
-pub use atomic::{
-    Below, is_temporary, link_or_copy, remove_temporaries, write_atomically, write_output,
-};
+pub use atomic::{Below, link_or_copy, remove_temporaries, write_atomically, write_output};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
@@ -55,7 +54,7 @@ pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use held::{HeldFile, HeldReader};
 pub use json::{read_json, write_json};
-pub use lock::open_lock;
+pub use lock::{Lock, lock};
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{open_regular, open_to_append, read_regular, require_regular};
@@ -64,3 +63,4 @@ pub use sealed::{read_sealed_json, write_sealed_json};
 pub use spill::Spill;
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
+pub use writer::{host_name, is_temporary};

@@ -1,20 +1,48 @@
 use std::{
-    fs::{self, File, OpenOptions},
+    fs::{self, File, OpenOptions, TryLockError},
     io,
     path::Path,
 };
 
 use crate::{
     FileError,
-    faults::{Operation, reach},
+    faults::{self, Operation, reach},
 };
+
+/// Whether a folder is this process's to write.
+#[derive(Debug)]
+pub enum Lock {
+    /// It is, until the file is closed.
+    Held(File),
+    /// Another process has it.
+    Taken,
+    /// The file system has no locks. Nothing may rest on having one: they keep two commands from doing the same work
+    /// twice, and what both write is the same.
+    Unknown,
+}
+
+/// Lock the file `path`, which is made if it is not there.
+///
+/// # Errors
+/// As [`open_lock`].
+pub fn lock(path: &Path) -> Result<Lock, FileError> {
+    let file = open_lock(path)?;
+    if faults::have_no_locks() {
+        return Ok(Lock::Unknown);
+    }
+    Ok(match file.try_lock() {
+        Ok(()) => Lock::Held(file),
+        Err(TryLockError::WouldBlock) => Lock::Taken,
+        Err(TryLockError::Error(_)) => Lock::Unknown,
+    })
+}
 
 /// Open or make the file that a lock is held on. Its content stays as it is, and a link is not followed: whatever lies
 /// at its end is somebody's.
 ///
 /// # Errors
 /// If it cannot be made, or something else than a file is called so.
-pub fn open_lock(path: &Path) -> Result<File, FileError> {
+fn open_lock(path: &Path) -> Result<File, FileError> {
     let refuse = |source| FileError::io("lock", path, source);
     let mut options = OpenOptions::new();
     options.read(true).write(true).create(true).truncate(false);

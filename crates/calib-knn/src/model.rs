@@ -1,6 +1,7 @@
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use calib_core::{Monitor, Rng, States, TransitionIndex, Transitions};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     Blocks, Ends, Exclusion, IndexChoice, KdTree, KnnError, LeftOut, NeighborTable, PrototypeKind,
@@ -18,7 +19,7 @@ use crate::{
 };
 
 /// A neighbour of a state, and how far its source is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Neighbor {
     /// The transition whose source state is near.
     pub transition: TransitionIndex,
@@ -164,18 +165,49 @@ impl KnnModel {
         members: usize,
         exclusion: Exclusion,
     ) -> Result<Self, KnnError> {
+        let all: Vec<usize> = (0..members).collect();
+        Self::open_some(directory, states, transitions, members, exclusion, &all)
+    }
+
+    /// As [`open`](Self::open), of the members `opened` alone, one at least: the others need not be there, and have empty
+    /// tables.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    ///
+    /// # Panics
+    /// If `opened` is empty.
+    pub fn open_some(
+        directory: &Path,
+        states: States,
+        transitions: Transitions,
+        members: usize,
+        exclusion: Exclusion,
+        opened: &[usize],
+    ) -> Result<Self, KnnError> {
         let blocks = Blocks::new(&transitions, members)?;
         Sources::new(&states, &transitions, &blocks)?;
-        let tables: Vec<NeighborTable> = (0..members)
-            .map(|member| open_table(&member_directory(directory, member), &blocks, member))
-            .collect::<Result<_, _>>()?;
-        let k = tables[0].k();
-        if let Some(member) = tables.iter().position(|table| table.k() != k) {
-            let got = tables[member].k();
-            let reason = format!("it has {got} neighbours a row, member 0 has {k}");
+        let open = |member| {
+            let table = open_table(&member_directory(directory, member), &blocks, member)?;
+            Ok((member, table))
+        };
+        let mut found: BTreeMap<usize, NeighborTable> =
+            opened.iter().map(|&member| open(member)).collect::<Result<_, KnnError>>()?;
+        let (first, k) = found
+            .first_key_value()
+            .map(|(member, table)| (*member, table.k()))
+            .expect("at least one member is opened");
+        if let Some((&member, table)) = found.iter().find(|(_, table)| table.k() != k) {
+            let reason = format!("it has {} neighbours a row, member {first} has {k}", table.k());
             return Err(KnnError::Table { member, reason });
         }
+        let tables: Vec<NeighborTable> = (0..members)
+            .map(|member| found.remove(&member).unwrap_or_else(|| NeighborTable::empty(k)))
+            .collect();
         let left_out = |member: usize| {
+            if !opened.contains(&member) {
+                return Ok(LeftOut::default());
+            }
             let directory = member_directory(directory, member);
             open_left_out(&directory, &blocks, member, &tables[member])
         };

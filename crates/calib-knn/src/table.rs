@@ -36,6 +36,11 @@ impl NeighborTable {
         Self { neighbors, distances, k }
     }
 
+    /// A table of no rows.
+    pub(crate) fn empty(k: usize) -> Self {
+        Self { neighbors: Arc::new(Vec::new()), distances: Arc::new(Vec::new()), k }
+    }
+
     /// Number of neighbours `k`.
     pub fn k(&self) -> usize {
         self.k

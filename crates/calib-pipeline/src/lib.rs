@@ -22,6 +22,7 @@ mod agents;
 mod base;
 mod chain;
 mod check;
+mod cluster;
 mod each;
 mod log;
 mod model;
@@ -39,8 +40,9 @@ pub use base::{
     clock::Stopwatch,
     memory::{MemorySize, check_log, check_table, working_files},
     options::{
-        BuildOptions, Device, Logs, ProposeOptions, Spill, Standing, ValidityExtent,
-        ValidityOptions,
+        ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,
+        Device, Engine, Leftovers, Logs, Of, ProposeOptions, Spill, Standing, Submission,
+        ValidityExtent, ValidityOptions,
     },
     outcome::{Outcome, StepError},
 };
@@ -51,8 +53,9 @@ pub use log::{
 };
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use steps::{
-    build_model, check, evaluate, pretrain, propose, represent, rollout, run, simulate,
-    simulate_plant, sweep, validity,
+    build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
+    evaluate, pretrain, propose, represent, rollout, run, simulate, simulate_plant, sweep,
+    validity,
 };
 pub use verdict::described::{Descriptions, unknown as unknown_sensors};
 

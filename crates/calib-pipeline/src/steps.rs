@@ -7,10 +7,10 @@ use calib_represent::RepresentationKind;
 use calib_study::{Each, Job};
 
 use crate::{
-    BuildOptions, Device, Logs, Outcome, Printer, ProposeOptions, Simulated, StepError,
-    ValidityOptions,
+    BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
+    Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
     agents::pretrain as agents,
-    chain, check as checking,
+    chain, check as checking, cluster,
     each::{Which, each},
     log::simulate as simulation,
     model::build_model as model,
@@ -146,4 +146,56 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, S
 /// As [`run`].
 pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(validities::run(options, printer)?)
+}
+
+/// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
+///
+/// # Errors
+/// As [`run`]; also if the folder holds a plan already.
+pub fn cluster_plan(
+    job: &Job,
+    options: &ClusterPlanOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(cluster::make(job, options, printer)?)
+}
+
+/// Make one shard of a plan. Whoever makes it twice gets the same bytes.
+///
+/// # Errors
+/// If the plan is another calib's or damaged, the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
+pub fn cluster_run(plan: &Path, shard: usize, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(cluster::run(plan, shard, printer)?)
+}
+
+/// Say what is done of a plan, what is not, and why; [`Outcome::Incomplete`] if anything is not.
+///
+/// # Errors
+/// If there is no plan, or it is damaged.
+pub fn cluster_status(
+    plan: &Path,
+    options: ClusterStatusOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(cluster::status(plan, options, printer)?)
+}
+
+/// Bring the results of all shards together, as one process would have written them.
+///
+/// # Errors
+/// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
+pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(cluster::merge(plan, printer)?)
+}
+
+/// Hand a plan to a system that runs its shards.
+///
+/// # Errors
+/// If there is no plan, or the system refuses.
+pub fn cluster_submit(
+    plan: &Path,
+    options: &ClusterSubmitOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(cluster::submit(plan, options, printer)?)
 }

@@ -1,6 +1,7 @@
 //! The states that rollouts are to start from: chosen once, for every member and every model.
 
 use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     RolloutError, StartSource,
@@ -8,7 +9,8 @@ use crate::{
 };
 
 /// A state that a rollout is to start from, whether or not the model has it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Wanted {
     /// A row of the model's data.
     Recorded(RowIndex),

@@ -82,6 +82,16 @@ impl Job {
         self.written.study(None, None)
     }
 
+    /// What was asked for.
+    pub fn request(&self) -> &Request {
+        &self.written.request
+    }
+
+    /// What stood in the study file when it was read.
+    pub fn text(&self) -> &str {
+        self.written.text()
+    }
+
     /// Where results lie.
     pub fn layout(&self) -> &Layout {
         &self.layout

@@ -80,6 +80,11 @@ impl Written {
         study.map_err(|problem| self.locate_in(&problem, model, deployment))
     }
 
+    /// What stood in the file.
+    pub(crate) fn text(&self) -> &str {
+        self.source.text()
+    }
+
     /// The problem with its place, as far as it has one.
     pub(crate) fn locate(&self, problem: &Problem) -> StudyError {
         self.locate_in(problem, None, None)

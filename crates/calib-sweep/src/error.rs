@@ -5,7 +5,7 @@ use calib_dynamics::DynamicsError;
 use calib_files::FileError;
 use calib_stats::StatsError;
 
-use crate::Unit;
+use crate::{EnvironmentId, Unit};
 
 /// Why a sweep cannot be planned, run or judged.
 #[derive(Debug, thiserror::Error)]
@@ -154,6 +154,9 @@ pub enum SweepError {
         /// Which run.
         unit: Unit,
     },
+    /// A stream of an environment that was described and not opened.
+    #[error("{0} was not opened here")]
+    Closed(EnvironmentId),
     /// The user asked to stop; finished units are stored.
     #[error("interrupted")]
     Interrupted,

@@ -1,7 +1,7 @@
 use calib_agent::{Keeper, RunState, StateFile};
 use calib_files::Fingerprinter;
 
-use crate::{UnitStore, plan::Job};
+use crate::{UnitSink, plan::Job, store::environment};
 
 /// Work between two states of a long run that are kept: about a minute of one core, some megabytes.
 ///
@@ -15,14 +15,16 @@ pub(crate) struct KeptRun {
 }
 
 impl KeptRun {
-    /// Where the pass of these jobs keeps its state.
-    pub(crate) fn new(store: &UnitStore, jobs: &[&Job<'_>], work_between: u64) -> Self {
+    /// Where the pass of these jobs keeps its state. The name tells passes of other sensors and inputs apart, which may
+    /// run beside it.
+    pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&Job<'_>], work_between: u64) -> Self {
         let mut key = Fingerprinter::default();
         for job in jobs {
             key.add(job.key.as_bytes());
         }
-        let path = store.unfinished(&jobs[0].unit);
-        Self { file: StateFile::new(path, key.finish().to_string()), work_between }
+        let (key, unit) = (key.finish(), &jobs[0].unit);
+        let name = format!("{}-run-{:04}-{}.safetensors", environment(unit), unit.run, key.short());
+        Self { file: StateFile::new(sink.state(&name), key.to_string()), work_between }
     }
 
     /// The pass is finished.

@@ -29,6 +29,7 @@
 
 mod axis;
 mod candidate;
+mod closed;
 mod config;
 mod environment;
 mod error;
@@ -41,6 +42,7 @@ mod race;
 mod range;
 mod replay;
 mod sampling;
+mod sink;
 mod sobol;
 mod span;
 mod store;
@@ -50,6 +52,7 @@ mod windows;
 
 pub use axis::{Axis, AxisError};
 pub use candidate::{Candidate, candidates, written};
+pub use closed::ClosedEnvironment;
 pub use config::{Beginning, SweepConfig};
 pub use environment::{
     Environment, EnvironmentId, MemberEnvironment, NotFinite, RolloutOptions, RunStream,
@@ -58,12 +61,13 @@ pub use error::SweepError;
 pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;
 pub use pass::Start;
-pub use plan::{Completed, Plan, PlanOptions};
+pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready};
 pub use predicted::PredictedEnvironment;
 pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;
+pub use sink::UnitSink;
 pub use span::Span;
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};

@@ -5,7 +5,7 @@ use calib_core::Monitor;
 use calib_files::Fingerprint;
 
 use crate::{
-    PlanOptions, RunRow, RunStream, SweepError, UnitResult, UnitStore, kept::KeptRun, plan::Job,
+    PlanOptions, RunRow, RunStream, SweepError, UnitResult, UnitSink, kept::KeptRun, plan::Job,
 };
 
 /// What the agents of one sensor start from.
@@ -28,17 +28,17 @@ pub(crate) struct Pass<'p, 'a> {
 }
 
 impl Pass<'_, '_> {
-    /// Train the units and put them into `store`; results come in the order of the jobs.
+    /// Train the units and put them into `sink`; results come in the order of the jobs.
     pub(crate) fn run(
         &self,
-        store: &UnitStore,
+        sink: &dyn UnitSink,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
         let first = self.jobs[0];
         let streamed = first.environment.stream(first.unit.run)?;
         if streamed.not_finite.is_some() {
             monitor.advance(self.options.span.steps as u64);
-            return self.put(store, &streamed, RunRow::failed);
+            return self.put(sink, &streamed, RunRow::failed);
         }
         let stream = &streamed.stream;
         let learners: Vec<Learner<'_>> = self
@@ -58,14 +58,14 @@ impl Pass<'_, '_> {
             curve: CurveRule { windows: self.options.curve_points },
             seed: first.seed,
         };
-        let kept = KeptRun::new(store, &self.jobs, self.work_between);
+        let kept = KeptRun::new(sink, &self.jobs, self.work_between);
         let outcomes =
             train_learners(run, &learners, &kept, monitor).map_err(|source| match source {
                 AgentError::Interrupted => SweepError::Interrupted,
                 source => SweepError::Agent { unit: first.unit.clone(), source },
             })?;
         let mut outcomes = outcomes.into_iter();
-        let results = self.put(store, &streamed, |candidate, steps| {
+        let results = self.put(sink, &streamed, |candidate, steps| {
             let outcome = outcomes.next().unwrap_or_else(|| unreachable!("one a learner"));
             RunRow::new(candidate, steps, outcome)
         })?;
@@ -77,7 +77,7 @@ impl Pass<'_, '_> {
     /// in the order of the jobs and their agents.
     fn put(
         &self,
-        store: &UnitStore,
+        sink: &dyn UnitSink,
         RunStream { stream, start_row, not_finite }: &RunStream,
         mut row: impl FnMut(usize, usize) -> RunRow,
     ) -> Result<Vec<UnitResult>, SweepError> {
@@ -98,7 +98,7 @@ impl Pass<'_, '_> {
                 rows: job.agents.iter().map(|candidate| row(candidate.index, steps)).collect(),
             })
             .collect();
-        results.iter().try_for_each(|result| store.put(result))?;
+        sink.put(&results)?;
         Ok(results)
     }
 }

@@ -11,6 +11,17 @@ use crate::{
     UnitStore, WORK_BETWEEN, pass::Pass, race::Race,
 };
 
+mod part;
+
+pub use part::{PassId, Ready};
+
+/// Version of what units come to. It is raised when the same inputs give other bytes, whatever the reason, so that results
+/// of two versions of calib never stand beside each other.
+pub const RESULT_VERSION: u32 = 4;
+
+/// What looks a result up by its unit and key.
+type Lookup<'l> = &'l (dyn Fn(&Unit, &str) -> Option<UnitResult> + Sync);
+
 /// What holds for every unit of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOptions {
@@ -46,12 +57,12 @@ pub struct Completed {
     pub ran: usize,
 }
 
-/// Add what `store` has of `jobs` to `found`.
-fn read(jobs: &[Job<'_>], found: &mut BTreeMap<Unit, UnitResult>, store: &UnitStore) {
+/// Add what `look_up` finds of `jobs` to `found`.
+fn read(jobs: &[Job<'_>], found: &mut BTreeMap<Unit, UnitResult>, look_up: Lookup<'_>) {
     let read: Vec<UnitResult> = jobs
         .par_iter()
         .filter(|job| !found.contains_key(&job.unit))
-        .filter_map(|job| store.get(&job.unit, &job.key))
+        .filter_map(|job| look_up(&job.unit, &job.key))
         .collect();
     found.extend(read.into_iter().map(|result| (result.unit.clone(), result)));
 }
@@ -145,10 +156,18 @@ impl<'a> Plan<'a> {
     /// # Errors
     /// If an error that a race decides by is NaN.
     pub fn stored(&self, store: &UnitStore) -> Result<BTreeMap<Unit, UnitResult>, SweepError> {
+        self.known(&|unit, key| store.get(unit, key))
+    }
+
+    /// The results that `look_up` finds by unit and key.
+    ///
+    /// # Errors
+    /// As [`stored`](Self::stored).
+    pub fn known(&self, look_up: Lookup<'_>) -> Result<BTreeMap<Unit, UnitResult>, SweepError> {
         let mut found = BTreeMap::new();
         let mut survivors = Survivors::default();
         loop {
-            read(&self.jobs(&survivors), &mut found, store);
+            read(&self.jobs(&survivors), &mut found, look_up);
             if !self.decide(&mut survivors, &found)? {
                 return Ok(found);
             }
@@ -161,6 +180,22 @@ impl<'a> Plan<'a> {
     /// As [`stored`](Self::stored).
     pub fn left(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<usize, SweepError> {
         Ok(self.missing(found)?.len())
+    }
+
+    /// Check that nothing has to be run beside `found`.
+    ///
+    /// # Errors
+    /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
+    pub fn collected(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<(), SweepError> {
+        let missing = self.missing(found)?;
+        match missing.first() {
+            Some(example) => Err(SweepError::Incomplete {
+                missing: missing.len(),
+                planned: self.count(),
+                example: example.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Units that have to be run beside `found`; in a race, at most.
@@ -207,14 +242,14 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Completed, SweepError> {
-        let (mut found, mut ran) = (stored, 0);
+        let (mut found, mut ran, kept) = (stored, 0, store.states_kept());
         let mut left = self.passes(&found)?;
         monitor.begin("training", (left * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
             // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
-            read(&jobs, &mut found, store);
+            read(&jobs, &mut found, &|unit, key| store.get(unit, key));
             let now = self.passes(&found)?;
             monitor.advance(((left - now) * self.options.span.steps) as u64);
             let trained = self.train(&jobs, &found, store, monitor)?;
@@ -222,7 +257,7 @@ impl<'a> Plan<'a> {
             left = now - Self::passes_of(&trained);
             found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
             if !self.decide(&mut survivors, &found)? {
-                store.forget_unfinished();
+                store.forget_stale(&kept);
                 let results = jobs.iter().filter_map(|job| found.remove(&job.unit)).collect();
                 return Ok(Completed { results, ran });
             }
@@ -302,6 +337,11 @@ impl<'a> Plan<'a> {
 
     /// The units whose values are known when `survivors` are.
     fn jobs(&self, survivors: &Survivors) -> Vec<Job<'_>> {
+        self.jobs_of(survivors, &|_| true)
+    }
+
+    /// Those of them that are `wanted`.
+    fn jobs_of(&self, survivors: &Survivors, wanted: &dyn Fn(&Unit) -> bool) -> Vec<Job<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
@@ -309,7 +349,8 @@ impl<'a> Plan<'a> {
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
                     let before = self.round_before(&unit);
                     let rounds = survivors.rounds(sensor);
-                    if self.is_spared(&unit, survivors)
+                    if !wanted(&unit)
+                        || self.is_spared(&unit, survivors)
                         || before.is_some_and(|round| round >= rounds.len())
                     {
                         continue;
@@ -356,7 +397,7 @@ impl<'a> Plan<'a> {
             start: Option<&'k Fingerprint>,
         }
         let key = Key {
-            format: 4,
+            format: RESULT_VERSION,
             unit,
             column,
             agents: agents.iter().map(|agent| (agent.index, &agent.agent)).collect(),

@@ -1,5 +1,5 @@
 use calib_core::{Frames, RowIndex, RowStream};
-use calib_files::{Fingerprint, Fingerprinter};
+use calib_files::Fingerprint;
 
 use crate::{Environment, EnvironmentId, RunStream, SweepError, Windows};
 
@@ -46,12 +46,7 @@ impl Environment for ReplayEnvironment<'_> {
     }
 
     fn inputs(&self, run: usize) -> Fingerprint {
-        let mut of = Fingerprinter::default();
-        of.add(self.inputs.to_string().as_bytes());
-        for number in [self.start(run), self.windows.states] {
-            of.add(&(number as u64).to_le_bytes());
-        }
-        of.finish()
+        self.windows.inputs(&self.inputs, run)
     }
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {

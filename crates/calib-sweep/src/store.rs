@@ -1,7 +1,9 @@
 use std::{
+    collections::BTreeMap,
     fs::DirEntry,
     io,
     path::{Path, PathBuf},
+    time::SystemTime,
 };
 
 use calib_files::{
@@ -9,7 +11,7 @@ use calib_files::{
     write_sealed_json,
 };
 
-use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult};
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink};
 
 /// Finished units, one small file each, so that an interrupted sweep loses only units in progress.
 #[derive(Clone, Debug)]
@@ -70,13 +72,33 @@ impl UnitStore {
         Ok(write_sealed_json(&self.path(&result.unit), result)?)
     }
 
+    /// States of unfinished runs that are there, and when they were last written.
+    pub(crate) fn states_kept(&self) -> StatesKept {
+        let kept = listed(&self.directory.join(UNFINISHED)).unwrap_or_default().into_iter();
+        let written =
+            |entry: DirEntry| Some((entry.path(), entry.metadata().ok()?.modified().ok()?));
+        kept.filter_map(written).collect()
+    }
+
+    /// Remove the states of unfinished runs that were there `before` and have not been written since: they are of other
+    /// inputs. Another process may be writing the others.
+    pub(crate) fn forget_stale(&self, before: &StatesKept) {
+        let now = self.states_kept();
+        for (path, _) in now.iter().filter(|(path, written)| before.get(*path) == Some(*written)) {
+            // What stays is not looked at again.
+            let _ = remove_file(path);
+        }
+        remove_empty_folder(&self.directory.join(UNFINISHED));
+    }
+
     /// Forget all units. Only files that are called as a unit's are removed, and folders that are empty then: where links
     /// lead, and what somebody else put here, stays.
     ///
     /// # Errors
     /// If a file cannot be removed.
     pub fn clear(&self) -> Result<(), SweepError> {
-        self.forget_unfinished();
+        // What stays is not looked at again.
+        let _ = remove_folder(&self.directory.join(UNFINISHED));
         for sensor in folders(&self.directory)? {
             for environment in folders(&sensor)? {
                 for entry in listed(&environment)? {
@@ -94,18 +116,6 @@ impl UnitStore {
         Ok(())
     }
 
-    /// Where the state of an unfinished run of this unit's environment is kept.
-    pub(crate) fn unfinished(&self, unit: &Unit) -> PathBuf {
-        let name = format!("{}-run-{:04}.safetensors", environment(unit), unit.run);
-        self.directory.join(UNFINISHED).join(name)
-    }
-
-    /// Remove the states of unfinished runs: there are none, or they are of other inputs.
-    pub(crate) fn forget_unfinished(&self) {
-        // What stays is not looked at again.
-        let _ = remove_folder(&self.directory.join(UNFINISHED));
-    }
-
     fn path(&self, unit: &Unit) -> PathBuf {
         self.directory
             .join(file_name(&unit.sensor))
@@ -113,6 +123,19 @@ impl UnitStore {
             .join(format!("run-{:04}.json", unit.run))
     }
 }
+
+impl UnitSink for UnitStore {
+    fn put(&self, results: &[UnitResult]) -> Result<(), SweepError> {
+        results.iter().try_for_each(|result| self.put(result))
+    }
+
+    fn state(&self, name: &str) -> PathBuf {
+        self.directory.join(UNFINISHED).join(name)
+    }
+}
+
+/// States of unfinished runs, and when they were written.
+pub(crate) type StatesKept = BTreeMap<PathBuf, SystemTime>;
 
 /// Whether a file is called `run-0000.json`.
 fn is_unit(name: &str) -> bool {
@@ -142,7 +165,8 @@ fn folders(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
 /// The folder of unfinished runs; no sensor's folder begins with a dot.
 const UNFINISHED: &str = ".unfinished";
 
-fn environment(unit: &Unit) -> String {
+/// What files of an environment are called.
+pub(crate) fn environment(unit: &Unit) -> String {
     match unit.environment {
         EnvironmentId::Member(member) => format!("member-{member}"),
         EnvironmentId::Online => "online".to_owned(),

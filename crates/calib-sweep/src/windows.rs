@@ -1,5 +1,7 @@
 use calib_agent::Part;
 use calib_core::Segments;
+use calib_files::{Fingerprint, Fingerprinter};
+use serde::{Deserialize, Serialize};
 
 use crate::Span;
 
@@ -15,7 +17,7 @@ pub struct Demand {
 }
 
 /// Windows of recorded rows: where the streams of a replay begin.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Windows {
     /// First row of each, in the order in which runs take them.
     pub starts: Vec<usize>,
@@ -71,6 +73,16 @@ impl Windows {
         let starts = starts.unwrap_or_else(|| with(1));
         let left_out = all - starts.len();
         Self { starts, states, left_out }
+    }
+
+    /// Fingerprint of what the stream of `run` is made from, of data that have the fingerprint `data`.
+    pub fn inputs(&self, data: &Fingerprint, run: usize) -> Fingerprint {
+        let mut of = Fingerprinter::default();
+        of.add(data.to_string().as_bytes());
+        for number in [self.starts[self.of_run(run)], self.states] {
+            of.add(&(number as u64).to_le_bytes());
+        }
+        of.finish()
     }
 
     /// Window that `run` replays.

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs::{File, TryLockError},
     io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
@@ -12,7 +11,7 @@ use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 pub(crate) use calib_files::Below;
 use calib_files::{
-    FileError, Fingerprint, Fingerprinter, Stamp, fingerprint_file, link_or_copy, open_lock,
+    FileError, Fingerprint, Fingerprinter, Lock, Stamp, fingerprint_file, link_or_copy, lock,
     read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
@@ -105,11 +104,15 @@ pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
     Ok(manifest)
 }
 
-/// A directory that this process writes, and no other one. The claim ends with the process, however it ends.
+/// A directory that this process writes, and no other one where the file system has locks. The claim ends with the
+/// process, however it ends.
+///
+/// It saves work and spares confusion; no result rests on it. Where two processes write one directory, as they can
+/// without locks, both write the same bytes, file by file as a whole.
 pub(crate) struct Claim {
     directory: PathBuf,
     /// Locked while it is open.
-    _lock: File,
+    _lock: Lock,
 }
 
 impl Claim {
@@ -134,9 +137,8 @@ impl Claim {
     pub(crate) fn of_nobody(directory: &Path, below: Below) -> anyhow::Result<Option<Self>> {
         calib_files::create_directory(directory)?;
         let refused = || format!("cannot write to {}", directory.display());
-        let lock = open_lock(&directory.join(".lock")).with_context(refused)?;
-        // Some network file systems have no locks: work on without.
-        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+        let lock = lock(&directory.join(".lock")).with_context(refused)?;
+        if matches!(lock, Lock::Taken) {
             return Ok(None);
         }
         remove_temporaries(directory, below).with_context(refused)?;

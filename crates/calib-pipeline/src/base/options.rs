@@ -108,3 +108,85 @@ pub struct ProposeOptions {
     /// What becomes of a study file that is there.
     pub standing: Standing,
 }
+
+/// How work is to be divided between processes.
+#[derive(Clone, Debug)]
+pub struct ClusterPlanOptions {
+    /// The plan, a folder.
+    pub directory: PathBuf,
+    /// Minutes that a shard is to take on one thread.
+    pub task_minutes: f64,
+    /// Shards that there may be.
+    pub max_tasks: usize,
+    /// Shards that there are to be, whatever they take.
+    pub shards: Option<usize>,
+}
+
+/// What is said of a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterStatusOptions {
+    /// Only the numbers of shards that are not done.
+    pub missing: Option<ArrayOf>,
+    /// What becomes of what nobody needs any more.
+    pub leftovers: Leftovers,
+}
+
+/// How numbers of shards are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArrayOf {
+    /// As Slurm's arrays, with ranges.
+    Slurm,
+    /// A line each.
+    Lines,
+}
+
+/// States of shards that are done, and what killed processes have left half-written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leftovers {
+    /// They stay.
+    Kept,
+    /// They are removed.
+    Removed,
+}
+
+/// How a plan is handed over.
+#[derive(Clone, Debug)]
+pub struct ClusterSubmitOptions {
+    /// To what.
+    pub engine: Engine,
+    /// What the plan cannot know of the cluster.
+    pub config: Option<PathBuf>,
+    /// Which shards.
+    pub of: Of,
+    /// Whether anything is.
+    pub submission: Submission,
+}
+
+/// What runs shards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// Slurm, by `sbatch`.
+    Slurm,
+    /// Ray, by a Python program.
+    Ray,
+    /// Kubernetes; manifests are written, and nothing is applied.
+    Kubernetes,
+}
+
+/// Which shards are handed over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Of {
+    /// All.
+    All,
+    /// Those that are not done.
+    Missing,
+}
+
+/// Whether anything is handed over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Submission {
+    /// It is.
+    Done,
+    /// It is said what would be.
+    Shown,
+}

@@ -18,7 +18,14 @@ pub enum Outcome {
     Negative,
     /// A check found what no correct calib writes.
     Faulty,
+    /// Parts that others are to make are missing.
+    Incomplete,
 }
+
+/// Something is missing that another attempt may bring, here or elsewhere; what is there stays.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Incomplete(pub(crate) String);
 
 /// The user asked to stop.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +47,11 @@ impl StepError {
     /// Whether it is no error but the wish of whoever watches: the next run of the same step goes on.
     pub fn was_interrupted(&self) -> bool {
         was_interrupted(&self.0)
+    }
+
+    /// Whether something is missing that another attempt may bring.
+    pub fn is_incomplete(&self) -> bool {
+        self.0.chain().any(|cause| cause.is::<Incomplete>())
     }
 
     /// The chain from the outermost context to the cause. Some errors tell their cause themselves; it is told once.

@@ -1,13 +1,18 @@
-//! The environments of a sweep: members, Online and log replay.
+//! The environments of a sweep: members, Online and log replay. What each is made of is described first, so that other
+//! processes can open it.
 
-use calib_core::Seed;
+use anyhow::Context as _;
+use calib_core::{Frames, RowIndex, Seed};
 use calib_data::Dataset;
 use calib_files::Fingerprint;
-use calib_rollout::Wanted;
-use calib_study::Job;
+use calib_knn::Weights;
+use calib_rollout::{StartState, Wanted};
+use calib_study::{Job, Study};
 use calib_sweep::{
-    Environment, MemberEnvironment, PredictedEnvironment, ReplayEnvironment, RolloutOptions,
+    Environment, EnvironmentId, MemberEnvironment, PredictedEnvironment, ReplayEnvironment,
+    RolloutOptions, Span, Windows,
 };
+use serde::{Deserialize, Serialize};
 
 use crate::{
     model::{
@@ -19,28 +24,127 @@ use crate::{
     sweep::streams::Streams,
 };
 
+/// What an environment is made of, beside states and tables.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Described {
+    /// A member of an ensemble of neighbours.
+    Member { number: usize, starts: Vec<StartState>, inputs: Fingerprint },
+    /// A network.
+    Network { starts: Vec<RowIndex>, inputs: Fingerprint },
+    /// What is held out.
+    Online { windows: Windows, runs: usize, inputs: Fingerprint },
+    /// The training range.
+    LogReplay { windows: Windows, inputs: Fingerprint },
+}
+
+/// What environments read: those parts that are there.
+#[derive(Clone, Copy)]
+pub(crate) struct Sources<'a> {
+    /// States of the model.
+    pub(crate) states: Option<&'a Frames>,
+    pub(crate) model: Option<&'a Model>,
+    /// What log replay replays.
+    pub(crate) train: Option<&'a Frames>,
+    pub(crate) held_out: Option<&'a Frames>,
+}
+
+/// How rollouts are made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rolling {
+    pub(crate) span: Span,
+    pub(crate) weights: Weights,
+    pub(crate) seed: Seed,
+}
+
+impl Rolling {
+    /// As a job asks for.
+    pub(crate) fn of(study: &Study, span: Span) -> anyhow::Result<Self> {
+        let seed = Seed::new(study.seed).child("rollout");
+        Ok(Self { span, weights: study.model.weights()?, seed })
+    }
+}
+
+impl Described {
+    /// Which environment it is.
+    pub(crate) fn id(&self) -> EnvironmentId {
+        match self {
+            Self::Member { number, .. } => EnvironmentId::Member(*number),
+            Self::Network { .. } => EnvironmentId::Member(0),
+            Self::Online { .. } => EnvironmentId::Online,
+            Self::LogReplay { .. } => EnvironmentId::LogReplay,
+        }
+    }
+
+    /// What the stream of each run is made from, as the opened environment says.
+    pub(crate) fn inputs(&self) -> Vec<Fingerprint> {
+        match self {
+            Self::Member { starts, inputs, .. } => vec![inputs.clone(); starts.len()],
+            Self::Network { starts, inputs } => vec![inputs.clone(); starts.len()],
+            Self::Online { windows, runs, inputs } if !windows.starts.is_empty() => {
+                (0..*runs).map(|run| windows.inputs(inputs, run)).collect()
+            }
+            Self::Online { .. } => Vec::new(),
+            Self::LogReplay { windows, inputs } => {
+                (0..windows.starts.len()).map(|run| windows.inputs(inputs, run)).collect()
+            }
+        }
+    }
+
+    /// The environment.
+    pub(crate) fn open<'a>(
+        &self,
+        sources: Sources<'a>,
+        Rolling { span, weights, seed }: Rolling,
+    ) -> anyhow::Result<Box<dyn Environment + 'a>> {
+        let lacks = || format!("what {} is made of is not there", self.id());
+        Ok(match self {
+            Self::Member { number, starts, inputs } => {
+                let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
+                let Model::Knn(knn) = model else { anyhow::bail!(lacks()) };
+                let options = RolloutOptions { span, weights, seed, inputs: inputs.clone() };
+                let member = knn.member(*number);
+                Box::new(MemberEnvironment::new(member, frames.states(), starts.clone(), options))
+            }
+            Self::Network { starts, inputs } => {
+                let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
+                let Model::Parametric(network) = model else { anyhow::bail!(lacks()) };
+                let (starts, inputs) = (starts.clone(), inputs.clone());
+                Box::new(PredictedEnvironment::new(&**network, frames, starts, span, inputs)?)
+            }
+            Self::Online { windows, runs, inputs } => {
+                let held_out = sources.held_out.with_context(lacks)?;
+                let (windows, inputs) = (windows.clone(), inputs.clone());
+                Box::new(ReplayEnvironment::online(held_out, windows, *runs, inputs))
+            }
+            Self::LogReplay { windows, inputs } => {
+                let train = sources.train.with_context(lacks)?;
+                Box::new(ReplayEnvironment::log_replay(train, windows.clone(), inputs.clone()))
+            }
+        })
+    }
+}
+
 /// Everything that agents are trained in.
-pub(crate) struct Environments<'a> {
-    pub(crate) environments: Vec<Box<dyn Environment + 'a>>,
+pub(crate) struct Environments {
+    pub(crate) described: Vec<Described>,
     /// What the reader should know of start states.
     pub(crate) starts: Vec<String>,
 }
 
-impl<'a> Environments<'a> {
+impl Environments {
     /// As long as `streams` says.
-    pub(crate) fn new(
-        job: &'a Job,
-        model: &'a OpenModel,
-        dataset: &'a Dataset,
+    pub(crate) fn describe(
+        job: &Job,
+        model: &OpenModel,
+        dataset: &Dataset,
         streams: &Streams,
         printer: &Printer,
     ) -> anyhow::Result<Self> {
         let (study, paths) = (job.study(), job.layout());
-        let seed = Seed::new(study.seed);
-        let (sweep, span) = (&study.sweep, streams.demand.span);
-        let mut environments: Vec<Box<dyn Environment + 'a>> = Vec::new();
-        let rollout_seed = seed.child("rollout");
+        let mut described = Vec::new();
         let configured = study.sweep_starts();
+        let rollout_seed = Seed::new(study.seed).child("rollout");
         let starts = Starts::new(&configured, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
             model.manifest.content()?,
@@ -52,45 +156,49 @@ impl<'a> Environments<'a> {
         let mut given: Vec<Vec<(Wanted, Option<f32>)>> = Vec::new();
         match &model.model {
             Model::Knn(knn) => {
-                let weights = study.model.weights()?;
                 // Beside the states that are searched: what the sweep writes need not be there yet.
                 let place = search_place(&model.model, &paths.model());
                 let progress = printer.progress();
                 let all = starts.of_members(knn, study.member_runs(), &place, &progress)?;
                 drop(progress);
-                for (number, own) in all.into_iter().enumerate() {
-                    let member = knn.member(number);
-                    given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
-                    let (seed, inputs) = (rollout_seed, inputs.clone());
-                    let options = RolloutOptions { span, weights, seed, inputs };
-                    let states = model.frames.states();
-                    environments
-                        .push(Box::new(MemberEnvironment::new(member, states, own, options)));
+                for (number, starts) in all.into_iter().enumerate() {
+                    given.push(starts.iter().map(|start| (start.wanted, start.replaced)).collect());
+                    described.push(Described::Member { number, starts, inputs: inputs.clone() });
                 }
             }
-            Model::Parametric(network) => {
+            Model::Parametric(_) => {
                 let own = starts.of_network(study.member_runs())?;
                 given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
-                let rows = own.iter().map(|start| start.row).collect();
-                let frames = &model.frames;
-                let predicted = PredictedEnvironment::new(&**network, frames, rows, span, inputs)?;
-                environments.push(Box::new(predicted));
+                let starts = own.iter().map(|start| start.row).collect();
+                described.push(Described::Network { starts, inputs });
             }
         }
-        if let (Some(held_out), Some(inputs), Some(windows)) =
-            (&dataset.held_out, &dataset.held_out_fingerprint, &streams.online)
-        {
-            let (windows, inputs) = (windows.clone(), inputs.clone());
-            let online = ReplayEnvironment::online(held_out, windows, sweep.online_runs, inputs);
-            environments.push(Box::new(online));
-        }
-        if !streams.log.starts.is_empty() {
-            let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
-            let replay = ReplayEnvironment::log_replay(&dataset.train, windows, inputs);
-            environments.push(Box::new(replay));
-        }
-        Ok(Self { environments, starts: notes(&summaries(&given)) })
+        described.extend(replayed(job, dataset, streams));
+        Ok(Self { described, starts: notes(&summaries(&given)) })
     }
+}
+
+/// The logs that are replayed.
+fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<Described> {
+    let mut described = Vec::new();
+    if let (Some(inputs), Some(windows)) = (&dataset.held_out_fingerprint, &streams.online) {
+        let (windows, inputs) = (windows.clone(), inputs.clone());
+        described.push(Described::Online { windows, runs: job.study().sweep.online_runs, inputs });
+    }
+    if !streams.log.starts.is_empty() {
+        let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
+        described.push(Described::LogReplay { windows, inputs });
+    }
+    described
+}
+
+/// All of them, opened.
+pub(crate) fn open_all<'a>(
+    described: &[Described],
+    sources: Sources<'a>,
+    rolling: Rolling,
+) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
+    described.iter().map(|one| one.open(sources, rolling)).collect()
 }
 
 /// One sentence a member whose start states are not those that were asked for.

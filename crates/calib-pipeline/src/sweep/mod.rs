@@ -5,8 +5,9 @@ pub(crate) mod notes;
 pub(crate) mod plan;
 pub(crate) mod recorded;
 mod run;
+pub(crate) mod setting;
 pub(crate) mod standing_still;
 pub(crate) mod streams;
 pub(crate) mod tables;
 
-pub(crate) use run::{SweepManifest, run, unit_store, wall_secs};
+pub(crate) use run::{Found, Pool, SweepManifest, put_together, run, unit_store, wall_secs};

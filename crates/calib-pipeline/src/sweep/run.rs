@@ -1,34 +1,30 @@
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::bail;
 use calib_agent::AgentConfig;
-use calib_core::{Period, Seed};
+use calib_core::Period;
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_study::{Job, Layout, Study};
 use calib_sweep::{
-    Candidate, Completed, ErrorScale, Plan, PlanOptions, PlannedUnit, Span, SweepError, Unit,
-    UnitResult, UnitStore, candidates,
+    Candidate, Completed, ErrorScale, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    agents::pretrain_files,
     base::{
         artefact::{self, Below, Claim, Files, Manifest, TOOL},
         clock::Stopwatch,
         outcome::Outcome,
     },
-    log::partition::{self, Parts},
     model::model_files,
     output::{Printer, count, duration},
     sweep::{
-        environments::Environments,
-        notes::{failed_rollouts, saved, standing_still},
+        notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan},
         recorded,
+        setting::{Setting, Unsettled},
         standing_still::Still,
-        streams::{OnlineWindow, Streams, Unscorable, error_scales, online_windows},
+        streams::{OnlineWindow, Streams, error_scales, online_windows},
         tables as sweep_tables,
     },
 };
@@ -132,39 +128,47 @@ pub(crate) fn unit_store(directory: &Path) -> UnitStore {
     UnitStore::new(directory.join("units"))
 }
 
+/// Results of units by their keys, as other processes made them.
+pub(crate) type Pool = BTreeMap<String, UnitResult>;
+
 /// Train every candidate in every environment. A dry run says what was `counted` before.
 pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<Outcome> {
+    sweep(job, counted, None, printer)
+}
+
+/// Write the results that other processes made, where nothing is left to train.
+///
+/// # Errors
+/// [`SweepError::Incomplete`] if something is, before anything is written.
+pub(crate) fn put_together(job: &Job, pool: &Pool, printer: &Printer) -> anyhow::Result<Outcome> {
+    sweep(job, &Counted::default(), Some(pool), printer)
+}
+
+fn sweep(
+    job: &Job,
+    counted: &Counted,
+    pool: Option<&Pool>,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
-    let candidates = candidates_of(study)?;
-    let model = model_files::open(job)?;
-    let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, printer)?;
-    model_files::check_data(job, &model.manifest, &dataset)?;
-    let content = model.manifest.content()?;
-    let Ok(streams) = streams.as_ref() else {
-        let reason = streams.err().unwrap_or_default();
-        return LeftOut { job, dataset, model: content, candidates }.leave_out(reason, printer);
+    let (study, directory) = (job.study(), job.layout().sweep());
+    let setting = match Setting::of(job, printer)? {
+        Ok(setting) => setting,
+        Err(unsettled) => return leave_out(job, unsettled, printer),
     };
-    let span = streams.demand.span;
-    let Environments { environments, starts: told_starts } =
-        Environments::new(job, &model, &dataset, streams, printer)?;
-    let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-    let scales = error_scales(&dataset, &sensors, &candidates);
-    let still = standing_still(&dataset, streams, &sensors, printer);
-    let (starts, notes) =
-        pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
-    printer.say_all(&notes);
-    let as_dyn = environments.iter().map(|environment| &**environment).collect();
-    let plan = Plan::new(&candidates, as_dyn, sensors.clone(), options(study, streams));
-    let plan = raced(plan.starting_from(starts), study)?;
-    let directory = paths.sweep();
+    let span = setting.streams.demand.span;
+    let environments = setting.open(study)?;
+    let plan = setting.plan(study, &environments)?;
     let store = unit_store(&directory);
-    let Found { own, stored } =
-        if job.policy().redoes() { Found::default() } else { Found::of(&plan, &store, paths)? };
+    let Found { own, stored } = Found::of(&plan, &store, job, pool)?;
     let missing = plan.left(&stored)?;
-    let sizes = Sizes::of(study, &dataset, span, [plan.count(), plan.passes(&stored)?]);
+    if pool.is_some() && missing > 0 {
+        plan.collected(&stored)?;
+    }
+    let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
-    preview(&candidates, &sizes, [plan.count(), missing, shared], span).announce(job, printer)?;
+    preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span)
+        .announce(job, printer)?;
     if job.policy().is_dry() {
         return Ok(Outcome::Done);
     }
@@ -178,20 +182,8 @@ pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
-    let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
-    printer.say_all(saved(&results, candidates.len()).as_slice());
-    let failed = failed_rollouts(&results, &dataset.normaliser, printer);
-    let told = still.iter().map(Still::note).collect();
-    let mut manifest = SweepManifest {
-        key: artefact::key(&units)?,
-        windows: windows(&dataset, streams),
-        standing_still: still.iter().filter_map(Still::everywhere).collect(),
-        scales,
-        units,
-        notes: [notes, streams.notes.clone(), told, told_starts, failed].concat(),
-        files: kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default(),
-        ..SweepManifest::of_nothing(study, &dataset, content, span, candidates)
-    };
+    let mut manifest = manifest_of(study, &setting, &results, printer)?;
+    manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
     let is_the_same = match kept {
         Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,
         None => false,
@@ -199,7 +191,7 @@ pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     if !is_the_same {
         let claim = claim.map_or_else(|| begin(&directory), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
-        recorded::write(&directory, &dataset, pretrain.as_ref(), &sensors)?;
+        recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
         manifest.files = artefact::fingerprints(&directory, tables())?;
         if ran > 0 {
             write_timings(&directory, ran, &clock)?;
@@ -210,34 +202,34 @@ pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
     Ok(Outcome::Done)
 }
 
-/// The values that a study sweeps.
-fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
-    if study.sweep.sensors.is_empty() {
-        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
-    }
-    let seed = Seed::new(study.seed).child("sweep");
-    Ok(candidates(&study.sweep, &study.agent, seed)?)
-}
-
-/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
-fn scorable(
-    job: &Job,
-    candidates: &[Candidate],
+/// The manifest of these results, but for its files.
+fn manifest_of(
+    study: &Study,
+    setting: &Setting,
+    results: &[UnitResult],
     printer: &Printer,
-) -> anyhow::Result<(Parts, Result<Streams, String>)> {
-    let is_one_of_several = job.deployment().is_some();
-    let parts = match partition::load(job, printer) {
-        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
-            let rest = partition::load_training(job, printer)?;
-            return Ok((rest, Err(format!("{reason:#}"))));
-        }
-        parts => parts?,
-    };
-    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
-        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
-        streams => Ok(streams?),
-    };
-    Ok((parts, streams))
+) -> anyhow::Result<SweepManifest> {
+    let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
+    let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
+    printer.say_all(saved(results, candidates.len()).as_slice());
+    let failed = failed_rollouts(results, &dataset.normaliser, printer);
+    let notes = [
+        setting.notes.clone(),
+        streams.notes.clone(),
+        still.iter().map(Still::note).collect(),
+        setting.environments.starts.clone(),
+        failed,
+    ];
+    let (content, span) = (model.manifest.content()?, streams.demand.span);
+    Ok(SweepManifest {
+        key: artefact::key(&units)?,
+        windows: windows(dataset, streams),
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
+        scales: error_scales(dataset, sensors, candidates),
+        units,
+        notes: notes.concat(),
+        ..SweepManifest::of_nothing(study, dataset, content, span, candidates.clone())
+    })
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
@@ -275,20 +267,6 @@ fn planned(result: &UnitResult) -> PlannedUnit {
     PlannedUnit { unit: result.unit.clone(), key: result.key.clone() }
 }
 
-fn options(study: &Study, streams: &Streams) -> PlanOptions {
-    PlanOptions {
-        part: streams.demand.part,
-        span: streams.demand.span,
-        curve_points: study.sweep.curve_points,
-        seed: Seed::new(study.seed).child("agent"),
-    }
-}
-
-fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
-    let sweep = &study.sweep;
-    if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
-}
-
 /// What Online replays.
 fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
     match (&streams.online, &dataset.held_out) {
@@ -297,34 +275,24 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
     }
 }
 
-/// A deployment in which nothing can be scored.
-struct LeftOut<'a> {
-    job: &'a Job,
-    dataset: Dataset,
-    model: String,
-    candidates: Vec<Candidate>,
-}
-
-impl LeftOut<'_> {
-    /// Write down why, so that the other deployments are judged without it.
-    fn leave_out(self, reason: String, printer: &Printer) -> anyhow::Result<Outcome> {
-        let Self { job, dataset, model, candidates } = self;
-        let study = job.study();
-        let name = job.deployment().unwrap_or_default();
-        printer.error(&format!("deployment {name} is left out: {reason}"));
-        if job.policy().is_dry() {
-            return Ok(Outcome::Negative);
-        }
-        let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
-        let manifest = SweepManifest {
-            key: artefact::key(&reason)?,
-            left_out: Some(reason),
-            ..SweepManifest::of_nothing(study, &dataset, model, span, candidates)
-        };
-        let claim = begin(&job.layout().sweep())?;
-        claim.complete(&manifest)?;
-        Ok(Outcome::Negative)
+/// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
+fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> anyhow::Result<Outcome> {
+    let Unsettled { dataset, model, candidates, reason } = unsettled;
+    let study = job.study();
+    let name = job.deployment().unwrap_or_default();
+    printer.error(&format!("deployment {name} is left out: {reason}"));
+    if job.policy().is_dry() {
+        return Ok(Outcome::Negative);
     }
+    let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
+    let manifest = SweepManifest {
+        key: artefact::key(&reason)?,
+        left_out: Some(reason),
+        ..SweepManifest::of_nothing(study, &dataset, model, span, candidates)
+    };
+    let claim = begin(&job.layout().sweep())?;
+    claim.complete(&manifest)?;
+    Ok(Outcome::Negative)
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
@@ -336,19 +304,33 @@ fn shared_units(plan: &Plan<'_>, stored: &BTreeMap<Unit, UnitResult>, counted: &
 
 /// Units that need not be run.
 #[derive(Default)]
-struct Found {
+pub(crate) struct Found {
     /// What this sweep has.
     own: BTreeMap<Unit, UnitResult>,
     /// The same and what others of the study have: Online and log replay are the same for all models, members for all
-    /// deployments that give the same start states.
-    stored: BTreeMap<Unit, UnitResult>,
+    /// deployments that give the same start states. And what other processes made.
+    pub(crate) stored: BTreeMap<Unit, UnitResult>,
 }
 
 impl Found {
-    fn of(plan: &Plan<'_>, store: &UnitStore, paths: &Layout) -> anyhow::Result<Self> {
-        let others = paths.other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
-        let stored = plan.stored(&store.clone().beside(others))?;
-        Ok(Self { own: plan.stored(store)?, stored })
+    pub(crate) fn of(
+        plan: &Plan<'_>,
+        store: &UnitStore,
+        job: &Job,
+        pool: Option<&Pool>,
+    ) -> anyhow::Result<Self> {
+        if job.policy().redoes() {
+            return Ok(Self::default());
+        }
+        let others = job.layout().other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
+        let store = store.clone();
+        let own = plan.stored(&store)?;
+        let all = store.beside(others);
+        let stored = plan.known(&|unit, key| {
+            let made = pool.and_then(|pool| pool.get(key)).filter(|made| made.unit == *unit);
+            made.cloned().or_else(|| all.get(unit, key))
+        })?;
+        Ok(Self { own, stored })
     }
 }
 

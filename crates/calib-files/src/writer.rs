@@ -1,0 +1,126 @@
+//! Who writes a temporary file: its name says so, because locks cannot be relied on. Some file systems of clusters have
+//! none, and on some they hold on one node only.
+
+use std::{
+    fs, io,
+    path::Path,
+    process,
+    sync::OnceLock,
+    time::{Duration, SystemTime},
+};
+
+use crate::{
+    Fingerprint,
+    faults::{Operation, reach},
+};
+
+const PREFIX: &str = ".calib-";
+const SUFFIX: &str = ".tmp";
+
+/// A file of another machine that nobody has written to for so long has nobody who writes it.
+const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
+
+/// The name of this machine; empty where the system does not say.
+pub fn host_name() -> &'static str {
+    static NAME: OnceLock<String> = OnceLock::new();
+    NAME.get_or_init(|| {
+        let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        name.trim().to_owned()
+    })
+}
+
+/// Some digits that stand for the processes that this one can see: those of this machine, or of its container.
+fn machine() -> Option<&'static str> {
+    static MACHINE: OnceLock<Option<String>> = OnceLock::new();
+    let of = || {
+        let processes = fs::read_link("/proc/self/ns/pid").ok()?;
+        let text = format!("{} {}", host_name(), processes.display());
+        Some(Fingerprint::of(text.as_bytes()).short().to_owned())
+    };
+    MACHINE.get_or_init(of).as_deref()
+}
+
+/// What the names of temporary files of this process begin with.
+pub(crate) fn prefix() -> String {
+    format!("{PREFIX}{}-{}-", machine().unwrap_or("unknown"), process::id())
+}
+
+/// What they end with.
+pub(crate) const fn suffix() -> &'static str {
+    SUFFIX
+}
+
+/// Whether `path` has the name of a temporary file of [`write_atomically`](crate::write_atomically):
+/// one that no process writes any more is left over from a kill and may be removed.
+pub fn is_temporary(path: &Path) -> bool {
+    middle(path).is_some()
+}
+
+fn middle(path: &Path) -> Option<&str> {
+    path.file_name()?.to_str()?.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)
+}
+
+/// Whether nobody writes a temporary file any more: its process is gone or, where only another machine could say that,
+/// it is a day older than what is written beside it now.
+pub(crate) fn is_abandoned(path: &Path) -> io::Result<bool> {
+    let mut parts = middle(path).unwrap_or_default().split('-');
+    let (of, process) = (parts.next(), parts.next().and_then(|text| text.parse::<u32>().ok()));
+    match (of, process) {
+        (Some(of), Some(process)) if Some(of) == machine() => {
+            Ok(!Path::new("/proc").join(process.to_string()).exists())
+        }
+        _ => is_older(path),
+    }
+}
+
+/// By the clock of the disk that both are on.
+fn is_older(path: &Path) -> io::Result<bool> {
+    let Some(folder) = path.parent() else { return Ok(false) };
+    reach(Operation::Create, folder)?;
+    let now = tempfile::tempfile_in(folder)?.metadata()?.modified()?;
+    let written = match fs::symlink_metadata(path) {
+        Ok(found) => found.modified()?,
+        // It has got its name meanwhile.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    Ok(age(written, now) > ABANDONED_AFTER)
+}
+
+fn age(written: SystemTime, now: SystemTime) -> Duration {
+    now.duration_since(written).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_others_are_theirs_until_they_are_old() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = |name: String| {
+            let path = directory.path().join(name);
+            fs::write(&path, b"half").expect("written");
+            path
+        };
+        let own = at(format!("{}x{SUFFIX}", prefix()));
+        assert!(is_temporary(&own));
+        assert!(
+            machine().is_none() || !is_abandoned(&own).expect("readable"),
+            "this process lives"
+        );
+        if let Some(machine) = machine() {
+            // No process has the largest number there is.
+            let dead = at(format!("{PREFIX}{machine}-{}-x{SUFFIX}", u32::MAX));
+            assert!(is_abandoned(&dead).expect("readable"));
+        }
+        for name in ["0123456789ab-7-x", "AbCdEf"] {
+            let other = at(format!("{PREFIX}{name}{SUFFIX}"));
+            assert!(is_temporary(&other) && !is_abandoned(&other).expect("readable"), "{name}");
+            let file = fs::File::options().write(true).open(&other).expect("writable");
+            let written = file.metadata().and_then(|found| found.modified()).expect("known");
+            file.set_modified(written - 2 * ABANDONED_AFTER).expect("set");
+            assert!(is_abandoned(&other).expect("readable"), "{name}");
+        }
+    }
+}

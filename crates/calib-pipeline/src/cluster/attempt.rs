@@ -1,0 +1,119 @@
+//! What is told of an attempt at a shard: where it runs, what it is doing, how it ended. Results do not depend on it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process,
+    sync::{Mutex, PoisonError},
+    time::Duration,
+};
+
+use calib_files::{file_name, host_name, read_sealed_json, write_sealed_json};
+use serde::{Deserialize, Serialize};
+
+/// An attempt, as the file tells of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Attempt {
+    /// Attempts before it.
+    pub(crate) before: usize,
+    pub(crate) host: String,
+    pub(crate) process: u32,
+    /// What it has begun and not finished: what it was at when it was killed.
+    pub(crate) doing: Vec<String>,
+    /// Passes that it made.
+    pub(crate) made: Vec<Made>,
+    /// Units that failed, and why.
+    pub(crate) failed: Vec<String>,
+    pub(crate) ended: Ended,
+}
+
+/// A pass and how long it took.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Made {
+    pub(crate) pass: String,
+    pub(crate) units: usize,
+    pub(crate) predicted_secs: f64,
+    pub(crate) secs: f64,
+}
+
+/// How an attempt ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Ended {
+    /// It runs, or was killed without a word.
+    NotYet,
+    Done,
+    /// It was asked to stop, and kept its state.
+    Stopped,
+    Failed(String),
+}
+
+/// The file of an attempt that this process makes.
+pub(crate) struct Diary {
+    path: PathBuf,
+    attempt: Mutex<Attempt>,
+}
+
+impl Diary {
+    /// Begin an attempt in `folder`, which holds those before.
+    pub(crate) fn begin(folder: &Path) -> Self {
+        let (host, process) = (host_name().to_owned(), process::id());
+        let before = read(folder).len();
+        let path = folder.join(format!("{before:04}-{}-{process}.json", file_name(&host)));
+        let attempt = Attempt {
+            before,
+            host,
+            process,
+            doing: Vec::new(),
+            made: Vec::new(),
+            failed: Vec::new(),
+            ended: Ended::NotYet,
+        };
+        let diary = Self { path, attempt: Mutex::new(attempt) };
+        diary.change(|_| ());
+        diary
+    }
+
+    /// A pass begins.
+    pub(crate) fn begins(&self, pass: &str) {
+        self.change(|attempt| attempt.doing.push(pass.to_owned()));
+    }
+
+    /// A pass is made.
+    pub(crate) fn made(&self, pass: &str, units: usize, predicted_secs: f64, took: Duration) {
+        self.change(|attempt| {
+            attempt.doing.retain(|doing| doing != pass);
+            let (pass, secs) = (pass.to_owned(), took.as_secs_f64());
+            attempt.made.push(Made { pass, units, predicted_secs, secs });
+        });
+    }
+
+    /// A pass failed.
+    pub(crate) fn failed(&self, pass: &str, reason: &str) {
+        self.change(|attempt| {
+            attempt.doing.retain(|doing| doing != pass);
+            attempt.failed.push(format!("{pass}: {reason}"));
+        });
+    }
+
+    /// The attempt ends.
+    pub(crate) fn ends(&self, ended: Ended) {
+        self.change(|attempt| attempt.ended = ended);
+    }
+
+    /// Write what changed. A disk that has no room for it is no reason to lose what is being computed.
+    fn change(&self, of: impl FnOnce(&mut Attempt)) {
+        let mut attempt = self.attempt.lock().unwrap_or_else(PoisonError::into_inner);
+        of(&mut attempt);
+        let _ = write_sealed_json(&self.path, &*attempt);
+    }
+}
+
+/// The attempts that are told of in a folder, in their order.
+pub(crate) fn read(folder: &Path) -> Vec<Attempt> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|of| of == "json"));
+    paths.sort();
+    paths.iter().filter_map(|path| read_sealed_json(path).ok()).collect()
+}

@@ -1,0 +1,122 @@
+//! How work is divided into shards.
+
+use std::ops::Range;
+
+/// How large shards are to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Division {
+    /// How long one is to take on one thread, in seconds.
+    pub(crate) secs: f64,
+    /// How many there may be, in all stages.
+    pub(crate) most: usize,
+    /// How many there are to be, whatever they take.
+    pub(crate) exactly: Option<usize>,
+}
+
+impl Division {
+    /// Into how many groups `sensors` sensors are cut, where `passes` passes take `secs` seconds in all. Sensors of a group
+    /// share a pass over a stream, which saves a little, so they are cut only where a pass is longer than a shard is to be.
+    pub(crate) fn groups(&self, passes: usize, sensors: usize, secs: f64) -> usize {
+        let wanted = match self.exactly {
+            Some(shards) => shards.div_ceil(passes.max(1)),
+            None => (secs / passes.max(1) as f64 / self.secs).ceil() as usize,
+        };
+        wanted.clamp(1, sensors.max(1))
+    }
+
+    /// How many shards work of so many passes becomes, which take `secs` seconds of `total` of all stages.
+    fn shards(&self, passes: usize, secs: f64, total: f64) -> usize {
+        let share = secs / total.max(f64::MIN_POSITIVE);
+        let most = ((self.most as f64 * share).floor() as usize).max(1);
+        let wanted = match self.exactly {
+            Some(shards) => shards,
+            None => ((secs / self.secs).ceil() as usize).min(most),
+        };
+        wanted.clamp(1, passes.max(1))
+    }
+
+    /// Cut passes of these seconds into shards, each a range of them; passes that share states and tables lie beside each
+    /// other. No shard exceeds the mean by more than a pass.
+    pub(crate) fn cut(&self, secs: &[f64], total: f64) -> Vec<Range<usize>> {
+        let sum: f64 = secs.iter().sum();
+        let shards = self.shards(secs.len(), sum, total);
+        let mut ranges = Vec::with_capacity(shards);
+        let (mut start, mut done) = (0, 0.0);
+        for number in 0..shards {
+            let left = shards - number - 1;
+            let target = sum * (number + 1) as f64 / shards as f64;
+            let mut end = start;
+            // One at least for each shard that follows, and the nearer end of the two about the target.
+            while end < secs.len() - left
+                && (end == start || left == 0 || done + secs[end] / 2.0 <= target)
+            {
+                done += secs[end];
+                end += 1;
+            }
+            ranges.push(start..end);
+            start = end;
+        }
+        ranges
+    }
+}
+
+/// `count` things in `groups` runs of as equal a length as there is.
+pub(crate) fn evenly(count: usize, groups: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..groups).map(move |group| count * group / groups..count * (group + 1) / groups)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn sensors_are_cut_only_where_a_pass_is_too_long() {
+        let of = |exactly| Division { secs: 1800.0, most: 1000, exactly };
+        assert_eq!(of(None).groups(100, 200, 100.0 * 600.0), 1);
+        assert_eq!(of(None).groups(100, 200, 100.0 * 5400.0), 3);
+        assert_eq!(of(None).groups(100, 2, 100.0 * 90_000.0), 2);
+        assert_eq!(of(Some(40)).groups(9, 2, 1.0), 2);
+        assert_eq!(of(Some(7)).groups(9, 2, 1.0), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn every_pass_is_in_one_shard_and_none_is_much_longer_than_the_mean(
+            secs in prop::collection::vec(0.1..10.0_f64, 1..200),
+            exactly in prop::option::of(1..60_usize),
+            goal in 1.0..50.0_f64,
+        ) {
+            let division = Division { secs: goal, most: 100, exactly };
+            let sum: f64 = secs.iter().sum();
+            let ranges = division.cut(&secs, sum);
+            let mut next = 0;
+            for range in &ranges {
+                prop_assert_eq!(range.start, next);
+                prop_assert!(range.end > range.start);
+                next = range.end;
+            }
+            prop_assert_eq!(next, secs.len());
+            if let Some(exactly) = exactly {
+                prop_assert_eq!(ranges.len(), exactly.min(secs.len()));
+            }
+            let mean = sum / ranges.len() as f64;
+            let longest = secs.iter().copied().fold(0.0, f64::max);
+            // Unless there is hardly a pass a shard, where the last ones are kept for those that follow.
+            for range in &ranges {
+                let own: f64 = secs[range.clone()].iter().sum();
+                prop_assert!(own <= mean + 2.0 * longest + 1e-9, "{own} {mean} {longest}");
+            }
+        }
+
+        #[test]
+        fn groups_are_even(count in 1..300_usize, groups in 1..50_usize) {
+            let groups = groups.min(count);
+            let lengths: Vec<usize> = evenly(count, groups).map(|range| range.len()).collect();
+            prop_assert_eq!(lengths.iter().sum::<usize>(), count);
+            let (least, most) = (lengths.iter().min(), lengths.iter().max());
+            prop_assert!(most.zip(least).is_some_and(|(most, least)| most - least <= 1));
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! The systems that run shards: what they are told. Every text is a pure function of a plan and a configuration.
+
+pub(crate) mod kubernetes;
+pub(crate) mod queue;
+pub(crate) mod ray;
+pub(crate) mod slurm;
+
+use calib_study::shell_words;
+
+use crate::cluster::{config::ClusterConfig, plan_file::PlanFile};
+
+/// What a task of a plan asks of a machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Demand {
+    pub(crate) minutes: u64,
+    pub(crate) memory_mb: u64,
+}
+
+impl Demand {
+    /// Of the shards with these numbers.
+    pub(crate) fn of(plan: &PlanFile, shards: &[usize], config: &ClusterConfig) -> Self {
+        let shards = || shards.iter().filter_map(|number| plan.shards.get(*number));
+        let secs = shards().map(|shard| shard.secs).fold(0.0, f64::max);
+        let bytes = shards().map(|shard| shard.memory).max().unwrap_or(0) as f64;
+        let grace = config.grace_secs.div_ceil(60);
+        let minutes = ((2.0 * secs / 60.0).ceil() as u64).max(10) + grace;
+        Self {
+            minutes: config.minutes.unwrap_or(minutes),
+            // Every thread has a pass of its own; files are mapped once, so this is more than enough.
+            memory_mb: config.memory_mb.unwrap_or_else(|| {
+                (1.5 * bytes * config.threads as f64 / f64::from(1 << 20)).ceil() as u64
+            }),
+        }
+    }
+}
+
+/// Words that a shell reads as they are.
+pub(crate) fn quoted(text: &str) -> String {
+    shell_words([text])
+}

@@ -1,0 +1,257 @@
+//! What shards read: the model, what is held out, pre-trained agents, and results that were there before.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
+
+use anyhow::{Context as _, ensure};
+use calib_agent::{StateFile, ValueState};
+use calib_core::{Frames, Transitions};
+use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
+use calib_knn::{KnnModel, ModelKind};
+use calib_study::Job;
+use calib_sweep::{
+    ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit, UnitResult,
+};
+
+use crate::{
+    base::{
+        artefact::{self, Files},
+        frames,
+    },
+    cluster::{
+        plan_file::SweepPart,
+        results::{Extent, Header, Results},
+    },
+    model::{kinds::Model, train_model},
+    sweep::{
+        environments::{Described, Rolling, Sources},
+        setting::{Setting, agent_seed, raced},
+    },
+};
+
+const STATES: &str = "states.npy";
+const ROWS: &str = "rows.parquet";
+const HELD_OUT: [&str; 2] = ["held_out.npy", "held_out.parquet"];
+const STARTS: &str = "starts.safetensors";
+const STORED: &str = "stored.units";
+
+/// Write what the shards of a part read to `directory`: files of the model are given a second name where they lie on the same
+/// disk, and copied elsewhere. Returns their fingerprints.
+pub(crate) fn write(
+    directory: &Path,
+    job: &Job,
+    setting: &Setting,
+    stored: &BTreeMap<Unit, UnitResult>,
+    header: Header,
+) -> anyhow::Result<Files> {
+    let mut files = setting.model.manifest.lasting_files();
+    for name in files.keys() {
+        link_or_copy(&job.layout().model().join(name), &directory.join(name))?;
+    }
+    let mut written = Vec::new();
+    if let Some(held_out) = &setting.dataset.held_out {
+        frames::write_states(&directory.join(HELD_OUT[0]), held_out)?;
+        artefact::write_table(frames::rows_table(held_out), &directory.join(HELD_OUT[1]))?;
+        written.extend(HELD_OUT);
+    }
+    if !setting.starts.is_empty() {
+        write_starts(directory, &setting.starts)?;
+        written.push(STARTS);
+    }
+    if !stored.is_empty() {
+        let units = stored.values().map(|of| ((of.unit.clone(), of.key.clone()), of.clone()));
+        let results = Results { header, units: units.collect(), extent: Extent::Whole };
+        results.write(&directory.join(STORED))?;
+        written.push(STORED);
+    }
+    for name in written {
+        files.insert(name.to_owned(), fingerprint_file(&directory.join(name))?);
+    }
+    Ok(files)
+}
+
+/// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
+pub(crate) fn mapped_bytes(directory: &Path, files: &Files, environments: &[Described]) -> u64 {
+    let members = environments.iter().filter(|of| matches!(of, Described::Member { .. })).count();
+    let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
+    let of_members = |name: &&String| name.starts_with("members/");
+    let (tables, others): (Vec<&String>, Vec<&String>) = files.keys().partition(of_members);
+    let sum = |names: Vec<&String>| names.into_iter().map(size).sum::<u64>();
+    sum(others) + sum(tables) / members.max(1) as u64
+}
+
+/// What the key of a file of agents is; their content has its own fingerprint.
+const AGENTS: &str = "agents to start from";
+
+fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> anyhow::Result<()> {
+    let names: BTreeMap<&String, &Fingerprint> =
+        starts.iter().map(|(sensor, start)| (sensor, &start.fingerprint)).collect();
+    let values = starts.values().map(|start| ValueState::from(&start.checkpoint)).enumerate();
+    let file = StateFile::new(directory.join(STARTS), AGENTS.to_owned());
+    Ok(file.write(&names, values.collect())?)
+}
+
+fn read_starts(directory: &Path) -> anyhow::Result<BTreeMap<String, Start>> {
+    let file = StateFile::new(directory.join(STARTS), AGENTS.to_owned());
+    let (names, values): (BTreeMap<String, Fingerprint>, Vec<(usize, ValueState)>) =
+        file.read().with_context(|| format!("{} is damaged", file.path().display()))?;
+    ensure!(names.len() == values.len(), "{} is damaged", file.path().display());
+    let start = |((sensor, fingerprint), (_, of)): ((String, Fingerprint), (usize, ValueState))| {
+        (sensor, Start { checkpoint: of.checkpoint, fingerprint })
+    };
+    Ok(names.into_iter().zip(values).map(start).collect())
+}
+
+/// What a shard has opened of a part.
+pub(crate) struct Inputs<'p> {
+    part: &'p SweepPart,
+    opened: BTreeSet<EnvironmentId>,
+    states: Option<Frames>,
+    model: Option<Model>,
+    held_out: Option<Frames>,
+    starts: BTreeMap<String, Start>,
+    /// Results that were there when the work was planned.
+    pub(crate) stored: BTreeMap<Unit, UnitResult>,
+}
+
+impl<'p> Inputs<'p> {
+    /// Open what the streams of these environments are made of, and no more; every file is compared with what was
+    /// planned before it is used.
+    pub(crate) fn open(
+        directory: &Path,
+        part: &'p SweepPart,
+        opened: BTreeSet<EnvironmentId>,
+    ) -> anyhow::Result<Self> {
+        let files = Checked { directory, files: &part.files };
+        let members: Vec<usize> = opened.iter().filter_map(member).collect();
+        let replays = opened.contains(&EnvironmentId::LogReplay);
+        let states = (replays || !members.is_empty()).then(|| files.frames(STATES, ROWS));
+        let states = states.transpose()?;
+        let model = match &states {
+            Some(states) if !members.is_empty() => Some(files.model(part, states, &members)?),
+            _ => None,
+        };
+        let held_out = opened.contains(&EnvironmentId::Online);
+        let held_out = held_out.then(|| files.frames(HELD_OUT[0], HELD_OUT[1])).transpose()?;
+        let starts = match files.has(STARTS)? {
+            true => read_starts(directory)?,
+            false => BTreeMap::new(),
+        };
+        let stored = match files.has(STORED)? {
+            true => Results::read(&directory.join(STORED))?.units,
+            false => BTreeMap::new(),
+        };
+        let stored = stored.into_values().map(|result| (result.unit.clone(), result)).collect();
+        Ok(Self { part, opened, states, model, held_out, starts, stored })
+    }
+
+    /// All environments of the part: those whose streams are wanted, opened, and what the others are.
+    pub(crate) fn environments(&self) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+        let states = self.states.as_ref();
+        let sources = Sources {
+            states,
+            model: self.model.as_ref(),
+            train: states,
+            held_out: self.held_out.as_ref(),
+        };
+        let rolling = Rolling::of(&self.part.study, self.part.span)?;
+        let open = |described: &Described| -> anyhow::Result<Box<dyn Environment + '_>> {
+            if self.opened.contains(&described.id()) {
+                return described.open(sources, rolling);
+            }
+            let (id, inputs) = (described.id(), described.inputs());
+            Ok(Box::new(ClosedEnvironment { id, inputs }))
+        };
+        self.part.environments.iter().map(open).collect()
+    }
+
+    /// The plan of the part's sweep.
+    pub(crate) fn plan<'a>(
+        &'a self,
+        environments: &'a [Box<dyn Environment + 'a>],
+    ) -> anyhow::Result<Plan<'a>> {
+        let SweepPart { study, candidates, sensors, span, .. } = self.part;
+        let as_dyn = environments.iter().map(|environment| &**environment).collect();
+        let options = PlanOptions {
+            part: study.part(),
+            span: *span,
+            curve_points: study.sweep.curve_points,
+            seed: agent_seed(study),
+        };
+        let plan = Plan::new(candidates, as_dyn, sensors.clone(), options);
+        Ok(raced(plan.starting_from(self.starts.clone()), study)?)
+    }
+}
+
+fn member(id: &EnvironmentId) -> Option<usize> {
+    match id {
+        EnvironmentId::Member(member) => Some(*member),
+        EnvironmentId::Online | EnvironmentId::LogReplay => None,
+    }
+}
+
+/// Files that are compared with what was planned when they are asked for.
+struct Checked<'a> {
+    directory: &'a Path,
+    files: &'a Files,
+}
+
+impl Checked<'_> {
+    /// Whether there is such a file, which is then whole.
+    fn has(&self, name: &str) -> anyhow::Result<bool> {
+        let Some(written) = self.files.get(name) else { return Ok(false) };
+        let path = self.directory.join(name);
+        let found = artefact::fingerprint_once(&path)?;
+        ensure!(
+            found == *written,
+            "{} is not what was planned: it was damaged or replaced; plan the work again",
+            path.display()
+        );
+        Ok(true)
+    }
+
+    fn require(&self, name: &str) -> anyhow::Result<()> {
+        ensure!(self.has(name)?, "the plan has no {name}; plan the work again");
+        Ok(())
+    }
+
+    fn frames(&self, states: &str, rows: &str) -> anyhow::Result<Frames> {
+        self.require(states)?;
+        self.require(rows)?;
+        frames::open(&self.directory.join(rows), frames::map_states(&self.directory.join(states))?)
+    }
+
+    /// The model with these members.
+    fn model(&self, part: &SweepPart, states: &Frames, members: &[usize]) -> anyhow::Result<Model> {
+        let settings = &part.study.model;
+        if settings.kind != ModelKind::Knn {
+            let others = self.files.keys().filter(|name| !name.starts_with("held_out"));
+            others.map(|name| self.require(name)).collect::<anyhow::Result<()>>()?;
+            let columns = states.states().columns();
+            return Ok(Model::Parametric(train_model::open(
+                self.directory,
+                settings.kind,
+                columns,
+            )?));
+        }
+        for member in members {
+            let folder = format!("members/{member}/");
+            let own = self.files.keys().filter(|name| name.starts_with(&folder));
+            own.map(|name| self.require(name)).collect::<anyhow::Result<()>>()?;
+        }
+        // A rollout reads tables and rows alone; distances were measured when the tables were made.
+        let (metric, transitions) =
+            (states.states().clone(), Transitions::new(states.segments().clone()));
+        let knn = KnnModel::open_some(
+            self.directory,
+            metric,
+            transitions,
+            settings.members,
+            settings.exclusion(),
+            members,
+        )?;
+        Ok(Model::Knn(Box::new(knn)))
+    }
+}

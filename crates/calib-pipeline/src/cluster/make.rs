@@ -1,0 +1,276 @@
+//! Planning: what is left of a study's sweeps, cut into shards, with everything that they read.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
+
+use anyhow::ensure;
+use calib_agent::{AgentConfig, training_bytes};
+use calib_files::{create_directory, remove_folder, write_sealed_json};
+use calib_study::{Each, Job};
+use calib_sweep::{EnvironmentId, PassId, Plan, Unit, UnitResult};
+
+use crate::{
+    base::{artefact::Files, options::ClusterPlanOptions, outcome::Outcome},
+    cluster::{
+        cost::Cost,
+        divide::{Division, evenly},
+        inputs,
+        maker::Maker,
+        plan_file::{
+            Asked, FORMAT, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in, path_in,
+        },
+        results::{self, Header},
+        status::summary,
+    },
+    output::Printer,
+    sweep::{Found, setting::Setting, unit_store},
+};
+
+/// Memory of a process that has nothing to do.
+const BASE_BYTES: u64 = 150 << 20;
+
+/// Plan the sweeps of a study.
+pub(crate) fn make(
+    job: &Job,
+    options: &ClusterPlanOptions,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let directory = &options.directory;
+    let path = path_in(directory);
+    ensure!(
+        !path.exists(),
+        "{} is a plan already; go on with `calib cluster status {}`, or plan into another folder",
+        directory.display(),
+        directory.display()
+    );
+    let maker = Maker::here()?;
+    let division = Division {
+        secs: 60.0 * options.task_minutes,
+        most: options.max_tasks,
+        exactly: options.shards,
+    };
+    let mut planning = Planning { directory, maker: &maker, division, seen: BTreeSet::new() };
+    if !job.policy().is_dry() {
+        // What a planning that was killed has left is of nobody's plan.
+        remove_folder(&directory.join("inputs"))?;
+    }
+    let (mut parts, mut work) = (Vec::new(), Vec::new());
+    for part in job.parts(Each::Deployment)? {
+        let (model, deployment) = (part.model(), part.deployment());
+        let mut planned = Part {
+            model: model.map(str::to_owned),
+            deployment: deployment.map(str::to_owned),
+            sweep: None,
+        };
+        if let Some((sweep, passes)) = planning.part(parts.len(), &part, printer)? {
+            planned.sweep = Some(sweep);
+            work.extend(passes);
+        }
+        parts.push(planned);
+    }
+    let shards = planning.shards(&parts, work);
+    let plan = PlanFile { format: FORMAT, maker, asked: Asked::of(job)?, parts, shards };
+    if job.policy().is_dry() {
+        told(&plan, printer)?;
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    create_directory(&directory.join("shards"))?;
+    write_sealed_json(&path, &plan)?;
+    told(&plan, printer)?;
+    next(directory, &plan, printer);
+    Ok(Outcome::Done)
+}
+
+fn told(plan: &PlanFile, printer: &Printer) -> anyhow::Result<()> {
+    let summary = summary(plan);
+    if printer.is_for_machines() {
+        return printer.json(&summary);
+    }
+    summary.lines().iter().try_for_each(|line| printer.result(line))
+}
+
+/// What to type next.
+fn next(directory: &Path, plan: &PlanFile, printer: &Printer) {
+    let place = calib_study::shell_words([directory.display().to_string()]);
+    match plan.shards.len().checked_sub(1) {
+        None => printer.next(&[format!("calib cluster merge {place}")]),
+        Some(last) => printer.next(&[
+            format!("calib cluster submit {place} --engine slurm --dry-run"),
+            format!("calib cluster run {place} --shard N, with every N from 0 to {last}"),
+        ]),
+    }
+}
+
+struct Planning<'a> {
+    directory: &'a Path,
+    maker: &'a Maker,
+    division: Division,
+    /// Keys of units that parts before make: those that are the same are made once.
+    seen: BTreeSet<String>,
+}
+
+/// A pass, and in which stage it is made.
+struct Work {
+    stage: usize,
+    pass: PlannedPass,
+}
+
+impl Planning<'_> {
+    /// What is left of one part; nothing where nothing is, or can be trained.
+    fn part(
+        &mut self,
+        number: usize,
+        job: &Job,
+        printer: &Printer,
+    ) -> anyhow::Result<Option<(SweepPart, Vec<Work>)>> {
+        let study = job.study();
+        let setting = match Setting::of(job, printer)? {
+            Ok(setting) => setting,
+            Err(unsettled) => {
+                let name = job.deployment().unwrap_or_default();
+                printer.warn(&format!("deployment {name} is left out: {}", unsettled.reason));
+                return Ok(None);
+            }
+        };
+        let environments = setting.open(study)?;
+        let plan = setting.plan(study, &environments)?;
+        let store = unit_store(&job.layout().sweep());
+        let Found { stored, .. } = Found::of(&plan, &store, job, None)?;
+        let runs: Vec<(EnvironmentId, usize)> = environments
+            .iter()
+            .flat_map(|of| (0..of.runs()).map(move |run| (of.id(), run)))
+            .collect();
+        if plan.left(&stored)? == 0 {
+            return Ok(None);
+        }
+        printer.say("timing some steps of a pass");
+        let cost = Cost::measure(study, &setting, &environments)?;
+        let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
+        let secs = cost.of(sensors.len()) * runs.len() as f64;
+        let groups = self.division.groups(runs.len(), sensors.len(), secs);
+        let groups: Vec<BTreeSet<String>> = evenly(sensors.len(), groups)
+            .map(|range| sensors[range].iter().map(|sensor| (*sensor).clone()).collect())
+            .collect();
+        let mut work = Vec::new();
+        for (environment, run) in runs {
+            for (group, sensors) in groups.iter().enumerate() {
+                let pass = PassId { environment, run, sensors: sensors.clone() };
+                if self.is_needed(&plan, &pass, &stored)? {
+                    let secs = cost.of(sensors.len());
+                    let pass = PlannedPass { part: number, environment, run, group, secs };
+                    work.push(Work { stage: plan.stage(environment, run), pass });
+                }
+            }
+        }
+        let (files, mapped) = self.inputs(number, job, &setting, &stored)?;
+        let width = setting.dataset.train.states().columns();
+        let part = SweepPart {
+            study: study.clone(),
+            candidates: setting.candidates.clone(),
+            sensors: setting.sensors.clone(),
+            groups,
+            span: setting.streams.demand.span,
+            environments: setting.environments.described.clone(),
+            width,
+            mapped,
+            files,
+        };
+        Ok(Some((part, work)))
+    }
+
+    /// Write what the shards of a part read; the files, and how much of them a shard maps.
+    fn inputs(
+        &self,
+        number: usize,
+        job: &Job,
+        setting: &Setting,
+        stored: &BTreeMap<Unit, UnitResult>,
+    ) -> anyhow::Result<(Files, u64)> {
+        let place = inputs_in(self.directory, number);
+        let described = &setting.environments.described;
+        if job.policy().is_dry() {
+            let files = setting.model.manifest.lasting_files();
+            let mapped = inputs::mapped_bytes(&job.layout().model(), &files, described);
+            return Ok((files, mapped));
+        }
+        let header = Header {
+            format: results::FORMAT,
+            plan: String::new(),
+            shard: number,
+            maker: self.maker.clone(),
+        };
+        let files = inputs::write(&place, job, setting, stored, header)?;
+        let mapped = inputs::mapped_bytes(&place, &files, described);
+        Ok((files, mapped))
+    }
+
+    /// Whether a unit of a pass has no result, and no part before makes it. Values of later stages of a race are not known yet.
+    fn is_needed(
+        &mut self,
+        plan: &Plan<'_>,
+        pass: &PassId,
+        stored: &BTreeMap<Unit, UnitResult>,
+    ) -> anyhow::Result<bool> {
+        if plan.stage(pass.environment, pass.run) > 0 {
+            return Ok(pass.units().any(|unit| !stored.contains_key(&unit)));
+        }
+        let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new())?;
+        let mut is_needed = false;
+        for planned in ready.iter().flat_map(calib_sweep::Ready::units) {
+            is_needed |= !stored.contains_key(&planned.unit) && self.seen.insert(planned.key);
+        }
+        Ok(is_needed)
+    }
+
+    /// The shards of all stages, in each the longest first.
+    fn shards(&self, parts: &[Part], work: Vec<Work>) -> Vec<Shard> {
+        let total: f64 = work.iter().map(|work| work.pass.secs).sum();
+        let mut stages: BTreeMap<usize, Vec<PlannedPass>> = BTreeMap::new();
+        for Work { stage, pass } in work {
+            stages.entry(stage).or_default().push(pass);
+        }
+        let mut shards = Vec::new();
+        // Numbers without gaps: a stage may have nothing left.
+        for (stage, mut passes) in stages.into_values().enumerate() {
+            // Passes that read the same files lie beside each other.
+            passes.sort_by_key(|pass| (pass.part, pass.environment, pass.run, pass.group));
+            let secs: Vec<f64> = passes.iter().map(|pass| pass.secs).collect();
+            let mut own = Vec::new();
+            let mut passes = passes.into_iter();
+            for range in self.division.cut(&secs, total) {
+                let passes: Vec<PlannedPass> = passes.by_ref().take(range.len()).collect();
+                let secs = passes.iter().map(|pass| pass.secs).sum();
+                let memory = memory(parts, &passes);
+                own.push(Shard { stage, secs, memory, passes });
+            }
+            own.sort_by(|a, b| b.secs.total_cmp(&a.secs));
+            shards.extend(own);
+        }
+        shards
+    }
+}
+
+/// Bytes that a shard takes on one thread.
+fn memory(parts: &[Part], passes: &[PlannedPass]) -> u64 {
+    let of = |pass: &PlannedPass| {
+        let part = parts.get(pass.part)?.sweep.as_ref()?;
+        let agents: Vec<AgentConfig> =
+            part.candidates.iter().map(|candidate| candidate.agent.clone()).collect();
+        let (states, sensors) = (part.span.states(), part.groups[pass.group].len());
+        Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
+    };
+    let training = passes.iter().filter_map(of).max().unwrap_or(0);
+    // Files are mapped: all of those that a part has, as they may be read from anywhere.
+    let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
+    let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);
+    let results = |pass: &PlannedPass| {
+        let part = parts.get(pass.part)?.sweep.as_ref()?;
+        let units = part.groups[pass.group].len() * part.candidates.len();
+        Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))
+    };
+    let results: u64 = passes.iter().filter_map(results).sum();
+    BASE_BYTES + training + 2 * results + read.iter().filter_map(mapped).max().unwrap_or(0)
+}

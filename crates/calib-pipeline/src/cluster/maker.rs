@@ -1,0 +1,83 @@
+//! Who makes a plan and its shards: results of different versions of calib, or of processors that compute other numbers,
+//! never stand beside each other.
+
+use anyhow::bail;
+use calib_sweep::RESULT_VERSION;
+use serde::{Deserialize, Serialize};
+
+use crate::{base::artefact::TOOL, cluster::arithmetic};
+
+/// What a result depends on beside its inputs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Maker {
+    /// The version of calib.
+    pub(crate) tool: String,
+    /// The commit that it was built from, where whoever built it said so (`CALIB_COMMIT`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) commit: Option<String>,
+    /// What units come to.
+    pub(crate) results: u32,
+    /// What the processor computes.
+    pub(crate) arithmetic: String,
+}
+
+impl Maker {
+    /// This process.
+    pub(crate) fn here() -> anyhow::Result<Self> {
+        Ok(Self {
+            tool: TOOL.to_owned(),
+            commit: option_env!("CALIB_COMMIT").map(str::to_owned),
+            results: RESULT_VERSION,
+            arithmetic: arithmetic::class()?,
+        })
+    }
+
+    /// Refuse this process where the plan is another's.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        match self.difference(&Self::here()?) {
+            Some(difference) => {
+                bail!("the plan is of {difference}; results of both would not belong together")
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// How another one differs, if it does.
+    pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+        let of = |maker: &Self| match &maker.commit {
+            Some(commit) => format!("{} (commit {commit}, results {})", maker.tool, maker.results),
+            None => format!("{} (results {})", maker.tool, maker.results),
+        };
+        if of(self) != of(other) {
+            return Some(format!("{}, and this is {}; use the same program", of(self), of(other)));
+        }
+        (self.arithmetic != other.arithmetic).then(|| {
+            format!(
+                "processors that compute numbers of the class {}, and this one's are of {}: another processor, system or \
+                 library; use machines of one class, or plan again on one of the others",
+                self.arithmetic, other.arithmetic
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_commits_and_processors_are_told_apart() {
+        let own = Maker::here().expect("computed");
+        assert_eq!(own.difference(&own), None);
+        let others = [
+            (Maker { tool: "calib 9.0.0".to_owned(), ..own.clone() }, "calib 9.0.0"),
+            (Maker { commit: Some("abc".to_owned()), ..own.clone() }, "commit abc"),
+            (Maker { results: 0, ..own.clone() }, "results 0"),
+            (Maker { arithmetic: "other".to_owned(), ..own.clone() }, "the class other"),
+        ];
+        for (other, told) in others {
+            let difference = other.difference(&own).expect("another");
+            assert!(difference.contains(told), "{difference}");
+        }
+    }
+}

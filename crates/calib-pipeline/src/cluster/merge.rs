@@ -1,0 +1,78 @@
+//! Bringing results together: all of them or none.
+
+use std::path::Path;
+
+use anyhow::bail;
+
+use crate::{
+    base::outcome::{Incomplete, Outcome, StepError},
+    cluster::{missing::ranges, plan_file::Opened, results::Extent},
+    output::{Printer, count, counted},
+    sweep::{Pool, put_together},
+};
+
+/// Faults that are told one by one.
+const TOLD: usize = 20;
+
+/// Write the results of all shards as the sweep of one process would have written them.
+pub(crate) fn merge(directory: &Path, printer: &Printer) -> anyhow::Result<Outcome> {
+    let opened = Opened::of(directory)?;
+    opened.plan.maker.check()?;
+    let pool = collect(&opened, printer)?;
+    printer.say(&format!(
+        "{} of {} are whole",
+        counted(pool.len(), "result"),
+        counted(opened.plan.shards.len(), "shard")
+    ));
+    let job = opened.plan.asked.job()?;
+    let mut outcome = Outcome::Done;
+    for part in &opened.plan.parts {
+        let job = job.choose(part.model.as_deref(), part.deployment.as_deref())?;
+        let name = part.name();
+        if !name.is_empty() {
+            printer.heading(&name);
+        }
+        if put_together(&job, &pool, printer)? != Outcome::Done {
+            outcome = Outcome::Negative;
+        }
+    }
+    Ok(outcome)
+}
+
+/// The results of all shards.
+///
+/// # Errors
+/// [`Incomplete`] if one is missing or not what it should be; what is wrong with each is told.
+fn collect(opened: &Opened, printer: &Printer) -> anyhow::Result<Pool> {
+    let (mut pool, mut faulty) = (Pool::new(), Vec::new());
+    for number in 0..opened.plan.shards.len() {
+        let fault = match opened.read(number) {
+            Ok(Some(results)) if results.extent == Extent::Whole => {
+                pool.extend(results.units.into_values().map(|result| (result.key.clone(), result)));
+                continue;
+            }
+            Ok(Some(results)) => format!(
+                "it has {} of {} units",
+                count(results.units.len()),
+                count(opened.plan.shards[number].units(&opened.plan))
+            ),
+            Ok(None) => "it has no results".to_owned(),
+            Err(error) => StepError::told(&error),
+        };
+        if faulty.len() < TOLD {
+            printer.error(&format!("shard {number}: {fault}"));
+        }
+        faulty.push(number);
+    }
+    if !faulty.is_empty() {
+        let place = opened.directory.display();
+        bail!(Incomplete(format!(
+            "{} of {} are not whole ({}); nothing was written; run them (again), \
+             or `calib cluster submit {place} --missing-only`",
+            count(faulty.len()),
+            counted(opened.plan.shards.len(), "shard"),
+            ranges(&faulty),
+        )));
+    }
+    Ok(pool)
+}

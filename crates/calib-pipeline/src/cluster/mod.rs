@@ -1,0 +1,31 @@
+//! Work that is divided between processes, which need have nothing in common but the plan: on one machine, on the nodes
+//! of a cluster, or on machines that share no disk.
+//!
+//! A plan is a folder. `plan.json` says what there is to do and in which shards, `inputs/` holds what they read, and each
+//! shard writes its results to one file of its own in `shards/`. A shard reads no log and claims nothing: whoever
+//! runs one twice gets the same bytes. Only [`merge`](merge::merge) brings results together, and it writes nothing
+//! unless every one is there and whole.
+
+mod arithmetic;
+mod attempt;
+mod config;
+mod cost;
+mod divide;
+mod engines;
+mod inputs;
+mod make;
+mod maker;
+mod merge;
+mod missing;
+mod plan_file;
+mod results;
+mod run;
+mod sink;
+mod status;
+mod submit;
+
+pub(crate) use make::make;
+pub(crate) use merge::merge;
+pub(crate) use run::run;
+pub(crate) use status::status;
+pub(crate) use submit::submit;

@@ -1,0 +1,274 @@
+//! `plan.json`: what there is to do, in which shards.
+
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context as _, ensure};
+use calib_files::{Fingerprint, fingerprint_file, read_sealed_json};
+use calib_study::{Job, Request, Study};
+use calib_sweep::{Candidate, EnvironmentId, PassId, Span};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    base::artefact::Files,
+    cluster::{maker::Maker, results::Results},
+    sweep::environments::Described,
+};
+
+const PLAN: &str = "plan.json";
+
+/// Version of a plan and of what lies beside it.
+pub(crate) const FORMAT: u32 = 1;
+
+/// A plan.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct PlanFile {
+    pub(crate) format: u32,
+    pub(crate) maker: Maker,
+    pub(crate) asked: Asked,
+    pub(crate) parts: Vec<Part>,
+    pub(crate) shards: Vec<Shard>,
+}
+
+/// The study, as it was read once.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Asked {
+    pub(crate) study: PathBuf,
+    pub(crate) text: String,
+    pub(crate) set: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) profile: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) model: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) deployment: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) output: Option<PathBuf>,
+}
+
+impl Asked {
+    pub(crate) fn of(job: &Job) -> anyhow::Result<Self> {
+        let request = job.request();
+        let absolute = |path: &PathBuf| std::path::absolute(path);
+        Ok(Self {
+            study: absolute(&request.study)?,
+            text: job.text().to_owned(),
+            set: request.set.clone(),
+            profile: request.profile.clone(),
+            model: request.model.clone(),
+            deployment: request.deployment.clone(),
+            output: request.output.as_ref().map(absolute).transpose()?,
+        })
+    }
+
+    /// The study as it was when the work was planned, whatever stands in its file now.
+    pub(crate) fn job(&self) -> anyhow::Result<Job> {
+        let request = Request {
+            study: self.study.clone(),
+            set: self.set.clone(),
+            profile: self.profile.clone(),
+            model: self.model.clone(),
+            deployment: self.deployment.clone(),
+            output: self.output.clone(),
+            ..Request::default()
+        };
+        Ok(Job::of_text(request, self.text.clone())?)
+    }
+}
+
+/// A model and deployment.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Part {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) model: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) deployment: Option<String>,
+    /// What shards make of it; none if nothing can be trained there, or nothing is left to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) sweep: Option<SweepPart>,
+}
+
+impl Part {
+    /// What it is called, where there are several.
+    pub(crate) fn name(&self) -> String {
+        let names = [self.model.as_deref(), self.deployment.as_deref()];
+        names.into_iter().flatten().collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// The sweep of a model and deployment.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct SweepPart {
+    pub(crate) study: Study,
+    pub(crate) candidates: Vec<Candidate>,
+    /// Name and column of each.
+    pub(crate) sensors: Vec<(String, usize)>,
+    /// Sensors that share passes.
+    pub(crate) groups: Vec<BTreeSet<String>>,
+    pub(crate) span: Span,
+    pub(crate) environments: Vec<Described>,
+    /// Columns of the states.
+    pub(crate) width: usize,
+    /// Bytes of the files that one shard maps at most.
+    pub(crate) mapped: u64,
+    /// The files that shards read, by their names in the part's folder of inputs.
+    pub(crate) files: Files,
+}
+
+/// What one process does.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Shard {
+    /// It can begin when all shards of the stages before are whole.
+    pub(crate) stage: usize,
+    /// Predicted seconds on one thread.
+    pub(crate) secs: f64,
+    /// Predicted bytes of memory with one thread.
+    pub(crate) memory: u64,
+    pub(crate) passes: Vec<PlannedPass>,
+}
+
+impl Shard {
+    /// Units that it makes; in a race, at most.
+    pub(crate) fn units(&self, plan: &PlanFile) -> usize {
+        self.passes.iter().map(|pass| plan.sensors_of(pass)).sum()
+    }
+}
+
+/// A pass over the stream of a run.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct PlannedPass {
+    pub(crate) part: usize,
+    pub(crate) environment: EnvironmentId,
+    pub(crate) run: usize,
+    pub(crate) group: usize,
+    /// Predicted seconds.
+    pub(crate) secs: f64,
+}
+
+impl PlanFile {
+    /// Stages, one after the other.
+    pub(crate) fn stages(&self) -> usize {
+        self.shards.iter().map(|shard| shard.stage + 1).max().unwrap_or(0)
+    }
+
+    /// The numbers of the shards of a stage.
+    pub(crate) fn of_stage(&self, stage: usize) -> impl Iterator<Item = usize> + '_ {
+        let all = self.shards.iter().enumerate();
+        all.filter(move |(_, shard)| shard.stage == stage).map(|(number, _)| number)
+    }
+
+    pub(crate) fn pass(&self, planned: &PlannedPass) -> anyhow::Result<PassId> {
+        let part = self.sweep(planned.part)?;
+        let sensors =
+            part.groups.get(planned.group).context("the plan names a group that it lacks")?;
+        let PlannedPass { environment, run, .. } = *planned;
+        Ok(PassId { environment, run, sensors: sensors.clone() })
+    }
+
+    fn sensors_of(&self, planned: &PlannedPass) -> usize {
+        self.pass(planned).map_or(0, |pass| pass.sensors.len())
+    }
+
+    /// What shards make of a part.
+    pub(crate) fn sweep(&self, part: usize) -> anyhow::Result<&SweepPart> {
+        let part = self.parts.get(part).and_then(|part| part.sweep.as_ref());
+        part.context("the plan names a part that it lacks")
+    }
+}
+
+/// A plan that was opened, and where.
+pub(crate) struct Opened {
+    pub(crate) directory: PathBuf,
+    pub(crate) plan: PlanFile,
+    /// Of the plan: what results must name.
+    pub(crate) fingerprint: Fingerprint,
+}
+
+impl Opened {
+    /// Open the plan in `directory`.
+    ///
+    /// # Errors
+    /// If there is none, it is damaged, or of another format.
+    pub(crate) fn of(directory: &Path) -> anyhow::Result<Self> {
+        let path = path_in(directory);
+        ensure!(
+            path.exists(),
+            "{} does not exist; `calib cluster plan STUDY -o {}` makes it",
+            path.display(),
+            directory.display()
+        );
+        let plan: PlanFile = read_sealed_json(&path).context("plan the work again")?;
+        ensure!(
+            plan.format == FORMAT,
+            "{} has format {}, this calib reads format {FORMAT}; use the calib that planned it ({})",
+            path.display(),
+            plan.format,
+            plan.maker.tool
+        );
+        let fingerprint = fingerprint_file(&path)?;
+        Ok(Self { directory: directory.to_owned(), plan, fingerprint })
+    }
+
+    /// The shard of this number.
+    pub(crate) fn shard(&self, number: usize) -> anyhow::Result<&Shard> {
+        let count = self.plan.shards.len();
+        self.plan.shards.get(number).with_context(|| match count {
+            0 => "the plan has no shards: nothing is left to train; run `calib cluster merge`"
+                .to_owned(),
+            _ => format!("there is no shard {number}: the plan has shards 0 to {}", count - 1),
+        })
+    }
+
+    /// Where a shard's results are.
+    pub(crate) fn results(&self, shard: usize) -> PathBuf {
+        self.directory.join("shards").join(format!("{shard:04}.units"))
+    }
+
+    /// Where a shard keeps the states of unfinished passes.
+    pub(crate) fn states(&self, shard: usize) -> PathBuf {
+        self.directory.join("shards").join(format!("{shard:04}.state"))
+    }
+
+    /// Where attempts at a shard are told of.
+    pub(crate) fn attempts(&self, shard: usize) -> PathBuf {
+        self.directory.join("shards").join(format!("{shard:04}.attempts"))
+    }
+
+    /// What a part's shards read.
+    pub(crate) fn inputs(&self, part: usize) -> PathBuf {
+        inputs_in(&self.directory, part)
+    }
+
+    /// A shard's results, checked: whole bytes, of this plan, shard and maker. None if there are none yet.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub(crate) fn read(&self, shard: usize) -> anyhow::Result<Option<Results>> {
+        let path = self.results(shard);
+        let results = match Results::read(&path) {
+            Err(error) if error.is_not_found() => return Ok(None),
+            results => results?,
+        };
+        if let Some(difference) = self.plan.maker.difference(&results.header.maker) {
+            anyhow::bail!(
+                "{} was made by another calib: the plan is of {difference}",
+                path.display()
+            );
+        }
+        let own = results.header.plan == self.fingerprint.as_str() && results.header.shard == shard;
+        ensure!(own, "{} is of another plan or shard", path.display());
+        Ok(Some(results))
+    }
+}
+
+/// Where a plan is.
+pub(crate) fn path_in(directory: &Path) -> PathBuf {
+    directory.join(PLAN)
+}
+
+/// What the shards of a part read.
+pub(crate) fn inputs_in(directory: &Path, part: usize) -> PathBuf {
+    directory.join("inputs").join(part.to_string())
+}

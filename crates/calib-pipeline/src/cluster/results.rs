@@ -1,0 +1,162 @@
+//! The results of a shard: one file of JSON lines, which is rewritten as a whole and ends with its fingerprint.
+
+use std::{collections::BTreeMap, io::Write as _, path::Path};
+
+use calib_files::{FileError, Fingerprint, read_regular, write_atomically};
+use calib_sweep::{Unit, UnitResult};
+use serde::{Deserialize, Serialize};
+
+use crate::cluster::maker::Maker;
+
+/// The first line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Header {
+    pub(crate) format: u32,
+    /// The fingerprint of the plan.
+    pub(crate) plan: String,
+    pub(crate) shard: usize,
+    pub(crate) maker: Maker,
+}
+
+/// Version of the file.
+pub(crate) const FORMAT: u32 = 1;
+
+/// Whether a shard has all its results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Extent {
+    /// Some are to come.
+    Partial,
+    /// All are there.
+    Whole,
+}
+
+/// The last line.
+#[derive(Serialize, Deserialize)]
+struct Trailer {
+    extent: Extent,
+    units: usize,
+    /// Of everything before the last line, and of what the last line says before it.
+    fingerprint: Fingerprint,
+}
+
+/// Results in their order: models and deployments may have units of one name that were made from other inputs.
+pub(crate) type Units = BTreeMap<(Unit, String), UnitResult>;
+
+/// What is in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Results {
+    pub(crate) header: Header,
+    pub(crate) units: Units,
+    pub(crate) extent: Extent,
+}
+
+impl Results {
+    /// Write them in place of what was there.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn write(&self, path: &Path) -> Result<(), FileError> {
+        let invalid = |error: serde_json::Error| FileError::io("write", path, error.into());
+        let mut text = serde_json::to_vec(&self.header).map_err(invalid)?;
+        text.push(b'\n');
+        for result in self.units.values() {
+            serde_json::to_writer(&mut text, result).map_err(invalid)?;
+            text.push(b'\n');
+        }
+        let fingerprint = seal(&text, self.extent, self.units.len());
+        let trailer = Trailer { extent: self.extent, units: self.units.len(), fingerprint };
+        serde_json::to_writer(&mut text, &trailer).map_err(invalid)?;
+        text.push(b'\n');
+        write_atomically(path, |file| file.write_all(&text))
+    }
+
+    /// Read what [`write`](Self::write) wrote.
+    ///
+    /// # Errors
+    /// If it cannot be read, one byte of it differs from what was written, or it does not have the form of results.
+    pub(crate) fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = read_regular(path)?;
+        let damaged = |reason| FileError::Damaged { path: path.to_owned(), reason };
+        let json = |source| FileError::Json { path: path.to_owned(), source };
+        let lines = bytes.strip_suffix(b"\n").ok_or_else(|| damaged("it is cut off"))?;
+        let place = lines.iter().rposition(|byte| *byte == b'\n');
+        let (body, last) = bytes.split_at(place.ok_or_else(|| damaged("it is cut off"))? + 1);
+        let trailer: Trailer = serde_json::from_slice(last)
+            .map_err(|_| damaged("it does not end with its fingerprint"))?;
+        let whole = serde_json::to_vec(&trailer).map_err(json)? == last[..last.len() - 1];
+        if !whole || seal(body, trailer.extent, trailer.units) != trailer.fingerprint {
+            return Err(damaged("its content does not have the fingerprint at its end"));
+        }
+        let mut lines = body.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
+        let header = lines.next().ok_or_else(|| damaged("it is empty"))?;
+        let header: Header = serde_json::from_slice(header).map_err(json)?;
+        let mut units = Units::new();
+        for line in lines {
+            let result: UnitResult = serde_json::from_slice(line).map_err(json)?;
+            units.insert((result.unit.clone(), result.key.clone()), result);
+        }
+        Ok(Self { header, units, extent: trailer.extent })
+    }
+}
+
+fn seal(body: &[u8], extent: Extent, units: usize) -> Fingerprint {
+    let mut of = calib_files::Fingerprinter::default();
+    of.add(body).add(&[u8::from(extent == Extent::Whole)]).add(&(units as u64).to_le_bytes());
+    of.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use calib_sweep::EnvironmentId;
+
+    use super::*;
+
+    fn results() -> Results {
+        let unit = |run| Unit { sensor: "P 1".to_owned(), environment: EnvironmentId::Online, run };
+        let result = |run| UnitResult {
+            key: format!("key {run}"),
+            unit: unit(run),
+            seed: 1,
+            start_row: 2,
+            not_finite: None,
+            rows: vec![],
+        };
+        let maker = Maker {
+            tool: "calib".to_owned(),
+            commit: None,
+            results: 1,
+            arithmetic: "a".to_owned(),
+        };
+        Results {
+            header: Header { format: FORMAT, plan: "plan".to_owned(), shard: 3, maker },
+            units: [2, 0, 1].map(|run| ((unit(run), format!("key {run}")), result(run))).into(),
+            extent: Extent::Partial,
+        }
+    }
+
+    #[test]
+    fn come_back_and_no_byte_can_change() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("0003.units");
+        for results in
+            [results(), Results { units: Units::new(), extent: Extent::Whole, ..results() }]
+        {
+            results.write(&path).expect("written");
+            assert_eq!(Results::read(&path).expect("whole"), results);
+            let whole = fs::read(&path).expect("readable");
+            for place in 0..whole.len() {
+                let mut other = whole.clone();
+                other[place] ^= 1 << (place % 8);
+                fs::write(&path, &other).expect("written");
+                assert!(Results::read(&path).is_err(), "byte {place}");
+                fs::write(&path, &whole[..place]).expect("written");
+                assert!(Results::read(&path).is_err(), "cut at {place}");
+            }
+            fs::write(&path, [&whole[..], b"\n"].concat()).expect("written");
+            assert!(Results::read(&path).is_err(), "longer");
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! One shard.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+use anyhow::bail;
+use calib_core::Monitor;
+use calib_files::remove_folder;
+use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult};
+use rayon::prelude::*;
+
+use crate::{
+    base::{
+        clock::Stopwatch,
+        memory,
+        outcome::{Incomplete, Outcome, StepError, was_interrupted},
+    },
+    cluster::{
+        attempt::{Diary, Ended},
+        inputs::Inputs,
+        plan_file::{Opened, PlannedPass, Shard},
+        results::{self, Extent, Header, Units},
+        sink::ShardSink,
+    },
+    output::{Printer, bytes, count, counted, duration},
+};
+
+/// Make what a shard lacks of its results.
+pub(crate) fn run(directory: &Path, number: usize, printer: &Printer) -> anyhow::Result<Outcome> {
+    let opened = Opened::of(directory)?;
+    opened.plan.maker.check()?;
+    let shard = opened.shard(number)?;
+    let diary = Diary::begin(&opened.attempts(number));
+    let ended = Running { opened: &opened, number, shard, diary: &diary, printer }.run();
+    diary.ends(match &ended {
+        Ok(_) => Ended::Done,
+        Err(error) if was_interrupted(error) => Ended::Stopped,
+        Err(error) => Ended::Failed(StepError::told(error)),
+    });
+    ended
+}
+
+struct Running<'a> {
+    opened: &'a Opened,
+    number: usize,
+    shard: &'a Shard,
+    diary: &'a Diary,
+    printer: &'a Printer,
+}
+
+/// A pass of the shard that is ready, and what it was planned to take.
+struct Task<'p> {
+    plan: &'p Plan<'p>,
+    ready: Ready<'p>,
+    name: String,
+    predicted_secs: f64,
+}
+
+impl Running<'_> {
+    fn run(&self) -> anyhow::Result<Outcome> {
+        let clock = Stopwatch::start();
+        let (opened, number) = (self.opened, self.number);
+        let units = match opened.read(number) {
+            Ok(Some(results)) if results.extent == Extent::Whole => {
+                self.printer.result(&format!("shard {number} is done already"))?;
+                return Ok(Outcome::Done);
+            }
+            Ok(results) => results.map_or_else(Units::new, |results| results.units),
+            Err(error) => {
+                let told = StepError::told(&error);
+                self.printer.warn(&format!("{told}; shard {number} begins anew"));
+                // What is written next is not put beside it.
+                calib_files::remove_file(&opened.results(number))?;
+                Units::new()
+            }
+        };
+        self.check_memory()?;
+        let before = self.before()?;
+        let header = Header {
+            format: results::FORMAT,
+            plan: opened.fingerprint.to_string(),
+            shard: number,
+            maker: opened.plan.maker.clone(),
+        };
+        let states = opened.states(number);
+        let sink = ShardSink::new(opened.results(number), states.clone(), header, units);
+        let had = sink.len();
+        let parts: BTreeSet<usize> = self.shard.passes.iter().map(|pass| pass.part).collect();
+        let failed: anyhow::Result<usize> =
+            parts.into_iter().map(|part| self.part(part, &before, &sink)).sum();
+        // However it ends, what was made stays.
+        let written = sink.flush().map_err(unfinished);
+        let failed = failed?;
+        written?;
+        if failed > 0 {
+            bail!(Incomplete(format!(
+                "{} of shard {number} failed; `calib cluster status` names them",
+                counted(failed, "pass")
+            )));
+        }
+        sink.complete().map_err(unfinished)?;
+        let _ = remove_folder(&states);
+        let (made, took) = (count(sink.len() - had), duration(clock.elapsed()));
+        self.printer.result(&format!("shard {number} is done: {made} units made in {took}"))?;
+        Ok(Outcome::Done)
+    }
+
+    /// Refuse what would be killed half-way.
+    fn check_memory(&self) -> anyhow::Result<()> {
+        let needed = self.shard.memory;
+        match memory::available() {
+            Some(available) if needed > available => bail!(Incomplete(format!(
+                "shard {} may take {} of memory and {} are available; ask for more memory a task",
+                self.number,
+                bytes(needed),
+                bytes(available)
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Results of the stages before, by part; in a race they decide which values go on.
+    fn before(&self) -> anyhow::Result<Vec<UnitResult>> {
+        let mut all = Vec::new();
+        for earlier in 0..self.shard.stage {
+            for number in self.opened.plan.of_stage(earlier) {
+                let results = self.opened.read(number)?;
+                match results.filter(|results| results.extent == Extent::Whole) {
+                    Some(results) => all.extend(results.units.into_values()),
+                    None => bail!(Incomplete(format!(
+                        "shard {} follows from shard {number}, which is not done",
+                        self.number
+                    ))),
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Make the passes of one part; how many failed.
+    fn part(&self, part: usize, before: &[UnitResult], sink: &ShardSink) -> anyhow::Result<usize> {
+        let (plan, directory) = (&self.opened.plan, self.opened.inputs(part));
+        let planned: Vec<&PlannedPass> =
+            self.shard.passes.iter().filter(|pass| pass.part == part).collect();
+        let passes: Vec<PassId> =
+            planned.iter().map(|planned| plan.pass(planned)).collect::<anyhow::Result<_>>()?;
+        let wanted: BTreeSet<EnvironmentId> = passes.iter().map(|pass| pass.environment).collect();
+        let inputs = Inputs::open(&directory, plan.sweep(part)?, wanted)?;
+        let environments = inputs.environments()?;
+        let sweep = inputs.plan(&environments)?;
+        let mut earlier: BTreeMap<Unit, UnitResult> = inputs.stored.clone();
+        earlier.extend(before.iter().map(|result| (result.unit.clone(), result.clone())));
+        let ready = sweep.ready(&passes, &earlier)?;
+        let tasks: Vec<Task<'_>> = ready
+            .into_iter()
+            .zip(planned.iter().zip(&passes))
+            .map(|(ready, (planned, pass))| Task {
+                name: name(plan.parts[part].name(), planned, pass),
+                plan: &sweep,
+                ready,
+                predicted_secs: planned.secs,
+            })
+            .collect();
+        let progress = self.printer.progress();
+        let steps = plan.sweep(part)?.span.steps;
+        progress.begin("training", (tasks.len() * steps) as u64);
+        let stored: BTreeMap<String, UnitResult> =
+            inputs.stored.values().map(|result| (result.key.clone(), result.clone())).collect();
+        let writable = AtomicBool::new(true);
+        let ended: Vec<TaskEnd> = tasks
+            .par_iter()
+            .with_max_len(1)
+            .map(|task| self.task(task, &stored, sink, &writable, &progress))
+            .collect();
+        drop(progress);
+        let mut failed = 0;
+        for (task, ended) in tasks.iter().zip(ended) {
+            match ended {
+                TaskEnd::Done => {}
+                TaskEnd::Stopped => bail!(SweepError::Interrupted),
+                TaskEnd::Failed(told) => {
+                    failed += 1;
+                    self.printer.error(&format!("{}: {told}", task.name));
+                }
+                TaskEnd::LeftOut => failed += 1,
+            }
+        }
+        Ok(failed)
+    }
+
+    /// Make a pass. One that fails does not keep the others from being made, unless nothing can be written.
+    fn task(
+        &self,
+        task: &Task<'_>,
+        stored: &BTreeMap<String, UnitResult>,
+        sink: &ShardSink,
+        writable: &AtomicBool,
+        monitor: &dyn Monitor,
+    ) -> TaskEnd {
+        let mut found = sink.found();
+        found.extend(stored.iter().map(|(key, result)| (key.clone(), result.clone())));
+        if task.ready.units().all(|planned| found.contains_key(&planned.key)) {
+            return TaskEnd::Done;
+        }
+        if !writable.load(Ordering::Relaxed) {
+            return TaskEnd::LeftOut;
+        }
+        self.diary.begins(&task.name);
+        let clock = Stopwatch::start();
+        match task.plan.train_ready(&task.ready, &found, sink, monitor) {
+            Ok(made) => {
+                self.diary.made(&task.name, made.len(), task.predicted_secs, clock.elapsed());
+                TaskEnd::Done
+            }
+            Err(SweepError::Interrupted) => TaskEnd::Stopped,
+            Err(error) => {
+                if matches!(error, SweepError::File(_)) {
+                    writable.store(false, Ordering::Relaxed);
+                }
+                let told = StepError::told(&error.into());
+                self.diary.failed(&task.name, &told);
+                TaskEnd::Failed(told)
+            }
+        }
+    }
+}
+
+/// How a pass ended.
+enum TaskEnd {
+    Done,
+    Stopped,
+    Failed(String),
+    /// It was not begun.
+    LeftOut,
+}
+
+/// What a pass is called, for people.
+fn name(part: String, planned: &PlannedPass, pass: &PassId) -> String {
+    let sensors: Vec<&str> = pass.sensors.iter().map(String::as_str).take(3).collect();
+    let more = if pass.sensors.len() > 3 { ", ..." } else { "" };
+    let of = if part.is_empty() { String::new() } else { format!(" of {part}") };
+    format!("{}{more} in {}, run {}{of}", sensors.join(", "), planned.environment, planned.run)
+}
+
+/// A disk that refuses is no fault of the plan: another attempt may find room.
+fn unfinished(error: SweepError) -> anyhow::Error {
+    let told = StepError::told(&error.into());
+    Incomplete(told).into()
+}

@@ -1,0 +1,206 @@
+//! Handing a plan to a system that runs it.
+
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context as _, bail, ensure};
+use calib_files::write_atomically;
+use calib_study::shell_words;
+
+use crate::{
+    base::{
+        options::{ClusterSubmitOptions, Engine, Of, Submission},
+        outcome::Outcome,
+    },
+    cluster::{
+        config::ClusterConfig,
+        engines::{Demand, kubernetes, queue::Submitted, ray, slurm},
+        plan_file::Opened,
+        status::missing,
+    },
+    output::{Printer, counted},
+};
+
+/// A text that is kept in the plan, and how it is handed over.
+struct Script {
+    /// In the plan's folder.
+    name: String,
+    text: String,
+}
+
+/// Write the scripts of a plan, and submit them.
+pub(crate) fn submit(
+    directory: &Path,
+    options: &ClusterSubmitOptions,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let opened = Opened::of(&std::path::absolute(directory)?)?;
+    let config = ClusterConfig::read(options.config.as_deref())?;
+    let submission = Submitting { opened: &opened, config: &config, options, printer };
+    match options.engine {
+        Engine::Slurm => submission.slurm(),
+        Engine::Ray => submission.ray(),
+        Engine::Kubernetes => submission.kubernetes(),
+    }
+}
+
+struct Submitting<'a> {
+    opened: &'a Opened,
+    config: &'a ClusterConfig,
+    options: &'a ClusterSubmitOptions,
+    printer: &'a Printer,
+}
+
+impl Submitting<'_> {
+    fn is_dry(&self) -> bool {
+        self.options.submission == Submission::Shown
+    }
+
+    /// The shards that are submitted, by stage; stages of which none is are left out.
+    fn stages(&self) -> Vec<Vec<usize>> {
+        let plan = &self.opened.plan;
+        let missing = match self.options.of {
+            Of::All => None,
+            Of::Missing => Some(missing(self.opened)),
+        };
+        let wanted = |number: &usize| missing.as_ref().is_none_or(|of| of.contains(number));
+        let stages = (0..plan.stages()).map(|stage| plan.of_stage(stage).filter(wanted).collect());
+        stages.filter(|shards: &Vec<usize>| !shards.is_empty()).collect()
+    }
+
+    fn place(&self) -> String {
+        self.opened.directory.display().to_string()
+    }
+
+    fn slurm(&self) -> anyhow::Result<Outcome> {
+        let (place, stages) = (self.place(), self.stages());
+        // Slurm reads options up to the first blank, and has no quotes for them.
+        ensure!(
+            !place.contains(char::is_whitespace),
+            "{place}: Slurm cannot write to a path with blanks; plan into another folder"
+        );
+        let mut scripts = Vec::new();
+        for shards in &stages {
+            let stage = self.opened.plan.shards[shards[0]].stage;
+            let demand = Demand::of(&self.opened.plan, shards, self.config);
+            let text = slurm::array(&place, stage, shards, demand, self.config);
+            scripts.push(Script { name: format!("slurm/stage-{stage}.sh"), text });
+        }
+        let all: Vec<usize> = (0..self.opened.plan.shards.len()).collect();
+        let demand = Demand::of(&self.opened.plan, &all, self.config);
+        let evaluate = self.config.evaluate.then(|| self.evaluate()).transpose()?;
+        let text = slurm::merge(&place, evaluate.as_deref(), demand, self.config);
+        scripts.push(Script { name: "slurm/merge.sh".to_owned(), text });
+        let written = self.write(&scripts)?;
+        if self.is_dry() {
+            return Ok(Outcome::Done);
+        }
+        let mut submitted = Submitted::default();
+        let (merge, arrays) = written.split_last().context("there is a script that merges")?;
+        for script in arrays {
+            // A stage follows from all results of the one before; where some cannot be had, it cannot begin.
+            let after = submitted.arrays.last().map(|job| format!("afterok:{job}"));
+            submitted.arrays.push(sbatch(script, after.as_deref())?);
+        }
+        // It runs also where something failed, and then says what, and writes nothing.
+        let after = submitted.arrays.last().map(|job| format!("afterany:{job}"));
+        submitted.merge = sbatch(merge, after.as_deref())?;
+        submitted.write(&self.opened.directory)?;
+        let tasks: usize = stages.iter().map(Vec::len).sum();
+        self.printer.result(&format!(
+            "{} submitted as {}; merged by job {}",
+            counted(tasks, "shard"),
+            submitted.arrays.join(", "),
+            submitted.merge
+        ))?;
+        let status = shell_words(["calib", "cluster", "status", &place]);
+        self.printer.next(&[status]);
+        Ok(Outcome::Done)
+    }
+
+    /// What judges the merged sweep.
+    fn evaluate(&self) -> anyhow::Result<String> {
+        let command = self.opened.plan.asked.job()?.command("evaluate");
+        let rest = command.strip_prefix("calib").unwrap_or(&command).to_owned();
+        Ok(format!("{}{rest}", self.config.calib))
+    }
+
+    fn ray(&self) -> anyhow::Result<Outcome> {
+        let text = ray::DRIVER.to_owned();
+        let script = Script { name: "ray/calib_ray.py".to_owned(), text };
+        let written = self.write(&[script])?;
+        let mut words = vec!["python3".to_owned(), written[0].display().to_string(), self.place()];
+        words.extend(["--calib".to_owned(), self.config.calib.clone()]);
+        words.extend(["--threads".to_owned(), self.config.threads.to_string()]);
+        if self.is_dry() {
+            self.printer.result(&shell_words(&words))?;
+            return Ok(Outcome::Done);
+        }
+        let status = Command::new("python3")
+            .args(&words[1..])
+            .status()
+            .context("cannot run python3, which the driver for Ray is a program of")?;
+        match status.code() {
+            Some(0) => Ok(Outcome::Done),
+            Some(4) => Ok(Outcome::Incomplete),
+            code => bail!("the driver for Ray ended with {code:?}; it wants `pip install ray`"),
+        }
+    }
+
+    fn kubernetes(&self) -> anyhow::Result<Outcome> {
+        let plan = &self.opened.plan;
+        let mut scripts = Vec::new();
+        for stage in 0..plan.stages() {
+            let shards: Vec<usize> = plan.of_stage(stage).collect();
+            let demand = Demand::of(plan, &shards, self.config);
+            let text = kubernetes::job(stage, shards.len(), shards[0], demand, self.config);
+            scripts.push(Script { name: format!("kubernetes/stage-{stage}.yaml"), text });
+        }
+        let written = self.write(&scripts)?;
+        if !self.is_dry() {
+            for path in written {
+                self.printer.result(&format!("kubectl apply -f {}", path.display()))?;
+            }
+            self.printer.say("each when the one before is complete; calib applies none of them");
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Keep the scripts in the plan, or show them.
+    fn write(&self, scripts: &[Script]) -> anyhow::Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        for Script { name, text } in scripts {
+            let path = self.opened.directory.join(name);
+            if self.is_dry() {
+                self.printer.lines(&format!("==> {name}\n{text}"))?;
+            } else {
+                write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+            }
+            written.push(path);
+        }
+        Ok(written)
+    }
+}
+
+/// Submit a script, and return the number of its job.
+fn sbatch(script: &Path, after: Option<&str>) -> anyhow::Result<String> {
+    let mut command = Command::new("sbatch");
+    command.arg("--parsable");
+    if let Some(after) = after {
+        command.args(["--kill-on-invalid-dep=yes", &format!("--dependency={after}")]);
+    }
+    let output =
+        command.arg(script).output().context("cannot run sbatch; is this a Slurm cluster?")?;
+    ensure!(
+        output.status.success(),
+        "sbatch {} was refused: {}",
+        script.display(),
+        String::from_utf8_lossy(&output.stderr).trim()
+    );
+    let told = String::from_utf8_lossy(&output.stdout);
+    // The number, and the cluster's name where there are several.
+    Ok(told.trim().split(';').next().unwrap_or_default().to_owned())
+}

@@ -1,0 +1,153 @@
+//! What a sweep follows from, before anything is trained.
+
+use std::collections::BTreeMap;
+
+use anyhow::bail;
+use calib_core::Seed;
+use calib_data::Dataset;
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, Environment, Plan, PlanOptions, Start, SweepError, candidates};
+
+use crate::{
+    agents::pretrain_files,
+    log::partition::{self, Parts, PretrainPart},
+    model::model_files::{self, OpenModel},
+    output::Printer,
+    sweep::{
+        environments::{Environments, Rolling, Sources, open_all},
+        notes::standing_still,
+        standing_still::Still,
+        streams::{Streams, Unscorable},
+    },
+};
+
+/// A sweep that can be planned.
+pub(crate) struct Setting {
+    pub(crate) model: OpenModel,
+    pub(crate) dataset: Dataset,
+    pub(crate) pretrain: Option<PretrainPart>,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) streams: Streams,
+    pub(crate) environments: Environments,
+    /// Name and column of each.
+    pub(crate) sensors: Vec<(String, usize)>,
+    pub(crate) still: Vec<Still>,
+    /// What agents start from, by sensor, if they were pre-trained.
+    pub(crate) starts: BTreeMap<String, Start>,
+    /// What is to be told of them.
+    pub(crate) notes: Vec<String>,
+}
+
+/// A deployment in which nothing can be trained, and why.
+pub(crate) struct Unsettled {
+    pub(crate) dataset: Dataset,
+    pub(crate) model: String,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) reason: String,
+}
+
+impl Setting {
+    /// Read and check everything that the sweep of a job follows from.
+    pub(crate) fn of(job: &Job, printer: &Printer) -> anyhow::Result<Result<Self, Unsettled>> {
+        let study = job.study();
+        let candidates = candidates_of(study)?;
+        let model = model_files::open(job)?;
+        let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, printer)?;
+        model_files::check_data(job, &model.manifest, &dataset)?;
+        let streams = match streams {
+            Ok(streams) => streams,
+            Err(reason) => {
+                let model = model.manifest.content()?;
+                return Ok(Err(Unsettled { dataset, model, candidates, reason }));
+            }
+        };
+        let environments = Environments::describe(job, &model, &dataset, &streams, printer)?;
+        let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+        let still = standing_still(&dataset, &streams, &sensors, printer);
+        let (starts, notes) =
+            pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
+        printer.say_all(&notes);
+        Ok(Ok(Self {
+            model,
+            dataset,
+            pretrain,
+            candidates,
+            streams,
+            environments,
+            sensors,
+            still,
+            starts,
+            notes,
+        }))
+    }
+
+    /// The environments, opened.
+    pub(crate) fn open(&self, study: &Study) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+        let sources = Sources {
+            states: Some(&self.model.frames),
+            model: Some(&self.model.model),
+            train: Some(&self.dataset.train),
+            held_out: self.dataset.held_out.as_ref(),
+        };
+        let rolling = Rolling::of(study, self.streams.demand.span)?;
+        open_all(&self.environments.described, sources, rolling)
+    }
+
+    /// The plan of a sweep in these environments.
+    pub(crate) fn plan<'a>(
+        &'a self,
+        study: &Study,
+        environments: &'a [Box<dyn Environment + 'a>],
+    ) -> Result<Plan<'a>, SweepError> {
+        let as_dyn = environments.iter().map(|environment| &**environment).collect();
+        let options = PlanOptions {
+            part: self.streams.demand.part,
+            span: self.streams.demand.span,
+            curve_points: study.sweep.curve_points,
+            seed: agent_seed(study),
+        };
+        let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
+        raced(plan.starting_from(self.starts.clone()), study)
+    }
+}
+
+/// Root of the agents' seeds.
+pub(crate) fn agent_seed(study: &Study) -> Seed {
+    Seed::new(study.seed).child("agent")
+}
+
+/// The plan as a race, where the study has one.
+pub(crate) fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
+    let sweep = &study.sweep;
+    if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
+}
+
+/// The values that a study sweeps.
+fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    let seed = Seed::new(study.seed).child("sweep");
+    Ok(candidates(&study.sweep, &study.agent, seed)?)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+fn scorable(
+    job: &Job,
+    candidates: &[Candidate],
+    printer: &Printer,
+) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+    let is_one_of_several = job.deployment().is_some();
+    let parts = match partition::load(job, printer) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load_training(job, printer)?;
+            return Ok((rest, Err(format!("{reason:#}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
+        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
+}

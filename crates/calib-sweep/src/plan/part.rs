@@ -1,0 +1,104 @@
+//! Parts of a plan that are run apart, by other processes on other machines.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use calib_core::Monitor;
+use serde::{Deserialize, Serialize};
+
+use super::{Job, Plan, Survivors};
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink, pass::Pass};
+
+/// The units of some sensors in one run of one environment, which share a pass over its stream.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct PassId {
+    /// Where the stream comes from.
+    pub environment: EnvironmentId,
+    /// Number of the run.
+    pub run: usize,
+    /// Names of the sensors.
+    pub sensors: BTreeSet<String>,
+}
+
+impl PassId {
+    /// Whether a unit is one of its.
+    pub fn has(&self, unit: &Unit) -> bool {
+        (unit.environment, unit.run) == (self.environment, self.run)
+            && self.sensors.contains(&unit.sensor)
+    }
+
+    /// Its units.
+    pub fn units(&self) -> impl Iterator<Item = Unit> + '_ {
+        let Self { environment, run, sensors } = self;
+        sensors.iter().map(|sensor| Unit {
+            sensor: sensor.clone(),
+            environment: *environment,
+            run: *run,
+        })
+    }
+}
+
+/// A pass whose values are known, as far as it has no results.
+pub struct Ready<'p> {
+    jobs: Vec<Job<'p>>,
+}
+
+impl Ready<'_> {
+    /// Its units, each with the fingerprint of what it follows from.
+    pub fn units(&self) -> impl Iterator<Item = PlannedUnit> + '_ {
+        self.jobs.iter().map(|job| PlannedUnit { unit: job.unit.clone(), key: job.key.clone() })
+    }
+}
+
+impl Plan<'_> {
+    /// In which stage a run can be made: results of all stages before decide its values. Without a race there is one.
+    pub fn stage(&self, environment: EnvironmentId, run: usize) -> usize {
+        self.race.as_ref().and_then(|race| race.round(environment, run)).unwrap_or(0)
+    }
+
+    /// The units of `passes` that are to be made where `before` are the results of all stages before; of a race, those
+    /// that are not spared.
+    ///
+    /// # Errors
+    /// If an error that a race decides by is NaN.
+    pub fn ready<'p>(
+        &'p self,
+        passes: &[PassId],
+        before: &BTreeMap<Unit, UnitResult>,
+    ) -> Result<Vec<Ready<'p>>, SweepError> {
+        let mut survivors = Survivors::default();
+        self.decide(&mut survivors, before)?;
+        let of: BTreeMap<Unit, usize> = passes
+            .iter()
+            .enumerate()
+            .flat_map(|(number, pass)| pass.units().map(move |unit| (unit, number)))
+            .collect();
+        let mut ready: Vec<Ready<'p>> = passes.iter().map(|_| Ready { jobs: Vec::new() }).collect();
+        for job in self.jobs_of(&survivors, &|unit| of.contains_key(unit)) {
+            ready[of[&job.unit]].jobs.push(job);
+        }
+        Ok(ready)
+    }
+
+    /// Train those units of a pass that are not `found`, and put their results into `sink`: the same bytes as in the
+    /// whole plan. A pass that is interrupted keeps its state in the sink, and goes on from it.
+    ///
+    /// # Errors
+    /// As [`complete`](Self::complete).
+    pub fn train_ready(
+        &self,
+        ready: &Ready<'_>,
+        found: &BTreeMap<String, UnitResult>,
+        sink: &dyn UnitSink,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<UnitResult>, SweepError> {
+        let jobs: Vec<&Job<'_>> =
+            ready.jobs.iter().filter(|job| !found.contains_key(&job.key)).collect();
+        if jobs.is_empty() {
+            return Ok(Vec::new());
+        }
+        if monitor.interrupted() {
+            return Err(SweepError::Interrupted);
+        }
+        Pass { jobs, options: &self.options, work_between: self.work_between }.run(sink, monitor)
+    }
+}

@@ -1,0 +1,80 @@
+#!/usr/bin/env bash
+# Whether results depend on the processor: every step of three small studies, once as it is and once on emulated
+# processors without AVX-512, compared byte by byte. Wants Debian's qemu-user, which it installs where it is root.
+#
+#   bash scripts/processors.sh [CALIB] [PROCESSOR...]      default: target/release/calib, Haswell
+set -euo pipefail
+calib=$(realpath "${1:-$(dirname "$0")/../target/release/calib}")
+shift || true
+processors=("${@:-Haswell}")
+command -v qemu-x86_64 >/dev/null || {
+    apt-get -qq update
+    DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes --no-install-recommends qemu-user >/dev/null
+}
+work=$(mktemp -d -p "${CALIB_WORK:-/dev/shm}")
+trap 'rm -rf "$work"' EXIT
+
+cat >"$work/study.toml" <<'STUDY'
+seed = 3
+[simulate]
+days = 0.5
+channels = 8
+period_secs = 60
+[data]
+path = "data"
+train_fraction = 0.7
+[model]
+members = 2
+neighbors = 3
+[rollout]
+steps = 60
+rollouts = 1
+[agent]
+value_function = "mlp"
+hidden_units = 24
+gamma = 0.9
+batch_size = 16
+[sweep]
+sensors = ["PIT300", "TIT101"]
+steps = 90
+online_runs = 1
+member_runs = 1
+log_replay_runs = 1
+[sweep.grid]
+learning_rate = [1e-4, 1e-2]
+STUDY
+
+# Networks of every kind that is trained natively, both precisions, representations, pre-training, weights with an exponential.
+declare -A sets=(
+    [neighbours]=""
+    [learnt]="model.kind=nn dynamics.hidden_units=20 dynamics.epochs=2 agent.optimiser=sgd agent.precision=bf16 agent.hidden_layers=1"
+    [represented]="representation.kind=laplacian representation.steps=40 representation.hidden_units=16 model.weights=softmax pretrain.epochs=2 agent.traces=[0.5]"
+)
+wrong=0
+for study in "${!sets[@]}"; do
+    options=()
+    for set in ${sets[$study]}; do options+=(--set "$set"); done
+    run() { # NAME, and what calib is run by
+        local name=$1
+        shift
+        mkdir -p "$work/$study/$name"
+        cp "$work/study.toml" "$work/$study/$name"
+        local ended=0
+        (cd "$work/$study/$name" && "$@" "$calib" -q --threads 1 run study.toml "${options[@]}" --output results) \
+            >"$work/$study/$name.out" 2>"$work/$study/$name.err" || ended=$?
+        # 1 is an answer: all values tie.
+        [ "$ended" -le 1 ] || { cat "$work/$study/$name.err" >&2; echo "processors: $study on $name ends with $ended" >&2; exit 1; }
+    }
+    run native env
+    for processor in "${processors[@]}"; do
+        run "$processor" qemu-x86_64 -cpu "$processor"
+        if diff -rq -x timings.json -x sources.json -x .lock "$work/$study/native" "$work/$study/$processor" &&
+            diff -q "$work/$study/native.out" "$work/$study/$processor.out"; then
+            files=$(find "$work/$study/$processor" -type f | wc -l)
+            echo "$study: $files files are the same here and on $processor"
+        else
+            wrong=1
+        fi
+    done
+done
+exit "$wrong"

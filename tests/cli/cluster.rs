@@ -1,0 +1,420 @@
+//! Work divided between processes: the bytes of one, whatever the division and whatever happens to the processes.
+
+use std::{collections::BTreeMap, fs, path::PathBuf, process::Stdio, thread, time::Duration};
+
+use calib_files::{Fingerprinter, read_sealed_json, write_sealed_json};
+use serde_json::Value;
+
+use crate::harness::Place;
+
+type Content = BTreeMap<PathBuf, Vec<u8>>;
+
+/// A study with its model, and what one process makes of its sweep, which is gone again.
+fn alone(place: &Place) -> Content {
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    swept(place)
+}
+
+fn swept(place: &Place) -> Content {
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let content = place.content("study-results");
+    forget(place);
+    content
+}
+
+fn forget(place: &Place) {
+    let sweep = place.path().join("study-results/sweep");
+    fs::remove_dir_all(sweep).expect("there is one");
+}
+
+fn plan(place: &Place, name: &str, shards: &str) -> usize {
+    let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", name, "--json"];
+    let told: Value = serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON");
+    told["shards"].as_u64().expect("a number") as usize
+}
+
+fn run(place: &Place, plan: &str, shard: usize) -> crate::harness::Ran {
+    place.calib(&["cluster", "run", plan, "--shard", &shard.to_string(), "--threads", "1"])
+}
+
+fn results(place: &Place, plan: &str, shard: usize) -> PathBuf {
+    place.path().join(format!("{plan}/shards/{shard:04}.units"))
+}
+
+fn status(place: &Place, plan: &str) -> (i32, Value) {
+    let ran = place.calib(&["cluster", "status", plan, "--json"]);
+    (ran.code(), serde_json::from_str(&ran.stdout()).expect("JSON"))
+}
+
+#[test]
+fn any_number_of_shards_in_any_order_gives_the_bytes_of_one_process() {
+    let place = Place::with_study();
+    let alone = alone(&place);
+    // Two sensors in eleven runs: no more than 22 shards.
+    for (shards, expected) in [("1", 1), ("7", 7), ("40", 22)] {
+        let name = format!("plan-{shards}");
+        assert_eq!(plan(&place, &name, shards), expected);
+        // Nothing is left of the study but the plan.
+        for hidden in ["data", "study.toml", "study-results"] {
+            let from = place.path().join(hidden);
+            fs::rename(&from, place.path().join(format!("hidden-{hidden}"))).expect("moved");
+        }
+        let order = (0..expected).rev().filter(|shard| shard % 2 == 0);
+        let order = order.chain((0..expected).filter(|shard| shard % 2 == 1));
+        for shard in order {
+            assert!(run(&place, &name, shard).succeeds().contains("is done"));
+        }
+        assert!(run(&place, &name, 0).succeeds().contains("done already"), "twice is no harm");
+        for hidden in ["data", "study.toml", "study-results"] {
+            let from = place.path().join(format!("hidden-{hidden}"));
+            fs::rename(from, place.path().join(hidden)).expect("moved");
+        }
+        assert_eq!(status(&place, &name).0, 0);
+        place.calib(&["cluster", "merge", &name]).succeeds();
+        assert!(place.content("study-results") == alone, "{shards} shards");
+        let again = place.calib(&["cluster", "merge", &name]).succeeds();
+        assert!(again.contains("up to date"), "{again}");
+        forget(&place);
+    }
+}
+
+#[test]
+fn a_plan_is_of_what_is_left_and_of_the_study_as_it_was() {
+    let place = Place::with_study();
+    let alone = alone(&place);
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let units = place.path().join("study-results/sweep/units");
+    for lost in ["PIT300/online/run-0001.json", "TIT101/member-2/run-0000.json"] {
+        fs::remove_file(units.join(lost)).expect("there");
+    }
+    assert_eq!(plan(&place, "plan", "5"), 2);
+    let told = place.calib(&["cluster", "plan", "study.toml", "-o", "plan"]).fails(2);
+    assert!(told.contains("is a plan already"), "{told}");
+    let dry = place.calib(&["cluster", "plan", "study.toml", "-o", "dry", "--dry-run"]).succeeds();
+    assert!(dry.contains("predicted") && !place.path().join("dry").exists(), "{dry}");
+    for shard in 0..2 {
+        assert!(run(&place, "plan", shard).succeeds().contains("1 units made"));
+    }
+    place.edit_study("gamma = 0.9", "gamma = 0.8");
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+    place.edit_study("gamma = 0.8", "gamma = 0.9");
+    let nothing = place.calib(&["cluster", "plan", "study.toml", "-o", "nothing"]).succeeds();
+    assert!(nothing.contains("nothing is left to train"), "{nothing}");
+    place.calib(&["cluster", "merge", "nothing"]).succeeds();
+}
+
+#[test]
+fn stages_of_a_race_follow_from_one_another() {
+    let place = Place::with_study();
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = true");
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
+    let alone = alone(&place);
+    let count = plan(&place, "plan", "3");
+    assert_eq!(count, 9, "three stages of three shards");
+    let early = run(&place, "plan", 8).fails(4);
+    assert!(early.contains("follows from shard 0, which is not done"), "{early}");
+    for shard in 0..count {
+        run(&place, "plan", shard).succeeds();
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+}
+
+#[test]
+fn models_and_deployments_are_parts_of_one_plan_and_agents_start_where_they_should() {
+    let place = Place::with_study();
+    place.edit_study("train_fraction = 0.7", "train = { end = 2022-11-03 }");
+    place.edit_study("steps = 800", "steps = 300");
+    place.edit_study("[sweep]", "[pretrain]\nepochs = 2\n\n[sweep]");
+    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let parts = "
+[models.neighbours]
+[models.network.model]
+kind = \"nn\"
+[models.network.dynamics]
+epochs = 2
+hidden_units = 8
+[deployments.near]
+start = 2022-11-03
+end = 2022-11-03T12:00:00
+[deployments.far]
+start = 2022-11-03T12:00:00
+end = 2022-11-04
+";
+    place.write("study.toml", &format!("{text}{parts}"));
+    for command in ["pretrain", "build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let alone = place.content("study-results");
+    for part in ["neighbours", "network"] {
+        for deployment in ["near", "far"] {
+            let sweep = format!("study-results/models/{part}/deployments/{deployment}/sweep");
+            fs::remove_dir_all(place.path().join(sweep)).expect("there");
+        }
+    }
+    let count = plan(&place, "plan", "6");
+    assert_eq!(count, 6);
+    for shard in 0..count {
+        run(&place, "plan", shard).succeeds();
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    let merged = place.content("study-results");
+    for (path, content) in &alone {
+        assert!(merged.get(path) == Some(content), "{} differs", path.display());
+    }
+    assert_eq!(merged.len(), alone.len());
+}
+
+#[test]
+fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
+    let place = Place::with_study();
+    place.edit_study("steps = 800", "steps = 2000");
+    let alone = alone(&place);
+    let count = plan(&place, "plan", "7");
+    let (mut killed, mut attempts) = (0, 0_u64);
+    while killed < 100 && attempts < 600 {
+        let shard = attempts as usize % count;
+        // Once in a while all is made that there is, so that there is something to kill again.
+        if attempts % 60 == 59 {
+            let _ = fs::remove_file(results(&place, "plan", shard));
+        }
+        let args = ["cluster", "run", "plan", "--shard", &shard.to_string(), "--threads", "1"];
+        let mut command = place.command(&args);
+        let mut child =
+            command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("calib runs");
+        thread::sleep(Duration::from_millis(4 + attempts * 7 % 61));
+        if child.try_wait().expect("a status").is_none() {
+            child.kill().expect("it runs");
+            killed += 1;
+        }
+        child.wait().expect("a status");
+        attempts += 1;
+    }
+    assert_eq!(killed, 100, "of {attempts} attempts");
+    for shard in 0..count {
+        run(&place, "plan", shard).succeeds();
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+    place.calib(&["cluster", "status", "plan", "--clean"]).succeeds();
+    let left = fs::read_dir(place.path().join("plan/shards")).expect("readable").flatten();
+    let left: Vec<String> =
+        left.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    assert!(!left.iter().any(|name| name.ends_with(".state")), "{left:?}");
+    assert!(!left.iter().any(|name| name.ends_with(".tmp")), "{left:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.edit_study("online_runs = 3", "online_runs = 400");
+    plan(&place, "plan", "1");
+    let child = place
+        .command(&["cluster", "run", "plan", "--shard", "auto", "--threads", "1"])
+        .env("SLURM_ARRAY_TASK_ID", "0")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("calib runs");
+    for _ in 0..600 {
+        if results(&place, "plan", 0).exists() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    let asked =
+        std::process::Command::new("kill").args(["-USR1", &child.id().to_string()]).status();
+    assert!(asked.expect("kill runs").success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(75), "{}", String::from_utf8_lossy(&output.stderr));
+    let (code, told) = status(&place, "plan");
+    let shard = &told["shards"][0];
+    assert_eq!((code, shard["state"].as_str()), (4, Some("begun")));
+    assert!(shard["note"].as_str().expect("a note").contains("was asked to stop"), "{shard}");
+    assert!(shard["units"].as_u64() > Some(0), "{shard}");
+    let had = shard["units"].as_u64().expect("a number");
+    let rest = format!("{} units made", shard["of"].as_u64().expect("a number") - had);
+    assert!(run(&place, "plan", 0).succeeds().contains(&rest));
+}
+
+#[test]
+fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
+    let place = Place::with_study();
+    let alone = alone(&place);
+    let count = plan(&place, "plan", "7");
+    for shard in (0..count).filter(|shard| *shard != 2) {
+        run(&place, "plan", shard).succeeds();
+    }
+    let refused = |told: &str| {
+        let error = place.calib(&["cluster", "merge", "plan"]).fails(4);
+        assert!(error.contains(told) && error.contains("nothing was written"), "{told}: {error}");
+        assert!(!place.path().join("study-results/sweep").exists(), "{told}");
+    };
+    refused("shard 2: it has no results");
+    let missing = place.calib(&["cluster", "status", "plan", "--missing", "slurm"]);
+    assert_eq!((missing.code(), missing.stdout().trim()), (4, "2"));
+    run(&place, "plan", 2).succeeds();
+    // A flipped byte.
+    let path = results(&place, "plan", 5);
+    let whole = fs::read(&path).expect("readable");
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 2] ^= 4;
+    fs::write(&path, &flipped).expect("writable");
+    refused("shard 5: ");
+    // It is made again as if it were not there.
+    let ran = run(&place, "plan", 5);
+    assert!(ran.stderr().contains("is damaged") && ran.stderr().contains("begins anew"));
+    assert!(fs::read(&path).expect("readable") == whole);
+    // Another shard's file.
+    fs::copy(results(&place, "plan", 4), &path).expect("copied");
+    refused("is of another plan or shard");
+    // Another version of calib.
+    fs::write(&path, of_version_nine(&whole)).expect("writable");
+    refused("calib 9.9.9");
+    fs::write(&path, &whole).expect("writable");
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+}
+
+/// The same results, sealed by a calib that says that it is of another version.
+fn of_version_nine(file: &[u8]) -> Vec<u8> {
+    let text = std::str::from_utf8(file).expect("text");
+    let (body, _) = text.trim_end().rsplit_once('\n').expect("lines");
+    let tool = concat!("calib ", env!("CARGO_PKG_VERSION"));
+    let body = body.replacen(tool, "calib 9.9.9", 1) + "\n";
+    let units = body.lines().count() - 1;
+    let mut of = Fingerprinter::default();
+    of.add(body.as_bytes()).add(&[1]).add(&(units as u64).to_le_bytes());
+    let seal = of.finish();
+    let trailer =
+        format!("{{\"extent\":\"whole\",\"units\":{units},\"fingerprint\":\"{seal}\"}}\n");
+    (body + &trailer).into_bytes()
+}
+
+#[test]
+fn other_versions_processors_and_damaged_inputs_are_refused() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    plan(&place, "plan", "2");
+    let path = place.path().join("plan/plan.json");
+    let written: Value = read_sealed_json(&path).expect("whole");
+    let with = |change: &dyn Fn(&mut Value)| {
+        let mut other = written.clone();
+        change(&mut other);
+        write_sealed_json(&path, &other).expect("writable");
+    };
+    for (key, value, told) in [
+        ("tool", Value::from("calib 9.9.9"), "calib 9.9.9"),
+        ("results", Value::from(0), "results 0"),
+        ("arithmetic", Value::from("f00"), "numbers of the class f00"),
+    ] {
+        with(&|plan| plan["maker"][key] = value.clone());
+        for command in [&["run", "plan", "--shard", "0"][..], &["merge", "plan"]] {
+            let error = place.calib(&[&["cluster"], command].concat()).fails(2);
+            assert!(error.contains(told), "{error}");
+        }
+    }
+    with(&|_| ());
+    assert!(run(&place, "plan", 7).fails(2).contains("shards 0 to 1"));
+    let states = place.path().join("plan/inputs/0/states.npy");
+    let whole = fs::read(&states).expect("readable");
+    // Not in place: the model's file is the same one by another name.
+    let replace = |bytes: &[u8]| {
+        fs::remove_file(&states).expect("there");
+        fs::write(&states, bytes).expect("writable");
+    };
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 2] ^= 1;
+    replace(&flipped);
+    let ran = (0..2).map(|shard| run(&place, "plan", shard)).filter(|ran| ran.code() != 0);
+    let failed: Vec<String> = ran.map(|ran| ran.fails(2)).collect();
+    assert!(!failed.is_empty());
+    assert!(failed.iter().all(|error| error.contains("is not what was planned")), "{failed:?}");
+    let (code, told) = status(&place, "plan");
+    assert!(code == 4 && told.to_string().contains("is not what was planned"), "{told}");
+    replace(&whole);
+    fs::write(&path, b"{").expect("writable");
+    assert!(run(&place, "plan", 0).fails(2).contains("is damaged"));
+}
+
+#[test]
+fn a_shard_without_room_fails_is_named_and_goes_on_elsewhere() {
+    let place = Place::with_study();
+    let alone = alone(&place);
+    let count = plan(&place, "plan", "3");
+    let args = ["cluster", "run", "plan", "--shard", "1", "--threads", "1"];
+    let full = place.calib_with(&args, &[("CALIB_FAULT", "full:24")]);
+    assert_eq!(full.code(), 4, "{}", full.stderr());
+    assert!(full.stderr().contains("run"), "{}", full.stderr());
+    let killed = place.calib_with(&args, &[("CALIB_FAULT", "kill:60")]);
+    assert!(killed.code() != 0);
+    let (_, told) = status(&place, "plan");
+    let note = told["shards"][1]["note"].as_str().expect("a note");
+    assert!(note.contains("was killed") && note.contains("run"), "{note}");
+    for shard in 0..count {
+        run(&place, "plan", shard).succeeds();
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+}
+
+#[cfg(unix)]
+#[test]
+fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let place = Place::with_study();
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = true");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let count = plan(&place, "plan", "3");
+    let shown = place.calib(&["cluster", "submit", "plan", "--engine", "slurm", "--dry-run"]);
+    let shown = shown.succeeds();
+    for line in ["#SBATCH --array=0-2", "#SBATCH --array=3-5", "#SBATCH --signal=B:USR1@120"] {
+        assert!(shown.contains(line), "{line} is not in\n{shown}");
+    }
+    assert!(!place.path().join("plan/slurm").exists(), "a dry run writes nothing");
+    // A queue that counts, and writes down what it is asked.
+    let sbatch = place.path().join("sbatch");
+    fs::write(&sbatch, "#!/bin/sh\necho \"$@\" >> asked\necho \"7$(wc -l < asked);here\"\n")
+        .expect("writable");
+    fs::set_permissions(&sbatch, fs::Permissions::from_mode(0o755)).expect("set");
+    let path = format!("{}:{}", place.path().display(), std::env::var("PATH").expect("a path"));
+    let submit = |more: &[&str]| {
+        let args = [&["cluster", "submit", "plan", "--engine", "slurm"], more].concat();
+        place.calib_with(&args, &[("PATH", &path)]).succeeds();
+        let asked = fs::read_to_string(place.path().join("asked")).expect("asked");
+        fs::remove_file(place.path().join("asked")).expect("there");
+        asked.replace(&*place.path().to_string_lossy(), "PLACE")
+    };
+    let script = |name: &str| format!("PLACE/plan/slurm/{name}.sh");
+    let (after_ok, after_any) = (
+        "--parsable --kill-on-invalid-dep=yes --dependency=afterok:",
+        "--parsable --kill-on-invalid-dep=yes --dependency=afterany:",
+    );
+    let asked = submit(&[]);
+    let expected = [
+        format!("--parsable {}", script("stage-0")),
+        format!("{after_ok}71 {}", script("stage-1")),
+        format!("{after_ok}72 {}", script("stage-2")),
+        format!("{after_any}73 {}", script("merge")),
+    ];
+    assert_eq!(asked.lines().collect::<Vec<_>>(), expected);
+    for shard in 0..count - 3 {
+        run(&place, "plan", shard).succeeds();
+    }
+    let asked = submit(&["--missing-only"]);
+    assert_eq!(asked.lines().count(), 2, "{asked}");
+    let stage = place.path().join("plan/slurm/stage-2.sh");
+    assert!(fs::read_to_string(stage).expect("kept").contains("--array=6-8"));
+    for name in ["stage-2", "merge"] {
+        let script = place.path().join(format!("plan/slurm/{name}.sh"));
+        let read = std::process::Command::new("bash").arg("-n").arg(script).status();
+        assert!(read.expect("bash runs").success(), "{name}");
+    }
+    place.write("cluster.toml", "thread = 4\n");
+    let args = ["cluster", "submit", "plan", "--engine", "slurm", "--config", "cluster.toml"];
+    let error = place.calib(&args).fails(2);
+    assert!(error.contains("thread") && error.contains("cluster.toml"), "{error}");
+}
