@@ -105,15 +105,13 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
     // Only the verdict is the result; the steps before it just report.
     let talk = &printer.talking();
     let mut ended = Ended(Outcome::Done);
-    let plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
+    let mut plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
     talk.say_all(&plan.lines());
-    if job.policy().is_dry() && printer.is_for_machines() {
-        printer.json(&plan)?;
-    }
     if let Some(plant) = PlantOfStudy::of(job)?
         && !simulate(plant, job, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
+        tell(&plan, job, printer)?;
         return Ok(Outcome::Done);
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
@@ -127,6 +125,8 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
             ended.and(model.take(step, extent, &counted, talk)?);
         }
     }
+    plan.expect(&counted.expected());
+    tell(&plan, job, printer)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
         ended.and(Outcome::Negative);
@@ -139,6 +139,11 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
     }
     printer.say(&format!("done in {}", duration(clock.elapsed())));
     Ok(ended.0)
+}
+
+/// The plan, for machines that asked for it.
+fn tell(plan: &Plan, job: &Job, printer: &Printer) -> anyhow::Result<()> {
+    if job.policy().is_dry() && printer.is_for_machines() { printer.json(plan) } else { Ok(()) }
 }
 
 /// Evaluate the models that are not left out.
@@ -244,6 +249,10 @@ impl Model {
                     && !was_interrupted(&reason) =>
             {
                 not_yet(command, &reason, talk);
+                if step == Step::Sweep {
+                    let expect = |job: &Job| sweep::expected::before_model(job, counted, talk);
+                    return each_part(Each::Deployment, &self.job, talk, expect);
+                }
                 Ok(Outcome::Done)
             }
             other => other,

@@ -13,7 +13,7 @@ use crate::{
     model::model_files::ModelManifest,
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
-    sweep::SweepManifest,
+    sweep::{SweepManifest, expected::Expected, plan::OfPart},
 };
 
 /// The steps of a study in order, for `--json`.
@@ -31,6 +31,9 @@ struct Planned {
     #[serde(skip_serializing_if = "Option::is_none")]
     deployment: Option<String>,
     state: State,
+    /// What it will take, where that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    expected: Option<Expected>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -104,7 +107,27 @@ impl Plan {
     fn add(&mut self, step: &'static str, job: &Job, is_up_to_date: bool) {
         let owned = |name: Option<&str>| name.map(str::to_owned);
         let (model, deployment) = (owned(job.model()), owned(job.deployment()));
-        self.steps.push(Planned { step, model, deployment, state: State::of(is_up_to_date) });
+        self.steps.push(Planned {
+            step,
+            model,
+            deployment,
+            state: State::of(is_up_to_date),
+            expected: None,
+        });
+    }
+
+    /// Say what sweeps will take.
+    pub(crate) fn expect(&mut self, all: &[OfPart]) {
+        for OfPart { model, deployment, expected } in all {
+            let is_meant = |planned: &&mut Planned| {
+                planned.step == "sweep"
+                    && planned.model == *model
+                    && planned.deployment == *deployment
+            };
+            if let Some(planned) = self.steps.iter_mut().find(is_meant) {
+                planned.expected = Some(expected.clone());
+            }
+        }
     }
 
     /// What is up to date, and what is to do, a line each.
@@ -158,6 +181,7 @@ mod tests {
             model: Some(model.to_owned()),
             deployment: None,
             state,
+            expected: None,
         };
         let steps = vec![
             planned("build-model", "a", State::UpToDate),

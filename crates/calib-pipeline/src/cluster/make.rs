@@ -14,7 +14,6 @@ use calib_sweep::{EnvironmentId, PassId, Plan, Unit, UnitResult};
 use crate::{
     base::{artefact::Files, options::ClusterPlanOptions, outcome::Outcome},
     cluster::{
-        cost::Cost,
         divide::{Division, evenly},
         inputs,
         maker::Maker,
@@ -25,7 +24,12 @@ use crate::{
         status::summary,
     },
     output::Printer,
-    sweep::{Found, setting::Setting, unit_store},
+    sweep::{
+        Found,
+        cost::{Cost, Trained},
+        setting::Setting,
+        unit_store,
+    },
 };
 
 /// Memory of a process that has nothing to do.
@@ -147,7 +151,7 @@ impl Planning<'_> {
             return Ok(None);
         }
         printer.say("timing some steps of a pass");
-        let cost = Cost::measure(study, &setting, &environments)?;
+        let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
         let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
         let secs = cost.of(sensors.len()) * runs.len() as f64;
         let groups = self.division.groups(runs.len(), sensors.len(), secs);

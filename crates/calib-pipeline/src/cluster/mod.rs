@@ -9,7 +9,6 @@
 mod arithmetic;
 mod attempt;
 mod config;
-mod cost;
 mod divide;
 mod engines;
 mod inputs;

@@ -1,6 +1,8 @@
 //! Sweeps: what agents are trained in, and what is left to run.
 
+pub(crate) mod cost;
 pub(crate) mod environments;
+pub(crate) mod expected;
 pub(crate) mod notes;
 pub(crate) mod plan;
 pub(crate) mod recorded;

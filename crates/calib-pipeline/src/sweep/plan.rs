@@ -12,17 +12,41 @@ use serde::Serialize;
 use crate::{
     base::memory,
     output::{Printer, bytes, count, table},
+    sweep::expected::Expected,
 };
 
 /// Units that a dry run of several models and deployments has counted: those that are the same are run once.
 #[derive(Debug, Default)]
-pub(crate) struct Counted(RefCell<BTreeSet<String>>);
+pub(crate) struct Counted {
+    units: RefCell<BTreeSet<String>>,
+    expected: RefCell<Vec<OfPart>>,
+}
+
+/// What the sweep of one model in one deployment will take.
+#[derive(Clone, Debug)]
+pub(crate) struct OfPart {
+    pub(crate) model: Option<String>,
+    pub(crate) deployment: Option<String>,
+    pub(crate) expected: Expected,
+}
 
 impl Counted {
     /// Count these units, and say how many had been counted before.
     pub(crate) fn again<'a>(&self, keys: impl Iterator<Item = &'a String>) -> usize {
-        let mut counted = self.0.borrow_mut();
+        let mut counted = self.units.borrow_mut();
         keys.filter(|&key| !counted.insert(key.clone())).count()
+    }
+
+    /// Remember what the sweep of a job will take.
+    pub(crate) fn expect(&self, job: &Job, expected: Expected) {
+        let (model, deployment) = (job.model(), job.deployment());
+        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        self.expected.borrow_mut().push(OfPart { model, deployment, expected });
+    }
+
+    /// What was remembered.
+    pub(crate) fn expected(&self) -> Vec<OfPart> {
+        self.expected.borrow().clone()
     }
 }
 
@@ -43,6 +67,9 @@ pub(crate) struct SweepPlan<'a> {
     pub(crate) threads: usize,
     /// What it takes.
     pub(crate) memory: Memory,
+    /// How long it will take, if something is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) expected: Option<Expected>,
 }
 
 /// Bytes that a sweep takes at most.
@@ -168,6 +195,9 @@ impl SweepPlan<'_> {
         }
         let memory = &self.memory;
         printer.say(&memory.text());
+        if let Some(expected) = &self.expected {
+            printer.say(&expected.line());
+        }
         let Some(available) = memory.available.filter(|&available| memory.total > available) else {
             return Ok(());
         };

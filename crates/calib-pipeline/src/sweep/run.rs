@@ -19,6 +19,8 @@ use crate::{
     model::model_files,
     output::{Printer, count, duration},
     sweep::{
+        cost::{Cost, Trained},
+        expected::Expected,
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan},
         recorded,
@@ -167,8 +169,15 @@ fn sweep(
     }
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
-    preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span)
-        .announce(job, printer)?;
+    let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
+    if job.policy().is_dry() && missing > shared {
+        let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
+        let passes = plan.passes(&stored)?;
+        let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
+        counted.expect(job, expected.clone());
+        preview.expected = Some(expected);
+    }
+    preview.announce(job, printer)?;
     if job.policy().is_dry() {
         return Ok(Outcome::Done);
     }
@@ -242,7 +251,16 @@ fn preview<'a>(
     let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
     let threads = rayon::current_num_threads();
     let memory = Memory::of(sizes, &agents, threads);
-    SweepPlan { candidates, units, left, shared, steps: span.steps, threads, memory }
+    SweepPlan {
+        candidates,
+        units,
+        left,
+        shared,
+        steps: span.steps,
+        threads,
+        memory,
+        expected: None,
+    }
 }
 
 /// What a sweep writes beside its units.

@@ -123,7 +123,7 @@ pub(crate) fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, Sweep
 }
 
 /// The values that a study sweeps.
-fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
+pub(crate) fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
@@ -132,7 +132,7 @@ fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
 }
 
 /// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
-fn scorable(
+pub(crate) fn scorable(
     job: &Job,
     candidates: &[Candidate],
     printer: &Printer,

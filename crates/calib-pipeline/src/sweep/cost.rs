@@ -1,17 +1,38 @@
 //! What passes will take: a few steps of them are made and timed.
 
-use std::time::Duration;
+use std::{collections::BTreeMap, time::Duration};
 
 use anyhow::Context as _;
 use calib_agent::{CurveRule, Learner, NoKeeper, Run, train_learners};
 use calib_core::Silent;
 use calib_study::Study;
-use calib_sweep::{Environment, RunStream};
+use calib_sweep::{Candidate, Environment, RunStream, Start};
 
 use crate::{
     base::clock::Stopwatch,
     sweep::setting::{Setting, agent_seed},
 };
+
+/// What a pass trains.
+#[derive(Clone, Copy)]
+pub(crate) struct Trained<'a> {
+    pub(crate) study: &'a Study,
+    pub(crate) candidates: &'a [Candidate],
+    /// Name and column of each.
+    pub(crate) sensors: &'a [(String, usize)],
+    /// What agents start from, by sensor, if they were pre-trained.
+    pub(crate) starts: &'a BTreeMap<String, Start>,
+    /// Steps of every stream.
+    pub(crate) steps: usize,
+}
+
+impl<'a> Trained<'a> {
+    /// What the passes of a sweep train.
+    pub(crate) fn of(study: &'a Study, setting: &'a Setting) -> Self {
+        let Setting { candidates, sensors, starts, streams, .. } = setting;
+        Self { study, candidates, sensors, starts, steps: streams.demand.span.steps }
+    }
+}
 
 /// Seconds of a pass over a stream by all values, on one thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,17 +56,27 @@ impl Cost {
     /// # Errors
     /// If the sweep has no environments, or agents cannot be trained.
     pub(crate) fn measure(
-        study: &Study,
-        setting: &Setting,
+        trained: Trained<'_>,
         environments: &[Box<dyn Environment + '_>],
     ) -> anyhow::Result<Self> {
         let environment = environments.iter().find(|environment| environment.runs() > 0);
         let environment = environment.context("the sweep has no runs")?;
         let clock = Stopwatch::start();
         let streamed = environment.stream(0)?;
-        let making = clock.elapsed().as_secs_f64();
-        let of = |sensors: usize| seconds(study, setting, &streamed, sensors);
-        let (one, beside) = (of(1)?, setting.sensors.len().min(BESIDE));
+        Self::over(trained, &streamed, clock.elapsed().as_secs_f64())
+    }
+
+    /// Of passes over a stream that took `making` seconds to make.
+    ///
+    /// # Errors
+    /// If agents cannot be trained.
+    pub(crate) fn over(
+        trained: Trained<'_>,
+        streamed: &RunStream,
+        making: f64,
+    ) -> anyhow::Result<Self> {
+        let of = |sensors: usize| seconds(trained, streamed, sensors);
+        let (one, beside) = (of(1)?, trained.sensors.len().min(BESIDE));
         if beside < 2 {
             return Ok(Self { fixed: making, sensor: one });
         }
@@ -60,19 +91,15 @@ impl Cost {
 }
 
 /// Of a pass of the first `sensors` sensors over a whole stream.
-fn seconds(
-    study: &Study,
-    setting: &Setting,
-    streamed: &RunStream,
-    sensors: usize,
-) -> anyhow::Result<f64> {
+fn seconds(trained: Trained<'_>, streamed: &RunStream, sensors: usize) -> anyhow::Result<f64> {
+    let Trained { study, candidates, starts, steps, .. } = trained;
     let stream = &*streamed.stream;
-    let all = setting.streams.demand.span.steps.min(stream.len().saturating_sub(1));
-    let learners: Vec<Learner<'_>> = setting.sensors[..sensors]
+    let all = steps.min(stream.len().saturating_sub(1));
+    let learners: Vec<Learner<'_>> = trained.sensors[..sensors]
         .iter()
         .flat_map(|(sensor, column)| {
-            let start = setting.starts.get(sensor).map(|start| &start.checkpoint);
-            let config = setting.candidates.iter().map(|candidate| &candidate.agent);
+            let start = starts.get(sensor).map(|start| &start.checkpoint);
+            let config = candidates.iter().map(|candidate| &candidate.agent);
             config.map(move |config| Learner { config, cumulant: *column, start })
         })
         .collect();
@@ -84,7 +111,7 @@ fn seconds(
         Ok(clock.elapsed().as_secs_f64())
     };
     // Until a mini-batch can be drawn a step costs next to nothing.
-    let batches = setting.candidates.iter().map(|candidate| candidate.agent.batch_size);
+    let batches = candidates.iter().map(|candidate| candidate.agent.batch_size);
     let first = all.min(WARMING.max(batches.max().unwrap_or(0)));
     let before = timed(first)?;
     let mut steps = 16;

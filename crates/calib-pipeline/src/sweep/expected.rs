@@ -1,0 +1,108 @@
+//! How long a sweep will take, before it does.
+
+use std::collections::BTreeMap;
+
+use calib_core::{RowIndex, RowStream};
+use calib_study::{Job, Study};
+use calib_sweep::RunStream;
+use serde::Serialize;
+
+use crate::{
+    base::outcome::Outcome,
+    model::model_files,
+    output::{Printer, bytes, count, span},
+    sweep::{
+        cost::{Cost, Trained},
+        plan::{Counted, SweepPlan},
+        setting::{candidates_of, scorable},
+    },
+};
+
+/// Bytes of one value's result in the file of a unit, and of each point of its learning curve.
+const ROW_BYTES: u64 = 750;
+const POINT_BYTES: u64 = 82;
+
+/// What is left of a sweep, by the time that some of its steps took on this machine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Expected {
+    /// Passes over streams, each by all values for all sensors.
+    pub(crate) passes: usize,
+    /// Threads that share them.
+    pub(crate) threads: usize,
+    /// Until the last one ends, if nothing else runs.
+    pub(crate) secs: f64,
+    /// Of all threads together.
+    pub(crate) processor_secs: f64,
+    /// Bytes of results.
+    pub(crate) disk: u64,
+}
+
+impl Expected {
+    /// Of a sweep that was planned, with `passes` left.
+    pub(crate) fn of(
+        cost: Cost,
+        plan: &SweepPlan<'_>,
+        passes: usize,
+        sensors: usize,
+        study: &Study,
+    ) -> Self {
+        let results = (plan.left * plan.candidates.len()) as u64;
+        Self::new(cost.of(sensors), passes, plan.threads, results, study)
+    }
+
+    fn new(pass_secs: f64, passes: usize, threads: usize, results: u64, study: &Study) -> Self {
+        let rounds = passes.div_ceil(threads.max(1));
+        Self {
+            passes,
+            threads: threads.min(passes),
+            secs: pass_secs * rounds as f64,
+            processor_secs: pass_secs * passes as f64,
+            disk: results * (ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64),
+        }
+    }
+
+    pub(crate) fn line(&self) -> String {
+        format!(
+            "expecting about {} on {} threads ({} passes over streams, {} of processor time); up to {} on disk",
+            span(self.secs),
+            self.threads,
+            count(self.passes),
+            span(self.processor_secs),
+            bytes(self.disk)
+        )
+    }
+}
+
+/// Say what a sweep will take whose model is not there yet: as much as on the log itself, replayed.
+///
+/// # Errors
+/// If the log cannot be read, or has not what the study sweeps.
+pub(crate) fn before_model(
+    job: &Job,
+    counted: &Counted,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let study = job.study();
+    let candidates = candidates_of(study)?;
+    let (parts, streams) = scorable(job, &candidates, &printer.silent())?;
+    let Ok(streams) = streams else { return Ok(Outcome::Done) };
+    let dataset = &parts.dataset;
+    let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let starts = BTreeMap::new();
+    let steps = streams.demand.span.steps;
+    let trained =
+        Trained { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
+    let frames = &dataset.train;
+    let states = streams.demand.span.states().min(frames.rows());
+    let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
+    let cost = Cost::over(trained, &RunStream::complete(replayed, RowIndex::new(0)), 0.0)?;
+    let members = if study.is_parametric() { 1 } else { study.model.members };
+    let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
+    let passes = members * study.member_runs() + online + study.sweep.log_replay_runs;
+    let results = (passes * sensors.len() * candidates.len()) as u64;
+    let threads = rayon::current_num_threads();
+    let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
+    printer.say(&expected.line());
+    counted.expect(job, expected);
+    Ok(Outcome::Done)
+}
