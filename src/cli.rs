@@ -142,9 +142,9 @@ impl Command {
             Self::Check(args) => args.json,
             Self::Validity(args) => args.json,
             Self::Dtw(args) => args.json,
-            Self::Explain { json, .. } => *json,
+            Self::Explain { json, .. }
+            | Self::Cluster { command: ClusterCommand::Status { json, .. } } => *json,
             Self::Cluster { command: ClusterCommand::Plan { study, .. } } => study.json,
-            Self::Cluster { command: ClusterCommand::Status { json, .. } } => *json,
             Self::Cluster { .. } | Self::Completions { .. } | Self::Man { .. } => false,
         };
         if json { Answer::ForMachines } else { Answer::ForPeople }

@@ -18,7 +18,7 @@ const PREFIX: &str = ".calib-";
 const SUFFIX: &str = ".tmp";
 
 /// A file of another machine that nobody has written to for so long has nobody who writes it.
-const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
+const ABANDONED_AFTER: Duration = Duration::from_hours(24);
 
 /// The name of this machine; empty where the system does not say.
 pub fn host_name() -> &'static str {

@@ -51,7 +51,7 @@ impl StepError {
 
     /// Whether something is missing that another attempt may bring.
     pub fn is_incomplete(&self) -> bool {
-        self.0.chain().any(|cause| cause.is::<Incomplete>())
+        self.0.chain().any(<dyn std::error::Error>::is::<Incomplete>)
     }
 
     /// The chain from the outermost context to the cause. Some errors tell their cause themselves; it is told once.

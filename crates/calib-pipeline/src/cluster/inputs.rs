@@ -135,13 +135,11 @@ impl<'p> Inputs<'p> {
         };
         let held_out = opened.contains(&EnvironmentId::Online);
         let held_out = held_out.then(|| files.frames(HELD_OUT[0], HELD_OUT[1])).transpose()?;
-        let starts = match files.has(STARTS)? {
-            true => read_starts(directory)?,
-            false => BTreeMap::new(),
-        };
-        let stored = match files.has(STORED)? {
-            true => Results::read(&directory.join(STORED))?.units,
-            false => BTreeMap::new(),
+        let starts = if files.has(STARTS)? { read_starts(directory)? } else { BTreeMap::new() };
+        let stored = if files.has(STORED)? {
+            Results::read(&directory.join(STORED))?.units
+        } else {
+            BTreeMap::new()
         };
         let stored = stored.into_values().map(|result| (result.unit.clone(), result)).collect();
         Ok(Self { part, opened, states, model, held_out, starts, stored })
@@ -227,8 +225,8 @@ impl Checked<'_> {
     fn model(&self, part: &SweepPart, states: &Frames, members: &[usize]) -> anyhow::Result<Model> {
         let settings = &part.study.model;
         if settings.kind != ModelKind::Knn {
-            let others = self.files.keys().filter(|name| !name.starts_with("held_out"));
-            others.map(|name| self.require(name)).collect::<anyhow::Result<()>>()?;
+            let mut others = self.files.keys().filter(|name| !name.starts_with("held_out"));
+            others.try_for_each(|name| self.require(name))?;
             let columns = states.states().columns();
             return Ok(Model::Parametric(train_model::open(
                 self.directory,
@@ -238,8 +236,8 @@ impl Checked<'_> {
         }
         for member in members {
             let folder = format!("members/{member}/");
-            let own = self.files.keys().filter(|name| name.starts_with(&folder));
-            own.map(|name| self.require(name)).collect::<anyhow::Result<()>>()?;
+            let mut own = self.files.keys().filter(|name| name.starts_with(&folder));
+            own.try_for_each(|name| self.require(name))?;
         }
         // A rollout reads tables and rows alone; distances were measured when the tables were made.
         let (metric, transitions) =

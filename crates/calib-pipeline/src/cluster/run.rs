@@ -158,7 +158,7 @@ impl Running<'_> {
             .into_iter()
             .zip(planned.iter().zip(&passes))
             .map(|(ready, (planned, pass))| Task {
-                name: name(plan.parts[part].name(), planned, pass),
+                name: name(&plan.parts[part].name(), planned, pass),
                 plan: &sweep,
                 ready,
                 predicted_secs: planned.secs,
@@ -238,7 +238,7 @@ enum TaskEnd {
 }
 
 /// What a pass is called, for people.
-fn name(part: String, planned: &PlannedPass, pass: &PassId) -> String {
+fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
     let sensors: Vec<&str> = pass.sensors.iter().map(String::as_str).take(3).collect();
     let more = if pass.sensors.len() > 3 { ", ..." } else { "" };
     let of = if part.is_empty() { String::new() } else { format!(" of {part}") };

@@ -99,8 +99,7 @@ fn script(
 ) -> String {
     let mut text = "#!/bin/bash\n".to_owned();
     let own = options.iter().filter(|(name, _)| !config.slurm.contains_key(name));
-    let given = config.slurm.iter().map(|(name, value)| (name, value));
-    for (name, value) in own.map(|(name, value)| (name, value)).chain(given) {
+    for (name, value) in own.map(|(name, value)| (name, value)).chain(&config.slurm) {
         let _ = writeln!(text, "#SBATCH --{name}={value}");
     }
     for flag in flags {
