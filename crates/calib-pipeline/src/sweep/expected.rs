@@ -1,6 +1,6 @@
 //! How long a sweep will take, before it does.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Duration};
 
 use calib_core::{RowIndex, RowStream};
 use calib_study::{Job, Study};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::{
     base::outcome::Outcome,
     model::model_files,
-    output::{Printer, bytes, count, span},
+    output::{Printer, bytes, count, duration},
     sweep::{
         cost::{Cost, Trained},
         plan::{Counted, SweepPlan},
@@ -64,13 +64,17 @@ impl Expected {
     pub(crate) fn line(&self) -> String {
         format!(
             "expecting about {} on {} threads ({} passes over streams, {} of processor time); up to {} on disk",
-            span(self.secs),
+            seconds(self.secs),
             self.threads,
             count(self.passes),
-            span(self.processor_secs),
+            seconds(self.processor_secs),
             bytes(self.disk)
         )
     }
+}
+
+fn seconds(secs: f64) -> String {
+    duration(Duration::try_from_secs_f64(secs).unwrap_or(Duration::MAX))
 }
 
 /// Say what a sweep will take whose model is not there yet: as much as on the log itself, replayed.
