@@ -1,0 +1,101 @@
+//! Classic tasks whose truth is known: they step as Gymnasium's do (`scripts/golden/control.py`).
+
+mod acrobot;
+mod cart_pole;
+mod pendulum;
+mod puddle_world;
+mod simulated;
+#[cfg(test)]
+mod tests;
+
+use calib_core::Rng;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use acrobot::Acrobot;
+pub use cart_pole::CartPole;
+pub use pendulum::Pendulum;
+pub use puddle_world::PuddleWorld;
+pub use simulated::{Begin, Simulated};
+
+use crate::Outcome;
+
+/// A simulated task: a state that actions change, and what is observed of it.
+pub trait Task: Clone + Send + Sync {
+    /// Name, lowest and highest value of each observed column; what is observed may lie a little outside.
+    fn columns() -> &'static [(&'static str, f64, f64)];
+
+    /// What the actions are called.
+    fn actions() -> &'static [&'static str];
+
+    /// Begin as the task does.
+    fn start(&mut self, rng: &mut Rng);
+
+    /// Begin anywhere: a state drawn from most of what can be, as of a plant that logs see in many conditions.
+    fn start_anywhere(&mut self, rng: &mut Rng);
+
+    /// What is observed, in the task's own units.
+    fn observe(&self, observed: &mut Vec<f64>);
+
+    /// Take `action`.
+    fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome;
+}
+
+/// The tasks by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskKind {
+    /// Swing a two-link pendulum up: −1 a step until it is above the bar.
+    Acrobot,
+    /// Balance a pole on a cart: 1 a step until it falls.
+    CartPole,
+    /// Swing a pendulum up and hold it there, with five torques.
+    Pendulum,
+    /// Cross a unit square with two puddles: −1 a step, and up to −40 more in a puddle.
+    PuddleWorld,
+}
+
+impl TaskKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Acrobot, Self::CartPole, Self::Pendulum, Self::PuddleWorld];
+
+    /// The name in studies and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Acrobot => "acrobot",
+            Self::CartPole => "cart_pole",
+            Self::Pendulum => "pendulum",
+            Self::PuddleWorld => "puddle_world",
+        }
+    }
+
+    /// The return that stands for the worst that can follow, for models that do not know what does.
+    ///
+    /// A tenth of a second without control fells the pole; of the others, as much as an episode of 500 steps can cost at −1 a step, and of
+    /// the pendulum 200 steps at −16.
+    pub const fn worst_return(self) -> f64 {
+        match self {
+            Self::Acrobot | Self::PuddleWorld => -500.0,
+            Self::CartPole => 0.0,
+            Self::Pendulum => -3200.0,
+        }
+    }
+
+    /// Steps after which an episode is cut.
+    pub const fn timeout(self) -> usize {
+        match self {
+            Self::Acrobot | Self::CartPole | Self::PuddleWorld => 500,
+            Self::Pendulum => 200,
+        }
+    }
+
+    /// The mean return of learnt behaviour that counts as near-optimal, and as medium.
+    pub const fn qualities(self) -> [f64; 2] {
+        match self {
+            Self::Acrobot => [-100.0, -200.0],
+            Self::CartPole => [400.0, 100.0],
+            Self::Pendulum => [-300.0, -800.0],
+            Self::PuddleWorld => [-45.0, -120.0],
+        }
+    }
+}
