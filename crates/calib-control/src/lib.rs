@@ -2,9 +2,20 @@
 //!
 //! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
+//! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
+mod agent;
+mod behaviour;
 mod environment;
+mod error;
+mod life;
+mod log;
 mod task;
 
+pub use agent::{Agent, AgentConfig, Algorithm};
+pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use environment::{Ending, Environment, Outcome};
+pub use error::ControlError;
+pub use life::{Life, Span, live};
+pub use log::{Columns, Decisions};
 pub use task::{Acrobot, Begin, CartPole, Pendulum, PuddleWorld, Simulated, Task, TaskKind};
