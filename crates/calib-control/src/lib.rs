@@ -10,6 +10,7 @@ mod environment;
 mod error;
 mod life;
 mod log;
+mod model;
 mod task;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
@@ -18,4 +19,5 @@ pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
+pub use model::{ActionModel, ActionModelConfig, Coverage, Pessimism, Starts, Walk};
 pub use task::{Acrobot, Begin, CartPole, Pendulum, PuddleWorld, Simulated, Task, TaskKind};
