@@ -5,9 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, ControlError, Decisions, Ending, Environment, Span,
-    life::{Episodes, Learning},
-    log::Columns,
+    Agent, ControlError, Decisions, Ending, Environment, Span, life::Episodes, log::Columns,
 };
 
 /// How good the behaviour is that a log is recorded under.
@@ -60,10 +58,9 @@ impl Behaviour {
         seed: Seed,
     ) -> Self {
         let mut episodes = Episodes::new(environment, span, seed);
-        while episodes.step(&mut agent, environment, Learning::On) {
+        while episodes.step(&mut agent, environment) {
             let returns = &episodes.life.returns;
-            let over = episodes.last.is_some_and(|step| step.over);
-            if over && returns.len() >= JUDGED_EPISODES {
+            if episodes.over && returns.len() >= JUDGED_EPISODES {
                 let last = &returns[returns.len() - JUDGED_EPISODES..];
                 if last.iter().sum::<f64>() / JUDGED_EPISODES as f64 >= wanted {
                     break;

@@ -43,15 +43,8 @@ impl Life {
 /// Let `agent` act and learn in `environment` for `span`. Its draws come from `seed`, those of the environment from another.
 pub fn live(agent: &mut Agent, environment: &mut dyn Environment, span: Span, seed: Seed) -> Life {
     let mut episodes = Episodes::new(environment, span, seed);
-    while episodes.step(agent, environment, Learning::On) {}
+    while episodes.step(agent, environment) {}
     episodes.life
-}
-
-/// Whether an agent learns from a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Learning {
-    On,
-    Off,
 }
 
 /// What an agent lives through, step by step.
@@ -65,17 +58,7 @@ pub(crate) struct Episodes {
     /// Steps and reward of the episode.
     length: usize,
     reward: f64,
-    /// What the last step was.
-    pub(crate) last: Option<Step>,
-}
-
-/// A step that was taken.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
-    pub(crate) action: usize,
-    pub(crate) reward: f64,
-    pub(crate) ending: Ending,
-    /// Whether an episode ends with it, in a terminal or at its timeout.
+    /// Whether the last step ended an episode, in a terminal or at its timeout.
     pub(crate) over: bool,
 }
 
@@ -92,13 +75,8 @@ impl Episodes {
             done: 0,
             length: 0,
             reward: 0.0,
-            last: None,
+            over: false,
         }
-    }
-
-    /// The state that the agent is in.
-    pub(crate) fn state(&self) -> &[f32] {
-        &self.state
     }
 
     /// Begin an episode if none goes on.
@@ -110,12 +88,7 @@ impl Episodes {
     }
 
     /// Take a step; whether there was one left to take.
-    pub(crate) fn step(
-        &mut self,
-        agent: &mut Agent,
-        environment: &mut dyn Environment,
-        learning: Learning,
-    ) -> bool {
+    pub(crate) fn step(&mut self, agent: &mut Agent, environment: &mut dyn Environment) -> bool {
         if self.done >= self.span.steps || self.life.diverged {
             return false;
         }
@@ -128,20 +101,16 @@ impl Episodes {
         self.done += 1;
         self.length += 1;
         self.reward += outcome.reward;
-        match learning {
-            Learning::On => agent.learn(action, outcome, &self.state),
-            Learning::Off => agent.go_on(&self.state),
-        }
+        agent.learn(action, outcome, &self.state);
         let terminal = outcome.ending == Ending::Terminal;
-        let over = terminal || self.length >= self.span.timeout;
-        if over {
+        self.over = terminal || self.length >= self.span.timeout;
+        if self.over {
             self.life.returns.push(self.reward);
             self.life.terminals += usize::from(terminal);
             (self.length, self.reward) = (0, 0.0);
         }
         self.life.rest = self.reward;
         self.life.rest_share = self.length as f64 / self.span.timeout as f64;
-        self.last = Some(Step { action, reward: outcome.reward, ending: outcome.ending, over });
         true
     }
 }
