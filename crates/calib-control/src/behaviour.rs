@@ -15,7 +15,7 @@ pub enum Quality {
     /// Learnt until the mean return of ten episodes is near the best.
     #[default]
     NearOptimal,
-    /// Learnt half-way.
+    /// The same, but for three actions of ten that are random.
     Medium,
     /// Every action alike.
     Random,
@@ -24,6 +24,15 @@ pub enum Quality {
 impl Quality {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::NearOptimal, Self::Medium, Self::Random];
+
+    /// Share of actions that are random, of what was learnt.
+    pub const fn random_share(self) -> f64 {
+        match self {
+            Self::NearOptimal => 0.0,
+            Self::Medium => 0.3,
+            Self::Random => 1.0,
+        }
+    }
 
     /// The name in studies and on the command line.
     pub const fn name(self) -> &'static str {
@@ -40,8 +49,13 @@ impl Quality {
 pub enum Behaviour {
     /// Every action alike.
     Random,
-    /// As an agent acts that stopped learning.
-    Learnt(Box<Agent>),
+    /// As an agent acts that stopped learning, but for a share of actions that are random.
+    Learnt {
+        /// The agent.
+        agent: Box<Agent>,
+        /// The share.
+        random: f64,
+    },
 }
 
 /// Episodes over whose mean return a learning agent is judged.
@@ -67,21 +81,33 @@ impl Behaviour {
                 }
             }
         }
-        Self::Learnt(Box::new(agent))
+        Self::Learnt { agent: Box::new(agent), random: 0.0 }
+    }
+
+    /// The same policy, which takes a random action in this share of its steps.
+    #[must_use]
+    pub fn perturbed(self, share: f64) -> Self {
+        match self {
+            Self::Random => Self::Random,
+            Self::Learnt { agent, .. } => Self::Learnt { agent, random: share },
+        }
     }
 
     fn act(&mut self, actions: usize, rng: &mut Rng) -> usize {
         match self {
             Self::Random => rng.below(actions),
-            Self::Learnt(agent) => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
+            Self::Learnt { random, .. } if *random > 0.0 && rng.unit() < *random => {
+                rng.below(actions)
+            }
+            Self::Learnt { agent, .. } => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
         }
     }
 
     fn see(&mut self, state: &[f32], first: bool) {
         match self {
             Self::Random => {}
-            Self::Learnt(agent) if first => agent.look(state),
-            Self::Learnt(agent) => agent.go_on(state),
+            Self::Learnt { agent, .. } if first => agent.look(state),
+            Self::Learnt { agent, .. } => agent.go_on(state),
         }
     }
 
@@ -217,7 +243,10 @@ mod tests {
         let of = |behaviour: &mut Behaviour| {
             behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
         };
+        let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
         let (learnt, random) = (of(&mut learnt), of(&mut Behaviour::Random));
         assert!(learnt > 50.0 && random < 30.0, "{learnt} {random}");
+        let half = of(&mut half);
+        assert!(half < learnt && half > random, "{random} {half} {learnt}");
     }
 }

@@ -11,8 +11,14 @@ use crate::{Ending, Outcome};
 #[derive(Clone, Debug, Default)]
 pub struct CartPole {
     pub(crate) state: [f64; 4],
-    /// Probability that a push goes in a random direction.
-    pub slip: f64,
+    slip: f64,
+}
+
+impl CartPole {
+    /// The task with pushes of which this share goes in a random direction.
+    pub fn with_slip(slip: f64) -> Self {
+        Self { slip, ..Self::default() }
+    }
 }
 
 const FORCE: f64 = 10.0;

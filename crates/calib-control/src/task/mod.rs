@@ -71,13 +71,13 @@ impl TaskKind {
 
     /// The return that stands for the worst that can follow, for models that do not know what does.
     ///
-    /// A tenth of a second without control fells the pole; of the others, as much as an episode of 500 steps can cost at −1 a step, and of
-    /// the pendulum 200 steps at −16.
+    /// The pole falls at once; of Acrobot, an episode to its timeout; of the others, about what random actions get.
     pub const fn worst_return(self) -> f64 {
         match self {
-            Self::Acrobot | Self::PuddleWorld => -500.0,
+            Self::Acrobot => -500.0,
             Self::CartPole => 0.0,
-            Self::Pendulum => -3200.0,
+            Self::Pendulum => -1500.0,
+            Self::PuddleWorld => -2500.0,
         }
     }
 
@@ -89,13 +89,13 @@ impl TaskKind {
         }
     }
 
-    /// The mean return of learnt behaviour that counts as near-optimal, and as medium.
-    pub const fn qualities(self) -> [f64; 2] {
+    /// The mean return of ten episodes at which what was learnt counts as near-optimal.
+    pub const fn near_optimal(self) -> f64 {
         match self {
-            Self::Acrobot => [-100.0, -200.0],
-            Self::CartPole => [400.0, 100.0],
-            Self::Pendulum => [-300.0, -800.0],
-            Self::PuddleWorld => [-45.0, -120.0],
+            Self::Acrobot => -100.0,
+            Self::CartPole => 300.0,
+            Self::Pendulum => -300.0,
+            Self::PuddleWorld => -45.0,
         }
     }
 }

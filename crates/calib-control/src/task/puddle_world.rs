@@ -11,7 +11,7 @@ use crate::{Ending, Outcome};
 pub struct PuddleWorld {
     pub(crate) state: [f64; 2],
     /// Standard deviation of the noise of a step, on both axes; 0.01 as Sutton's.
-    pub noise: f64,
+    pub(crate) noise: f64,
 }
 
 const STEP: f64 = 0.05;
