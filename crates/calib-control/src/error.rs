@@ -21,6 +21,22 @@ pub enum ControlError {
         /// The field.
         field: &'static str,
     },
+    /// A study does not say which columns are actions.
+    #[error("control.actions is empty; name the columns of the action that was taken in a row")]
+    NoActions,
+    /// A reward without terms.
+    #[error(
+        "control.reward has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
+    )]
+    EmptyReward,
+    /// More different actions than are allowed.
+    #[error(
+        "the log has more than {most} different actions; round the action columns to levels, or raise control.most_actions"
+    )]
+    ManyActions {
+        /// How many are allowed.
+        most: usize,
+    },
     /// The columns of a log have different lengths.
     #[error("{what}: {got} rows, expected {expected} as the states have")]
     Rows {
