@@ -4,6 +4,7 @@ mod build;
 mod chain;
 mod change;
 mod comparisons;
+mod control;
 mod dataset;
 mod deployments;
 mod dtw;

@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(config.beside_the_state(), ["dose", "interval", "stopped"]);
         assert!(toml::from_str::<ControlConfig>("action = 'dose'").is_err(), "no such key");
         let told = ControlConfig::default().check().expect_err("no action").to_string();
-        assert!(told.contains("control.actions"), "{told}");
+        assert!(told.contains("`actions`"), "{told}");
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }

@@ -22,11 +22,11 @@ pub enum ControlError {
         field: &'static str,
     },
     /// A study does not say which columns are actions.
-    #[error("control.actions is empty; name the columns of the action that was taken in a row")]
+    #[error("`actions` is empty; name the columns of the action that was taken in a row")]
     NoActions,
     /// A reward without terms.
     #[error(
-        "control.reward has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
+        "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
     )]
     EmptyReward,
     /// More different actions than are allowed.

@@ -122,6 +122,23 @@ impl ActionModel {
         self.worst_return
     }
 
+    /// For each action, the share of the recorded next states that have a transition with that action within the radius, over all members:
+    /// where the log says what the action does.
+    pub fn covered(&self) -> Vec<f64> {
+        let share = |action: usize| {
+            let (mut within, mut all) = (0_usize, 0_usize);
+            for (member, table) in self.tables.iter().enumerate() {
+                for transition in self.blocks.transitions_of(member) {
+                    let nearest = table.of(transition.get(), action).1.first();
+                    within += usize::from(nearest.is_some_and(|&of| of <= self.radius));
+                    all += 1;
+                }
+            }
+            within as f64 / all.max(1) as f64
+        };
+        (0..self.log.levels()).map(share).collect()
+    }
+
     /// A walk in member `member`.
     ///
     /// # Panics

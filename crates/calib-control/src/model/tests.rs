@@ -83,6 +83,8 @@ fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
         }
     }
     assert_eq!((walk.coverage().steps, walk.coverage().missing), (500, 0));
+    let covered = model.covered();
+    assert!(covered[0] > 0.5 && covered[1] > 0.5 && covered[2] == 0.0, "{covered:?}");
     let lacking = walk.step(2, &mut rng, &mut state);
     assert_eq!((lacking.reward, lacking.ending), (-99.0, Ending::Terminal));
     assert_eq!(walk.coverage().missing, 1);

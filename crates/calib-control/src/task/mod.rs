@@ -18,7 +18,7 @@ pub use pendulum::Pendulum;
 pub use puddle_world::PuddleWorld;
 pub use simulated::{Begin, Simulated};
 
-use crate::Outcome;
+use crate::{AgentConfig, Outcome};
 
 /// A simulated task: a state that actions change, and what is observed of it.
 pub trait Task: Clone + Send + Sync {
@@ -78,6 +78,22 @@ impl TaskKind {
             Self::CartPole => 0.0,
             Self::Pendulum => -1500.0,
             Self::PuddleWorld => -2500.0,
+        }
+    }
+
+    /// An agent that learns the task well: for Acrobot, Cart-pole and Puddle world the best of the published grid by its true return.
+    pub fn good_agent(self) -> AgentConfig {
+        let of = |step_size, beta1, initial_weight| AgentConfig {
+            step_size,
+            beta1,
+            temperature: 1.0,
+            initial_weight,
+            ..AgentConfig::default()
+        };
+        match self {
+            Self::Acrobot => of(0.03, 0.9, 0.0),
+            Self::CartPole => of(0.3, 0.9, 8.0),
+            Self::Pendulum | Self::PuddleWorld => of(0.3, 0.0, 0.0),
         }
     }
 
