@@ -35,8 +35,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     place.calib(&["control", study, "--force", "--threads", "1"]).succeeds();
     assert!(place.content(results) == first, "the same bytes on one thread");
     let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&["control", study, "--json"]).succeeds())
-            .expect("JSON");
+        serde_json::from_str(&place.calib(&["control", study, "--json"]).succeeds()).expect("JSON");
     assert_eq!(json["transitions"], 1500);
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));

@@ -92,8 +92,8 @@ impl TaskKind {
         };
         match self {
             Self::Acrobot => of(0.03, 0.9, 0.0),
-            Self::CartPole => of(0.3, 0.9, 8.0),
-            Self::Pendulum | Self::PuddleWorld => of(0.3, 0.0, 0.0),
+            Self::CartPole => of(0.3, 0.0, 8.0),
+            Self::Pendulum | Self::PuddleWorld => of(0.3, 0.9, 0.0),
         }
     }
 

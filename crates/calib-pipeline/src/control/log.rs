@@ -5,7 +5,7 @@ use calib_data::DataConfig;
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_study::Job;
 
-use crate::{base::memory, output::Printer};
+use crate::{base::memory, log::plant_of_study::data_of, output::Printer};
 
 /// A log of decisions, read from the files of a study.
 pub(super) struct ActionLog {
@@ -25,7 +25,7 @@ pub(super) fn read(
     printer: &Printer,
 ) -> anyhow::Result<ActionLog> {
     let study = job.study();
-    let mut data = DataConfig { held_out: None, ..study.data.clone() };
+    let mut data = DataConfig { held_out: None, ..data_of(job)? };
     data.exclude.extend(config.beside_the_state());
     memory::check_log(&data)?;
     printer.say(&format!("reading {}", data.path.0.join(", ")));
