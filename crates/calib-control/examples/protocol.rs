@@ -1,7 +1,7 @@
 //! The published protocol of choosing hyperparameters from logs, for agents that act (Wang et al. 2022), repeated:
 //!
 //! ```sh
-//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return]
+//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK]
 //! ```
 //!
 //! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log: what each way to
@@ -42,6 +42,10 @@ fn main() -> Outcome<()> {
         Some("minimum_return") => Pessimism::MinimumReturn,
         Some(other) => return Err(format!("`{other}` is no rule for what is not covered").into()),
     };
+    let wanted = arguments.get(4);
+    let is_wanted = |kind: TaskKind| {
+        wanted.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
+    };
     fs::create_dir_all(directory)?;
     let study = Study { directory, truth_runs, pessimism };
     let acrobot = study.truth(TaskKind::Acrobot, &Acrobot::default())?;
@@ -49,9 +53,15 @@ fn main() -> Outcome<()> {
     let poles = study.truth(TaskKind::CartPole, &cart_pole)?;
     let puddles = study.truth(TaskKind::PuddleWorld, &PuddleWorld::default())?;
     for log in 0..logs {
-        study.log(TaskKind::PuddleWorld, &PuddleWorld::default(), log, &puddles)?;
-        study.log(TaskKind::CartPole, &cart_pole, log, &poles)?;
-        study.log(TaskKind::Acrobot, &Acrobot::default(), log, &acrobot)?;
+        if is_wanted(TaskKind::PuddleWorld) {
+            study.log(TaskKind::PuddleWorld, &PuddleWorld::default(), log, &puddles)?;
+        }
+        if is_wanted(TaskKind::CartPole) {
+            study.log(TaskKind::CartPole, &cart_pole, log, &poles)?;
+        }
+        if is_wanted(TaskKind::Acrobot) {
+            study.log(TaskKind::Acrobot, &Acrobot::default(), log, &acrobot)?;
+        }
     }
     Ok(())
 }

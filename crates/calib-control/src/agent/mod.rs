@@ -94,9 +94,7 @@ impl Agent {
         let mut target = outcome.reward;
         if outcome.ending == Ending::Continues {
             let length = self.tiles.len();
-            for (action, value) in self.next_values.iter_mut().enumerate() {
-                *value = self.weights.sum(action * length, &self.next);
-            }
+            self.weights.sums(length, &self.next, &mut self.next_values);
             target += self.config.gamma * self.next_value();
         }
         self.update(action, target - self.values[action]);
@@ -112,9 +110,7 @@ impl Agent {
 
     fn value_here(&mut self) {
         let length = self.tiles.len();
-        for (action, value) in self.values.iter_mut().enumerate() {
-            *value = self.weights.sum(action * length, &self.here);
-        }
+        self.weights.sums(length, &self.here, &mut self.values);
     }
 
     /// v(s') from q(s', ·).

@@ -14,13 +14,14 @@ const NOWHERE: u32 = u32::MAX;
 /// whatever the width of the processor's vectors: nothing is summed, so the numbers are the same.
 #[derive(Clone, Debug)]
 pub(crate) struct Weights {
-    all: Vec<Weight>,
+    /// All of them as they are now.
+    values: Vec<f32>,
+    moments: Vec<Moments>,
     traced: Traced,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Weight {
-    value: f32,
+struct Moments {
     mean: f32,
     square: f32,
     /// Its place among those with a trace.
@@ -54,39 +55,42 @@ impl Change {
 
 impl Weights {
     pub(crate) fn new(count: usize, value: f32) -> Self {
-        let weight = Weight { value, mean: 0.0, square: 0.0, place: NOWHERE };
-        Self { all: vec![weight; count], traced: Traced::default() }
+        let none = Moments { mean: 0.0, square: 0.0, place: NOWHERE };
+        Self { values: vec![value; count], moments: vec![none; count], traced: Traced::default() }
     }
 
-    /// The sum of the weights of `features`, each moved by `base`.
-    pub(crate) fn sum(&self, base: usize, features: &[u32]) -> f64 {
-        let all = &self.all[base..];
-        let mut sum = 0.0;
-        for &feature in features {
-            let weight = all[feature as usize];
-            let value = match weight.place {
-                NOWHERE => weight.value,
-                place => self.traced.value[place as usize],
-            };
-            sum += f64::from(value);
+    /// The sums of the weights of `features` of each action, whose weights are `length` after those of the one before.
+    pub(crate) fn sums(&self, length: usize, features: &[u32], sums: &mut [f64]) {
+        sums.fill(0.0);
+        // Side by side, because each sum waits for its last addition.
+        let mut rest = &self.values[..];
+        for sums in sums.chunks_mut(4) {
+            let own = |action: usize| rest.get(action * length..).unwrap_or_default();
+            match sums {
+                [a] => add([own(0)], features, [a]),
+                [a, b] => add([own(0), own(1)], features, [a, b]),
+                [a, b, c] => add([own(0), own(1), own(2)], features, [a, b, c]),
+                [a, b, c, d] => add([own(0), own(1), own(2), own(3)], features, [a, b, c, d]),
+                _ => {}
+            }
+            rest = rest.get(4 * length..).unwrap_or_default();
         }
-        sum
     }
 
     /// Set the traces of `features`, each moved by `base`, to 1.
     pub(crate) fn trace(&mut self, base: usize, features: &[u32]) {
         for &feature in features {
             let number = base + feature as usize;
-            let weight = &mut self.all[number];
-            if weight.place == NOWHERE {
-                weight.place = self.traced.number.len() as u32;
+            let moments = &mut self.moments[number];
+            if moments.place == NOWHERE {
+                moments.place = self.traced.number.len() as u32;
                 self.traced.number.push(number as u32);
-                self.traced.value.push(weight.value);
-                self.traced.mean.push(weight.mean);
-                self.traced.square.push(weight.square);
+                self.traced.value.push(self.values[number]);
+                self.traced.mean.push(moments.mean);
+                self.traced.square.push(moments.square);
                 self.traced.trace.push(1.0);
             } else {
-                self.traced.trace[weight.place as usize] = 1.0;
+                self.traced.trace[moments.place as usize] = 1.0;
             }
         }
     }
@@ -110,6 +114,9 @@ impl Weights {
                 }
             },
         );
+        for (&number, &value) in self.traced.number.iter().zip(&self.traced.value) {
+            self.values[number as usize] = value;
+        }
         let mut place = 0;
         while place < self.traced.trace.len() {
             if self.traced.trace[place] < SMALLEST_TRACE {
@@ -130,16 +137,29 @@ impl Weights {
     /// End the trace in `place`; the last one takes its place.
     fn end(&mut self, place: usize) {
         let traced = &mut self.traced;
-        self.all[traced.number.swap_remove(place) as usize] = Weight {
-            value: traced.value.swap_remove(place),
+        traced.value.swap_remove(place);
+        self.moments[traced.number.swap_remove(place) as usize] = Moments {
             mean: traced.mean.swap_remove(place),
             square: traced.square.swap_remove(place),
             place: NOWHERE,
         };
         traced.trace.swap_remove(place);
         if let Some(&moved) = traced.number.get(place) {
-            self.all[moved as usize].place = place as u32;
+            self.moments[moved as usize].place = place as u32;
         }
+    }
+}
+
+/// Add the weights of `features` to the sum of each action.
+fn add<const N: usize>(values: [&[f32]; N], features: &[u32], sums: [&mut f64; N]) {
+    let mut own = [0.0; N];
+    for &feature in features {
+        for (sum, values) in own.iter_mut().zip(values) {
+            *sum += f64::from(values[feature as usize]);
+        }
+    }
+    for (sum, own) in sums.into_iter().zip(own) {
+        *sum = own;
     }
 }
 
@@ -192,9 +212,11 @@ mod tests {
                     weights.forget();
                     expected.iter_mut().for_each(|weight| weight[3] = 0.0);
                 }
+                // As 40 actions of one weight each.
+                let mut got = [0.0; 40];
+                weights.sums(1, &[0], &mut got);
                 for (number, weight) in expected.iter().enumerate() {
-                    let got = weights.sum(number, &[0]);
-                    prop_assert_eq!(got, f64::from(weight[0]), "weight {}", number);
+                    prop_assert_eq!(got[number], f64::from(weight[0]), "weight {}", number);
                 }
             }
         }
