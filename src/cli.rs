@@ -2,6 +2,7 @@
 
 use std::{num::NonZeroUsize, path::PathBuf, sync::LazyLock};
 
+use calib_control::{Quality, TaskKind};
 use calib_dtw::{LocalDistance, StepPattern, Window};
 use calib_knn::IndexKind;
 use calib_pipeline::{
@@ -92,6 +93,8 @@ pub(crate) enum Command {
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
     Evaluate(StudyArgs),
+    /// For agents that act: read a log of decisions, let every candidate act in its model, and say which to deploy
+    Control(StudyArgs),
     /// Read results, and name what is not what was written
     Check(CheckArgs),
     /// Divide a study's sweeps between processes, on one machine or many
@@ -131,7 +134,8 @@ impl Command {
             | Self::Rollout(args)
             | Self::Pretrain(args)
             | Self::Sweep(args)
-            | Self::Evaluate(args) => args.json,
+            | Self::Evaluate(args)
+            | Self::Control(args) => args.json,
             Self::Represent(args) => args.study.json,
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
@@ -431,6 +435,8 @@ pub(crate) struct SimulateArgs {
     pub(crate) target: PathBuf,
     #[command(flatten)]
     pub(crate) plant: PlantArgs,
+    #[command(flatten)]
+    pub(crate) task: TaskArgs,
     /// Override a key of the study, such as `simulate.days=2`; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
@@ -443,6 +449,45 @@ pub(crate) struct SimulateArgs {
     /// Print what was written as JSON
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
+}
+
+/// A classic task instead of the plant: a log of decisions.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Args)]
+#[command(next_help_heading = "A classic task instead of the plant")]
+pub(crate) struct TaskArgs {
+    /// Write a log of actions and rewards in this task, and a study of it for `calib control`
+    #[arg(long, value_name = "TASK", value_enum)]
+    pub(crate) task: Option<Task>,
+    /// Whose actions are recorded [default: near-optimal]
+    #[arg(long, value_name = "POLICY", value_enum, requires = "task")]
+    pub(crate) policy: Option<Policies>,
+    /// Steps to record [default: 5000]
+    #[arg(long, value_name = "N", requires = "task")]
+    pub(crate) transitions: Option<usize>,
+}
+
+/// Tasks whose truth is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Task {
+    /// Swing a two-link pendulum up
+    Acrobot,
+    /// Balance a pole on a cart
+    CartPole,
+    /// Swing a pendulum up and hold it there
+    Pendulum,
+    /// Cross a square around two puddles
+    PuddleWorld,
+}
+
+/// Whose actions are recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Policies {
+    /// An agent that has learnt the task
+    NearOptimal,
+    /// The same, but three actions of ten are random
+    Medium,
+    /// Every action alike
+    Random,
 }
 
 /// The plant, where no study describes it.
@@ -619,6 +664,27 @@ impl From<Device> for calib_pipeline::Device {
             Device::Cpu => Self::Cpu,
             Device::Cuda => Self::Cuda,
             Device::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<Task> for TaskKind {
+    fn from(task: Task) -> Self {
+        match task {
+            Task::Acrobot => Self::Acrobot,
+            Task::CartPole => Self::CartPole,
+            Task::Pendulum => Self::Pendulum,
+            Task::PuddleWorld => Self::PuddleWorld,
+        }
+    }
+}
+
+impl From<Policies> for Quality {
+    fn from(policy: Policies) -> Self {
+        match policy {
+            Policies::NearOptimal => Self::NearOptimal,
+            Policies::Medium => Self::Medium,
+            Policies::Random => Self::Random,
         }
     }
 }

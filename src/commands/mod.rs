@@ -56,6 +56,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
         Command::Pretrain(args) => calib_pipeline::pretrain(&args.job()?, printer)?,
         Command::Sweep(args) => calib_pipeline::sweep(&args.job()?, printer)?,
         Command::Evaluate(args) => calib_pipeline::evaluate(&args.job()?, printer)?,
+        Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
         Command::Check(args) => {
             let logs = if args.read_data { Logs::Read } else { Logs::Leave };
             calib_pipeline::check(&args.directory, logs, printer)?

@@ -2,14 +2,22 @@ use std::path::PathBuf;
 
 use anyhow::{bail, ensure};
 use calib_data::Moment;
-use calib_pipeline::{Job, Outcome, Printer, Request, Stopwatch, output::duration, plant_of};
+use calib_pipeline::{
+    Job, Outcome, Printer, Request, SimulateTask, Standing, Stopwatch, output::duration, plant_of,
+};
 use calib_plant::PlantOptions;
 use calib_study::{SimulateConfig, shell_words};
 
-use crate::cli::{PlantArgs, SimulateArgs};
+use crate::cli::{PlantArgs, SimulateArgs, Task};
+
+/// Steps that are recorded in a task, unless somebody says.
+const TRANSITIONS: usize = 5000;
 
 /// Simulate a plant and write one Parquet file a day.
 pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+    if let Some(task) = args.task.task {
+        return of_task(args, task, printer);
+    }
     let clock = Stopwatch::start();
     let is_study = args.target.extension().is_some_and(|extension| extension == "toml");
     let (directory, plant, next) = if is_study {
@@ -34,6 +42,37 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Outc
         }
     }
     printer.next(&[next]);
+    Ok(Outcome::Done)
+}
+
+/// Write the log of a policy in a classic task.
+fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> anyhow::Result<Outcome> {
+    let seed = args.plant.seed;
+    ensure!(
+        PlantArgs { seed: None, ..args.plant.clone() } == PlantArgs::default()
+            && args.set.is_empty()
+            && args.profile.is_none(),
+        "--task takes --policy, --transitions, --seed and --force; the other options are of the plant"
+    );
+    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
+    let simulated = calib_pipeline::simulate_task(
+        &SimulateTask {
+            directory: args.target.clone(),
+            task: task.into(),
+            policy: args.task.policy.map_or_else(Default::default, Into::into),
+            transitions: args.task.transitions.unwrap_or(TRANSITIONS),
+            seed: seed.unwrap_or(0),
+            standing,
+        },
+        printer,
+    )?;
+    if printer.is_for_machines() {
+        printer.json(&simulated)?;
+    } else {
+        printer.result(&simulated.line())?;
+    }
+    let study = simulated.study.display().to_string();
+    printer.next(&[shell_words(["calib", "control", &study])]);
     Ok(Outcome::Done)
 }
 

@@ -5,6 +5,7 @@ mod chain;
 mod change;
 mod cluster;
 mod comparisons;
+mod control;
 mod dataset;
 mod deployments;
 mod dtw;

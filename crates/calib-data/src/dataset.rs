@@ -86,9 +86,9 @@ pub fn survey(
 /// A log that was read once: everything is known but the states.
 #[expect(missing_debug_implementations, reason = "it would be the log")]
 pub struct Surveyed {
-    survey: Survey,
+    pub(crate) survey: Survey,
     columns: Vec<Column>,
-    preprocess: PreprocessConfig,
+    pub(crate) preprocess: PreprocessConfig,
 }
 
 impl Surveyed {

@@ -15,6 +15,24 @@ pub enum DataError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A column that is asked for by its name is not there.
+    #[error("the log has no column {name}{hint}")]
+    NoSuchColumn {
+        /// The name.
+        name: String,
+        /// Columns that are called alike.
+        hint: String,
+    },
+    /// A column that should hold numbers holds something else.
+    #[error(
+        "column {name} is of type {type_name}, expected numbers or booleans; write its values as numbers"
+    )]
+    NoNumbers {
+        /// Its name.
+        name: String,
+        /// What it is.
+        type_name: String,
+    },
     /// No path was given.
     #[error(
         "data.path is empty: name a Parquet or CSV file, a folder, a glob pattern, or a list of them"

@@ -2,7 +2,8 @@
 //!
 //! - [`DataConfig`], [`PreprocessConfig`]: the sections `[data]` and `[preprocess]` of a study.
 //! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
-//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before.
+//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before,
+//!   [`Surveyed::recorded`] has columns as they were recorded.
 //! - [`import`]: a log of any form as one wide Parquet file.
 //! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
 //! - [`read_tags`]: units and labels of channels, from a list of tags.
@@ -49,6 +50,7 @@ mod modes;
 mod names;
 mod outliers;
 mod profile;
+mod recorded;
 mod refuse;
 mod sample;
 mod select;

@@ -15,14 +15,15 @@
 //! ```
 //!
 //! [`run`] makes all of them in order: [`simulate`] (where the study describes its plant), [`pretrain`], [`represent`],
-//! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`validity`] judges
-//! how well calib chooses over several studies.
+//! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`control`] is the whole way for agents that act,
+//! [`validity`] judges how well calib chooses over several studies.
 
 mod agents;
 mod base;
 mod chain;
 mod check;
 mod cluster;
+mod control;
 mod each;
 mod log;
 mod model;
@@ -47,6 +48,7 @@ pub use base::{
     outcome::{Outcome, StepError},
 };
 pub use calib_study::{Job, Request, StudyError};
+pub use control::{SimulateTask, SimulatedTask};
 pub use log::{
     plant_of_study::{data_of, plant_of},
     simulate::Simulated,
@@ -54,8 +56,8 @@ pub use log::{
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    evaluate, pretrain, propose, represent, rollout, run, simulate, simulate_plant, sweep,
-    validity,
+    control, evaluate, pretrain, propose, represent, rollout, run, simulate, simulate_plant,
+    simulate_task, sweep, validity,
 };
 pub use verdict::described::{Descriptions, unknown as unknown_sensors};
 

@@ -11,6 +11,7 @@ use crate::{
     Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
     agents::pretrain as agents,
     chain, check as checking, cluster,
+    control::{self as controls, SimulateTask, SimulatedTask},
     each::{Which, each},
     log::simulate as simulation,
     model::build_model as model,
@@ -122,6 +123,22 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         parts => compare::run(job, parts, &[], printer),
     };
     Ok(run()?)
+}
+
+/// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
+///
+/// # Errors
+/// As [`run`]; also if the study has no `[control]` section.
+pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(controls::run(job, printer)?)
+}
+
+/// Write the log of a policy in a classic task, and a study of it.
+///
+/// # Errors
+/// If the folder cannot be written, or the observer asks to stop.
+pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<SimulatedTask, StepError> {
+    Ok(controls::simulate(wanted, printer)?)
 }
 
 /// Look at a log, try small models of it, and write a study with a reason for every value.

@@ -21,6 +21,9 @@ impl Study {
         self.dynamics.check().map_err(|of| Problem::from(of).within("dynamics"))?;
         self.agent.check().map_err(|of| Problem::from(of).within("agent"))?;
         self.pretrain.check()?;
+        if let Some(control) = &self.control {
+            control.check().map_err(|of| Problem::from(of).within("control"))?;
+        }
         // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),

@@ -126,6 +126,11 @@ impl Layout {
         self.of_deployed().join("sweep")
     }
 
+    /// The verdict about agents that act.
+    pub fn control(&self) -> PathBuf {
+        self.root.join("control")
+    }
+
     /// Verdict and figures.
     pub fn evaluate(&self) -> PathBuf {
         self.of_deployed().join("evaluate")

@@ -14,7 +14,8 @@ pub(crate) const KEY: &str = "profiles";
 pub(crate) const BASE: &str = "base";
 
 /// Names that the results of a profile cannot have, because those of the study have them.
-const TAKEN: [&str; 8] = [
+const TAKEN: [&str; 9] = [
+    "control",
     "deployments",
     "evaluate",
     "model",

@@ -1,6 +1,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::{AgentConfig, Part};
+use calib_control::ControlConfig;
 use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
 use calib_dynamics::DynamicsConfig;
 use calib_knn::ModelKind;
@@ -57,6 +58,9 @@ pub struct Study {
     pub agent: AgentConfig,
     /// Agents that have learnt from the log before they are deployed.
     pub pretrain: PretrainConfig,
+    /// An agent that acts, learnt from a log of decisions; `calib control` reads it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlConfig>,
     /// What to sweep.
     pub sweep: SweepConfig,
     /// How to judge.

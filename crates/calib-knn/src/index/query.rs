@@ -42,6 +42,12 @@ impl<'a> Sources<'a> {
         })
     }
 
+    /// The same sources, of which only these transitions, ascending, can be neighbours: those with one action, say.
+    #[must_use]
+    pub fn among(self, chosen: &'a [u32]) -> Self {
+        self.with_candidates(Candidates::Chosen(chosen))
+    }
+
     /// The same sources, of which only some can be neighbours.
     #[must_use]
     pub(crate) fn with_candidates(self, candidates: Candidates<'a>) -> Self {

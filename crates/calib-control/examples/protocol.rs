@@ -1,0 +1,198 @@
+//! The published protocol of choosing hyperparameters from logs, for agents that act (Wang et al. 2022), repeated:
+//!
+//! ```sh
+//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK]
+//! ```
+//!
+//! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log: what each way to
+//! choose chose. What is there is not done again. `scripts/control_protocol.py DIR` makes the table and the figure of docs/control.md.
+
+use std::{
+    error::Error,
+    fs::{self, OpenOptions},
+    io::Write as _,
+    path::Path,
+};
+
+use calib_control::{
+    Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
+    Environment, Extent, Grid, Pessimism, PuddleWorld, Quality, Simulated, Span, Starts, Support,
+    Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
+};
+use calib_core::{Seed, Silent, States};
+use serde_json::json;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// Steps that an agent learns for, in a model and in the truth.
+const STEPS: usize = 15_000;
+/// Steps after which behaviour that is not as good as wanted stops learning.
+const LEARNING: usize = 200_000;
+const STARTS: usize = 30;
+
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |place: usize, default: usize| -> Outcome<usize> {
+        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
+    };
+    let directory = Path::new(arguments.first().ok_or("where to write?")?);
+    let (logs, truth_runs) = (number(1, 30)?, number(2, 30)?);
+    let pessimism = match arguments.get(3).map(String::as_str) {
+        None | Some("nearest") => Pessimism::Nearest,
+        Some("minimum_return") => Pessimism::MinimumReturn,
+        Some(other) => return Err(format!("`{other}` is no rule for what is not covered").into()),
+    };
+    let wanted = arguments.get(4);
+    let is_wanted = |kind: TaskKind| {
+        wanted.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
+    };
+    fs::create_dir_all(directory)?;
+    let study = Study { directory, truth_runs, pessimism };
+    let acrobot = study.truth(TaskKind::Acrobot, &Acrobot::default())?;
+    let cart_pole = CartPole::with_slip(0.1);
+    let poles = study.truth(TaskKind::CartPole, &cart_pole)?;
+    let puddles = study.truth(TaskKind::PuddleWorld, &PuddleWorld::default())?;
+    for log in 0..logs {
+        if is_wanted(TaskKind::PuddleWorld) {
+            study.log(TaskKind::PuddleWorld, &PuddleWorld::default(), log, &puddles)?;
+        }
+        if is_wanted(TaskKind::CartPole) {
+            study.log(TaskKind::CartPole, &cart_pole, log, &poles)?;
+        }
+        if is_wanted(TaskKind::Acrobot) {
+            study.log(TaskKind::Acrobot, &Acrobot::default(), log, &acrobot)?;
+        }
+    }
+    Ok(())
+}
+
+struct Study<'a> {
+    directory: &'a Path,
+    truth_runs: usize,
+    pessimism: Pessimism,
+}
+
+impl Study<'_> {
+    fn candidates() -> Outcome<Vec<AgentConfig>> {
+        Ok(Grid::published().candidates(AgentConfig::default())?)
+    }
+
+    /// True mean return of each candidate.
+    fn truth<T: Task>(&self, kind: TaskKind, task: &T) -> Outcome<Vec<f64>> {
+        let path = self.directory.join(format!("truth-{}.json", kind.name()));
+        if !path.exists() {
+            let span = Span { steps: STEPS, timeout: kind.timeout() };
+            let extent = Extent { runs: self.truth_runs, span };
+            let make = || Simulated::new(task.clone(), Begin::AsTheTask);
+            let runs = truth(make, &Self::candidates()?, extent, Seed::new(1), &Silent)?;
+            fs::write(&path, json!({ "returns": runs }).to_string())?;
+        }
+        let read: serde_json::Value = serde_json::from_slice(&fs::read(&path)?)?;
+        let runs: Vec<Vec<f64>> = serde_json::from_value(read["returns"].clone())?;
+        let mean = |candidate: usize| {
+            runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
+        };
+        Ok((0..runs[0].len()).map(mean).collect())
+    }
+
+    /// One log of each behaviour and length.
+    fn log<T: Task>(&self, kind: TaskKind, task: &T, number: usize, truth: &[f64]) -> Outcome<()> {
+        for quality in Quality::ALL {
+            for length in [500, 5000] {
+                let name = format!("{}/{}/{length}/{number}", kind.name(), quality.name());
+                let path = self.directory.join("logs.jsonl");
+                let rule = json!(self.pessimism);
+                let done = fs::read_to_string(&path).unwrap_or_default().lines().any(|line| {
+                    serde_json::from_str::<serde_json::Value>(line)
+                        .is_ok_and(|of| of["name"] == name.as_str() && of["rule"] == rule)
+                });
+                if !done {
+                    let line = self.one(kind, task, quality, length, number, truth)?;
+                    let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
+                    writeln!(file, "{}", with(line, &name))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn one<T: Task>(
+        &self,
+        kind: TaskKind,
+        task: &T,
+        quality: Quality,
+        length: usize,
+        number: usize,
+        truth: &[f64],
+    ) -> Outcome<serde_json::Value> {
+        let candidates = Self::candidates()?;
+        let seed = Seed::new(2).child(kind.name()).child(quality.name());
+        let seed = seed.number(length as u64).number(number as u64);
+        let timeout = kind.timeout();
+        let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
+        let mut behaviour = self.behaviour(kind, quality, truth, &candidates, &mut world, seed);
+        let behaved = behaviour.mean_return(&mut world, 100, timeout, seed.child("behaved"));
+        let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
+        let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
+        let log = recorded.decisions(world.actions())?;
+        let starts = starts(&mut world, seed.child("starts"))?;
+        let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
+        let metric = log.states().clone();
+        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
+        let model = ActionModel::build(log, &metric, begin, &config, kind.worst_return(), &Silent)?;
+        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout } };
+        let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
+        let log = model.log();
+        let verdict = judge(&runs, candidates.len(), None, log, Support::default(), 200, seed)?;
+        let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, timeout, &Silent)?;
+        let best =
+            (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
+        Ok(json!({
+            "task": kind, "quality": quality, "transitions": length, "rule": self.pessimism,
+            "behaviour": behaved, "actions": log.counts(), "terminals": log.terminals(),
+            "chosen": verdict.chosen, "fitted": best,
+            "uncovered": verdict.coverage[verdict.chosen].uncovered(),
+            "doubts": verdict.doubts,
+            "model": verdict.selection.mean_errors,
+        }))
+    }
+
+    /// The policy of this quality: learnt by the candidate that is best in the truth.
+    fn behaviour(
+        &self,
+        kind: TaskKind,
+        quality: Quality,
+        truth: &[f64],
+        candidates: &[AgentConfig],
+        world: &mut dyn Environment,
+        seed: Seed,
+    ) -> Behaviour {
+        if quality == Quality::Random {
+            return Behaviour::Random;
+        }
+        let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
+        let agent = Agent::new(candidates[best], world.columns(), world.actions());
+        let span = Span { steps: LEARNING, timeout: kind.timeout() };
+        Behaviour::learnt(agent, world, kind.near_optimal(), span, seed.child("behaviour"))
+            .perturbed(quality.random_share())
+    }
+}
+
+/// The line with its name.
+fn with(mut line: serde_json::Value, name: &str) -> serde_json::Value {
+    line["name"] = json!(name);
+    line
+}
+
+/// States in which episodes begin: known, as in the literature.
+fn starts(world: &mut dyn Environment, seed: Seed) -> Outcome<States> {
+    let mut rng = seed.rng();
+    let columns = world.columns();
+    let mut all = Vec::with_capacity(STARTS * columns);
+    let mut state = vec![0.0; columns];
+    for _ in 0..STARTS {
+        world.start(&mut rng, &mut state);
+        all.extend_from_slice(&state);
+    }
+    Ok(States::new(all, STARTS, columns)?)
+}

@@ -1,0 +1,73 @@
+//! Takes steps, for whoever measures how many a second (`scripts/peers/control_steps.py`):
+//!
+//! ```sh
+//! cargo run --release -p calib-control --example steps -- acrobot|cart_pole|puddle_world task|model|agent-task|agent-model STEPS
+//! ```
+//!
+//! `task` and `model` take random actions in the simulator, and in a model of 5,000 random transitions of it; `agent-…` lets Expected Sarsa(λ)
+//! learn there. With 0 steps it makes only what it needs for them, which is to be subtracted.
+
+use std::error::Error;
+
+use calib_control::{
+    Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
+    Ending, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live, record,
+};
+use calib_core::{Seed, Silent};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [task, what, steps] = &arguments[..] else {
+        return Err("expected a task, what to do there, and how many steps".into());
+    };
+    let steps: usize = steps.parse()?;
+    match task.as_str() {
+        "acrobot" => run(TaskKind::Acrobot, &Acrobot::default(), what, steps),
+        "cart_pole" => run(TaskKind::CartPole, &CartPole::default(), what, steps),
+        "puddle_world" => run(TaskKind::PuddleWorld, &PuddleWorld::default(), what, steps),
+        other => Err(format!("`{other}` is no task").into()),
+    }
+}
+
+fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<(), Box<dyn Error>> {
+    let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
+    let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
+    let recorded = record(&mut Behaviour::Random, &mut anywhere, 5000, 500, Seed::new(1));
+    let log = recorded.decisions(world.actions())?;
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..30), metric: metric.slice(0..30) };
+    let config = ActionModelConfig::default();
+    let model = ActionModel::build(log, &metric, starts, &config, kind.worst_return(), &Silent)?;
+    let mut walk = model.walk(0);
+    match what {
+        "task" => at_random(&mut world, steps),
+        "model" => at_random(&mut walk, steps),
+        "agent-task" => learning(&mut world, kind, steps),
+        "agent-model" => learning(&mut walk, kind, steps),
+        other => return Err(format!("`{other}` is nothing to do there").into()),
+    }
+    Ok(())
+}
+
+/// Random actions, episodes of at most 500 steps.
+fn at_random(environment: &mut dyn Environment, steps: usize) {
+    let mut rng = Seed::new(2).rng();
+    let mut state = vec![0.0; environment.columns()];
+    let mut length = 0;
+    for _ in 0..steps {
+        if length == 0 {
+            environment.start(&mut rng, &mut state);
+        }
+        let action = rng.below(environment.actions());
+        let outcome = environment.step(action, &mut rng, &mut state);
+        length = if outcome.ending == Ending::Terminal { 0 } else { (length + 1) % 500 };
+    }
+    std::hint::black_box(&state);
+}
+
+fn learning(environment: &mut dyn Environment, kind: TaskKind, steps: usize) {
+    let config = AgentConfig { tilings: 16, ..kind.good_agent() };
+    let mut agent = Agent::new(config, environment.columns(), environment.actions());
+    let life = live(&mut agent, environment, Span { steps, timeout: 500 }, Seed::new(3));
+    std::hint::black_box(life.mean_return());
+}

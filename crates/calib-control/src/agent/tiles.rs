@@ -1,0 +1,100 @@
+/// Tile coding of single columns and of pairs of columns.
+///
+/// Each of `tilings` tilings cuts every column, whose range is 0 to 1, into `tiles` tiles, and is shifted by its own share of a tile: tiling
+/// `t` shifts column `c` by `((1 + 2c) · t mod tilings) / tilings` tiles (Sutton & Barto 2018, section 9.5.4). A state of `d` columns has one
+/// feature a tiling for each column and for each pair of columns: `tilings · (d + d(d − 1)/2)` active features in all. What lies outside
+/// the range is in the first or the last tile. Pairs rather than all columns at once keep weights few: the choice of the public code of the
+/// literature's experiments.
+#[derive(Clone, Debug)]
+pub(crate) struct Tiles {
+    tilings: usize,
+    tiles: usize,
+    columns: usize,
+    /// Where each column of the current tiling falls.
+    at: Vec<u32>,
+}
+
+impl Tiles {
+    pub(crate) fn new(tilings: usize, tiles: usize, columns: usize) -> Self {
+        Self { tilings, tiles, columns, at: vec![0; columns] }
+    }
+
+    /// Tiles of one column in one tiling; one more than asked for, because tilings are shifted.
+    fn per_column(&self) -> usize {
+        self.tiles + 1
+    }
+
+    fn pairs(&self) -> usize {
+        self.columns * self.columns.saturating_sub(1) / 2
+    }
+
+    /// Number of features.
+    pub(crate) fn len(&self) -> usize {
+        let per = self.per_column();
+        self.tilings * (self.columns * per + self.pairs() * per * per)
+    }
+
+    /// Features that are active at a time.
+    pub(crate) fn active(&self) -> usize {
+        self.tilings * (self.columns + self.pairs())
+    }
+
+    /// Put the features of `state` in `features`.
+    pub(crate) fn of(&mut self, state: &[f32], features: &mut Vec<u32>) {
+        features.clear();
+        let per = self.per_column() as u32;
+        let mut base = 0;
+        for tiling in 0..self.tilings {
+            for (column, (at, value)) in self.at.iter_mut().zip(state).enumerate() {
+                let shift = ((1 + 2 * column) * tiling % self.tilings) as f32 / self.tilings as f32;
+                let place = (value * self.tiles as f32 + shift).max(0.0) as u32;
+                *at = place.min(per - 1);
+                features.push(base + *at);
+                base += per;
+            }
+            for first in 0..self.columns {
+                for second in first + 1..self.columns {
+                    features.push(base + self.at[first] * per + self.at[second]);
+                    base += per * per;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn features_are_as_many_as_said_different_and_inside(
+            state in proptest::collection::vec(-0.5_f32..1.5, 1..6),
+            tilings in 1_usize..9,
+            tiles in 1_usize..9,
+        ) {
+            let mut coder = Tiles::new(tilings, tiles, state.len());
+            let mut features = Vec::new();
+            coder.of(&state, &mut features);
+            prop_assert_eq!(features.len(), coder.active());
+            prop_assert!(features.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!((features[features.len() - 1] as usize) < coder.len());
+        }
+    }
+
+    #[test]
+    fn near_states_share_features_and_far_ones_do_not() {
+        let mut coder = Tiles::new(16, 8, 2);
+        let mut of = |state: [f32; 2]| {
+            let mut features = Vec::new();
+            coder.of(&state, &mut features);
+            features
+        };
+        let shared = |a: &[u32], b: &[u32]| a.iter().filter(|one| b.contains(one)).count();
+        let here = of([0.5, 0.5]);
+        assert!(shared(&here, &of([0.52, 0.5])) > 30, "of 48");
+        assert_eq!(shared(&here, &of([0.9, 0.1])), 0);
+    }
+}

@@ -1,0 +1,252 @@
+//! Policies that a log is recorded under.
+
+use calib_core::{Rng, Seed, Segments, States};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Agent, ControlError, Decisions, Ending, Environment, Span, life::Episodes, log::Columns,
+};
+
+/// How good the behaviour is that a log is recorded under.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// Learnt until the mean return of ten episodes is near the best.
+    #[default]
+    NearOptimal,
+    /// The same, but for three actions of ten that are random.
+    Medium,
+    /// Every action alike.
+    Random,
+}
+
+impl Quality {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::NearOptimal, Self::Medium, Self::Random];
+
+    /// Share of actions that are random, of what was learnt.
+    pub const fn random_share(self) -> f64 {
+        match self {
+            Self::NearOptimal => 0.0,
+            Self::Medium => 0.3,
+            Self::Random => 1.0,
+        }
+    }
+
+    /// The name in studies and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NearOptimal => "near_optimal",
+            Self::Medium => "medium",
+            Self::Random => "random",
+        }
+    }
+}
+
+/// A policy that does not change any more.
+#[derive(Clone, Debug)]
+pub enum Behaviour {
+    /// Every action alike.
+    Random,
+    /// As an agent acts that stopped learning, but for a share of actions that are random.
+    Learnt {
+        /// The agent.
+        agent: Box<Agent>,
+        /// The share.
+        random: f64,
+    },
+}
+
+/// Episodes over whose mean return a learning agent is judged.
+const JUDGED_EPISODES: usize = 10;
+
+impl Behaviour {
+    /// Let `agent` learn in `environment` until the mean return of ten successive episodes is `wanted`; what it is then, or after `span` if it
+    /// never gets there.
+    pub fn learnt(
+        mut agent: Agent,
+        environment: &mut dyn Environment,
+        wanted: f64,
+        span: Span,
+        seed: Seed,
+    ) -> Self {
+        let mut episodes = Episodes::new(environment, span, seed);
+        while episodes.step(&mut agent, environment) {
+            let returns = &episodes.life.returns;
+            if episodes.over && returns.len() >= JUDGED_EPISODES {
+                let last = &returns[returns.len() - JUDGED_EPISODES..];
+                if last.iter().sum::<f64>() / JUDGED_EPISODES as f64 >= wanted {
+                    break;
+                }
+            }
+        }
+        Self::Learnt { agent: Box::new(agent), random: 0.0 }
+    }
+
+    /// The same policy, which takes a random action in this share of its steps.
+    #[must_use]
+    pub fn perturbed(self, share: f64) -> Self {
+        match self {
+            Self::Random => Self::Random,
+            Self::Learnt { agent, .. } => Self::Learnt { agent, random: share },
+        }
+    }
+
+    fn act(&mut self, actions: usize, rng: &mut Rng) -> usize {
+        match self {
+            Self::Random => rng.below(actions),
+            Self::Learnt { random, .. } if *random > 0.0 && rng.unit() < *random => {
+                rng.below(actions)
+            }
+            Self::Learnt { agent, .. } => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
+        }
+    }
+
+    fn see(&mut self, state: &[f32], first: bool) {
+        match self {
+            Self::Random => {}
+            Self::Learnt { agent, .. } if first => agent.look(state),
+            Self::Learnt { agent, .. } => agent.go_on(state),
+        }
+    }
+
+    /// The mean return of the policy over `episodes` episodes that are cut after `timeout` steps.
+    pub fn mean_return(
+        &mut self,
+        environment: &mut dyn Environment,
+        episodes: usize,
+        timeout: usize,
+        seed: Seed,
+    ) -> f64 {
+        let mut rng = seed.rng();
+        let mut state = vec![0.0; environment.columns()];
+        let mut total = 0.0;
+        for _ in 0..episodes {
+            environment.start(&mut rng, &mut state);
+            self.see(&state, true);
+            for _ in 0..timeout {
+                let action = self.act(environment.actions(), &mut rng);
+                let outcome = environment.step(action, &mut rng, &mut state);
+                total += outcome.reward;
+                if outcome.ending == Ending::Terminal {
+                    break;
+                }
+                self.see(&state, false);
+            }
+        }
+        total / episodes as f64
+    }
+}
+
+/// A log as it is recorded, row by row.
+#[derive(Clone, Debug, Default)]
+pub struct Recorded {
+    /// States, row-major.
+    pub states: Vec<f32>,
+    /// The action in each row; `None` where an episode was cut or ended.
+    pub actions: Vec<Option<u16>>,
+    /// The reward that led to each row; NaN in the first of an episode.
+    pub rewards: Vec<f32>,
+    /// Whether each row is terminal.
+    pub endings: Vec<Ending>,
+    /// Rows of each episode.
+    pub lengths: Vec<usize>,
+}
+
+/// Record `transitions` transitions of `behaviour` in `environment`, in episodes that are cut after `timeout` steps.
+pub fn record(
+    behaviour: &mut Behaviour,
+    environment: &mut dyn Environment,
+    transitions: usize,
+    timeout: usize,
+    seed: Seed,
+) -> Recorded {
+    let mut rng = seed.rng();
+    let mut state = vec![0.0; environment.columns()];
+    let mut log = Recorded::default();
+    let mut left = transitions;
+    while left > 0 {
+        environment.start(&mut rng, &mut state);
+        log.row(&state, f32::NAN, Ending::Continues);
+        behaviour.see(&state, true);
+        let mut length = 1;
+        while left > 0 && length <= timeout {
+            let action = behaviour.act(environment.actions(), &mut rng);
+            let outcome = environment.step(action, &mut rng, &mut state);
+            if let Some(last) = log.actions.last_mut() {
+                *last = Some(action as u16);
+            }
+            log.row(&state, outcome.reward as f32, outcome.ending);
+            left -= 1;
+            length += 1;
+            if outcome.ending == Ending::Terminal {
+                break;
+            }
+            behaviour.see(&state, false);
+        }
+        log.lengths.push(length);
+    }
+    log
+}
+
+impl Recorded {
+    fn row(&mut self, state: &[f32], reward: f32, ending: Ending) {
+        self.states.extend_from_slice(state);
+        self.actions.push(None);
+        self.rewards.push(reward);
+        self.endings.push(ending);
+    }
+
+    /// The log of these rows, of an environment with so many actions.
+    ///
+    /// # Errors
+    /// As [`Decisions::new`].
+    pub fn decisions(self, levels: usize) -> Result<Decisions, ControlError> {
+        let rows = self.actions.len();
+        let columns = self.states.len() / rows.max(1);
+        let states = States::new(self.states, rows, columns)?;
+        let segments = Segments::from_lengths(self.lengths)?;
+        let columns =
+            Columns { actions: &self.actions, rewards: &self.rewards, endings: &self.endings };
+        Decisions::new(states, &segments, columns, levels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AgentConfig, Begin, CartPole, Simulated};
+
+    fn cart_pole() -> Simulated<CartPole> {
+        Simulated::new(CartPole::default(), Begin::AsTheTask)
+    }
+
+    #[test]
+    fn a_log_has_as_many_transitions_as_asked_for() {
+        let mut world = cart_pole();
+        let log = record(&mut Behaviour::Random, &mut world, 500, 15, Seed::new(1));
+        let log = log.decisions(2).expect("a log");
+        assert_eq!(log.len(), 500);
+        assert!(log.counts().iter().all(|&count| count > 200), "{:?}", log.counts());
+        assert!(log.terminals() > 5, "{}", log.terminals());
+        assert!(log.returns().iter().all(|&of| (1.0..=15.0).contains(&of)));
+        assert!(log.starts().len() > log.terminals(), "some episodes are cut");
+    }
+
+    #[test]
+    fn what_was_learnt_is_better_than_chance() {
+        let mut world = cart_pole();
+        let span = Span { steps: 20_000, timeout: 200 };
+        let agent = Agent::new(AgentConfig::default(), 4, 2);
+        let mut learnt = Behaviour::learnt(agent, &mut world, 80.0, span, Seed::new(2));
+        let of = |behaviour: &mut Behaviour| {
+            behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
+        };
+        let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
+        let (learnt, random) = (of(&mut learnt), of(&mut Behaviour::Random));
+        assert!(learnt > 50.0 && random < 30.0, "{learnt} {random}");
+        let half = of(&mut half);
+        assert!(half < learnt && half > random, "{random} {half} {learnt}");
+    }
+}

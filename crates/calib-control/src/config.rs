@@ -1,0 +1,164 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{ActionModelConfig, AgentConfig, ControlError, Grid, Reward};
+
+/// `[control]`: an agent that acts, learnt from a log of decisions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// The columns of the action that was taken in a row, until the next one. Every combination of values that occurs is an action. A row in
+    /// which one of them is missing ends an episode.
+    pub actions: Vec<String>,
+    /// The reward of the step that led to a row: a column, or a list of weighted terms.
+    pub reward: Reward,
+    /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub terminal: Option<String>,
+    /// Steps after which an episode is cut.
+    pub timeout: usize,
+    /// Steps for which each candidate learns, in each member.
+    pub steps: usize,
+    /// Runs of each candidate in each member.
+    pub runs: usize,
+    /// Most actions; a log with more is refused, because each wants neighbours of its own.
+    pub most_actions: usize,
+    /// The return that an episode ends with where the log does not cover a step. Default: that of the worst recorded episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub worst_return: Option<f64>,
+    /// Where episodes begin in the model.
+    pub start: StartRows,
+    /// Most share of the chosen candidate's steps that the log may leave uncovered, before the choice is refused.
+    pub most_uncovered: f64,
+    /// Fewest terminals of a log that has any, before a choice is refused.
+    pub fewest_terminals: usize,
+    /// The model.
+    pub model: ActionModelConfig,
+    /// The agent, and so the default that a choice is compared with.
+    pub agent: AgentConfig,
+    /// What is swept.
+    pub grid: Grid,
+}
+
+/// Where episodes begin in the model of a log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StartRows {
+    /// In the first row of a recorded episode.
+    #[default]
+    Episodes,
+    /// In any row from which an action was taken: for a log that is one long episode.
+    Anywhere,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            actions: Vec::new(),
+            reward: Reward::default(),
+            terminal: None,
+            timeout: 500,
+            steps: 15_000,
+            runs: 1,
+            most_actions: 64,
+            worst_return: None,
+            start: StartRows::Episodes,
+            most_uncovered: 0.5,
+            fewest_terminals: 10,
+            model: ActionModelConfig::default(),
+            agent: AgentConfig::default(),
+            grid: Grid::default(),
+        }
+    }
+}
+
+impl ControlConfig {
+    /// Check every value on its own.
+    ///
+    /// # Errors
+    /// The first key that cannot be what it is.
+    pub fn check(&self) -> Result<(), ControlError> {
+        if self.actions.is_empty() {
+            return Err(ControlError::NoActions);
+        }
+        let checks = [
+            ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
+            ("steps", self.steps as f64, self.steps > 0, "at least 1"),
+            ("runs", self.runs as f64, self.runs > 0, "at least 1"),
+            (
+                "most_actions",
+                self.most_actions as f64,
+                (1..=1024).contains(&self.most_actions),
+                "from 1 to 1024",
+            ),
+            (
+                "worst_return",
+                self.worst_return.unwrap_or(0.0),
+                self.worst_return.unwrap_or(0.0).is_finite(),
+                "a finite number",
+            ),
+            (
+                "most_uncovered",
+                self.most_uncovered,
+                (0.0..=1.0).contains(&self.most_uncovered),
+                "from 0 to 1",
+            ),
+        ];
+        if let Some((field, got, _, expected)) = checks.into_iter().find(|check| !check.2) {
+            return Err(ControlError::Field { field, got, expected });
+        }
+        self.reward.check()?;
+        self.model.check()?;
+        self.agent.check()?;
+        self.grid.candidates(self.agent).map(|_| ())
+    }
+
+    /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, and the terminal.
+    pub fn beside_the_state(&self) -> Vec<String> {
+        let reward = match &self.reward {
+            Reward::Column(column) => Some(column),
+            Reward::Terms(_) => None,
+        };
+        self.actions.iter().chain(reward).chain(&self.terminal).cloned().collect()
+    }
+
+    /// The columns that are read as they were recorded, each once: actions, those of the reward, and the terminal.
+    pub fn columns(&self) -> Vec<String> {
+        let mut columns = self.actions.clone();
+        for column in self.reward.columns().chain(&self.terminal) {
+            if !columns.contains(column) {
+                columns.push(column.clone());
+            }
+        }
+        columns
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_section_is_read_and_checked() {
+        let text = r#"
+            actions = ["dose", "interval"]
+            terminal = "stopped"
+            reward = [
+                { column = "permeate" },
+                { column = "pressure", weight = -2.0, high = 0.4 },
+                { column = "permeate", set_point = 10.0, weight = -0.1 },
+            ]
+            [grid]
+            step_size = [0.01, 0.1]
+        "#;
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        config.check().expect("valid");
+        assert_eq!(config.columns(), ["dose", "interval", "permeate", "pressure", "stopped"]);
+        assert_eq!(config.beside_the_state(), ["dose", "interval", "stopped"]);
+        assert!(toml::from_str::<ControlConfig>("action = 'dose'").is_err(), "no such key");
+        let told = ControlConfig::default().check().expect_err("no action").to_string();
+        assert!(told.contains("`actions`"), "{told}");
+        let none = ControlConfig { steps: 0, ..config };
+        assert!(none.check().expect_err("none").to_string().contains("steps"));
+    }
+}

@@ -1,0 +1,81 @@
+use calib_core::{SegmentError, StatesError};
+use calib_knn::KnnError;
+use calib_stats::StatsError;
+
+/// Why something of agents that act cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// A field of an agent or a model cannot be what it is.
+    #[error("`{field}` is {got}, expected {expected}")]
+    Field {
+        /// The field.
+        field: &'static str,
+        /// What it is.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A list of the grid is empty.
+    #[error("the grid has no value for `{field}`; leave the key out, or list at least one")]
+    EmptyAxis {
+        /// The field.
+        field: &'static str,
+    },
+    /// A study does not say which columns are actions.
+    #[error("`actions` is empty; name the columns of the action that was taken in a row")]
+    NoActions,
+    /// A reward without terms.
+    #[error(
+        "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
+    )]
+    EmptyReward,
+    /// More different actions than are allowed.
+    #[error(
+        "the log has more than {most} different actions; round the action columns to levels, or raise control.most_actions"
+    )]
+    ManyActions {
+        /// How many are allowed.
+        most: usize,
+    },
+    /// The columns of a log have different lengths.
+    #[error("{what}: {got} rows, expected {expected} as the states have")]
+    Rows {
+        /// Which column.
+        what: &'static str,
+        /// Rows of the states.
+        expected: usize,
+        /// Rows of it.
+        got: usize,
+    },
+    /// No row of the log leads to another one by an action.
+    #[error(
+        "the log has no transition: no row with an action is followed by a row of the same episode"
+    )]
+    NoTransitions,
+    /// A reward is not a number.
+    #[error(
+        "row {row} has no reward, though an action leads to it; fill it, or leave its action empty"
+    )]
+    NoReward {
+        /// The row.
+        row: usize,
+    },
+    /// No state to begin episodes in.
+    #[error("there is no state to begin episodes in")]
+    NoStarts,
+    /// The search failed.
+    #[error(transparent)]
+    Knn(#[from] KnnError),
+    /// The states are not states.
+    #[error(transparent)]
+    States(#[from] StatesError),
+    /// Segments could not be made.
+    #[error(transparent)]
+    Segments(#[from] SegmentError),
+    /// A statistic could not be taken.
+    #[error(transparent)]
+    Stats(#[from] StatsError),
+    /// The user asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}

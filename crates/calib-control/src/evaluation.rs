@@ -1,0 +1,220 @@
+//! Fitted Q evaluation: the value of a policy from a log, without a model. A baseline.
+
+use calib_core::{Monitor, States, TransitionIndex};
+use rayon::prelude::*;
+
+use crate::{
+    Agent, AgentConfig, ControlError, Decisions, Ending, Outcome,
+    agent::{Tiles, policy},
+};
+
+/// Tilings, tiles and step size of the fitted values; fewer tilings than agents have, for the sake of time.
+const TILINGS: usize = 4;
+const TILES: usize = 8;
+const STEP: f64 = 0.3;
+/// Passes over the log.
+const PASSES: usize = 20;
+
+/// The value of each candidate from the log alone, `[candidates]`: what it learns from the recorded transitions, evaluated on them.
+///
+/// A candidate learns from the log in the order in which it was recorded, again and again until it has seen `updates` transitions, without
+/// traces (they would follow the behaviour, not the agent). The policy π that it has then is evaluated by fitted Q evaluation (Le,
+/// Voloshin & Yue 2019) with values linear in tile coding of their own: in 20 passes over the log, last transition first,
+/// q(s, a) ← q(s, a) + 0.3 · (r + γ Σ π(a' | s') q(s', a') − q(s, a)), the target being cut to what an episode of `timeout` steps can get. The value is the
+/// mean of Σ π(a | s) q(s, a) over the states in which episodes begin. −∞ if the candidate diverged.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn fitted_q_evaluation(
+    log: &Decisions,
+    starts: &States,
+    candidates: &[AgentConfig],
+    updates: usize,
+    timeout: usize,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, ControlError> {
+    monitor.begin("fitted Q evaluation", candidates.len() as u64);
+    let features = Features::new(log, starts);
+    let values: Option<Vec<f64>> = candidates
+        .par_iter()
+        .map(|&config| {
+            if monitor.interrupted() {
+                return None;
+            }
+            let mut agent = from_log(log, config, updates);
+            let value = evaluated(log, starts, &mut agent, config, timeout, &features);
+            monitor.advance(1);
+            Some(if value.is_finite() { value } else { f64::NEG_INFINITY })
+        })
+        .collect();
+    values.ok_or(ControlError::Interrupted)
+}
+
+/// The features of every source, every next state and every start.
+struct Features {
+    tiles: Tiles,
+    sources: Vec<u32>,
+    nexts: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl Features {
+    fn new(log: &Decisions, starts: &States) -> Self {
+        let mut tiles = Tiles::new(TILINGS, TILES, log.states().columns());
+        let mut one = Vec::new();
+        let mut of = |state: &[f32], all: &mut Vec<u32>| {
+            tiles.of(state, &mut one);
+            all.extend_from_slice(&one);
+        };
+        let (mut sources, mut nexts, mut begun) = (Vec::new(), Vec::new(), Vec::new());
+        for number in 0..log.len() {
+            let transition = TransitionIndex::new(number);
+            of(log.states().row(log.transitions().source(transition).get()), &mut sources);
+            of(log.states().row(log.transitions().next(transition).get()), &mut nexts);
+        }
+        (0..starts.rows()).for_each(|row| of(starts.row(row), &mut begun));
+        Self { tiles, sources, nexts, starts: begun }
+    }
+
+    fn at<'a>(&self, all: &'a [u32], number: usize) -> &'a [u32] {
+        let active = self.tiles.active();
+        &all[number * active..][..active]
+    }
+}
+
+/// An agent that learnt from `updates` recorded transitions.
+fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
+    let config = AgentConfig { lambda: 0.0, ..config };
+    let mut agent = Agent::new(config, log.states().columns(), log.levels());
+    let mut before = None;
+    for update in 0..updates {
+        let number = update % log.len();
+        let transition = TransitionIndex::new(number);
+        let source = log.transitions().source(transition);
+        if before != Some(source) {
+            agent.look(log.states().row(source.get()));
+        }
+        let next = log.transitions().next(transition);
+        let reward = f64::from(log.rewards()[number]);
+        let outcome = Outcome { reward, ending: log.endings()[number] };
+        agent.learn(usize::from(log.actions()[number]), outcome, log.states().row(next.get()));
+        before = Some(next);
+    }
+    agent
+}
+
+/// π(· | state) of each of `rows` states, one after the other.
+fn policies<'a>(
+    agent: &mut Agent,
+    config: &AgentConfig,
+    states: impl Iterator<Item = &'a [f32]>,
+) -> Vec<f64> {
+    let mut all = Vec::new();
+    let mut probabilities = vec![0.0; agent.actions()];
+    for state in states {
+        agent.go_on(state);
+        policy(config, agent.values(), &mut probabilities);
+        all.extend_from_slice(&probabilities);
+    }
+    all
+}
+
+fn evaluated(
+    log: &Decisions,
+    starts: &States,
+    agent: &mut Agent,
+    config: AgentConfig,
+    timeout: usize,
+    features: &Features,
+) -> f64 {
+    let next = |number: usize| {
+        log.states().row(log.transitions().next(TransitionIndex::new(number)).get())
+    };
+    let after = policies(agent, &config, (0..log.len()).map(next));
+    let (actions, length) = (log.levels(), features.tiles.len());
+    let mut weights = vec![0.0_f64; actions * length];
+    let rewards = log.rewards().iter().copied().map(f64::from);
+    let extreme = |reward: f64, other: f64| (timeout as f64 * reward).min(other.min(reward));
+    let lowest = extreme(rewards.clone().fold(f64::INFINITY, f64::min), 0.0);
+    let highest = -extreme(rewards.map(|of| -of).fold(f64::INFINITY, f64::min), 0.0);
+    let step = STEP / features.tiles.active() as f64;
+    for _ in 0..PASSES {
+        for number in (0..log.len()).rev() {
+            let mut target = f64::from(log.rewards()[number]);
+            if log.endings()[number] == Ending::Continues {
+                let policy = &after[number * actions..][..actions];
+                let at = features.at(&features.nexts, number);
+                target += config.gamma * mean_value(&weights, length, policy, at);
+            }
+            let own = &mut weights[usize::from(log.actions()[number]) * length..][..length];
+            let at = features.at(&features.sources, number);
+            let value: f64 = at.iter().map(|&feature| own[feature as usize]).sum();
+            let change = step * (target.clamp(lowest, highest) - value);
+            at.iter().for_each(|&feature| own[feature as usize] += change);
+        }
+    }
+    let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
+    let values = first.chunks(actions).enumerate().map(|(row, policy)| {
+        mean_value(&weights, length, policy, features.at(&features.starts, row))
+    });
+    values.sum::<f64>() / starts.rows() as f64
+}
+
+/// Σ π(a) q(a) at `features`.
+fn mean_value(weights: &[f64], length: usize, policy: &[f64], features: &[u32]) -> f64 {
+    let of = |(action, probability): (usize, &f64)| {
+        let own = &weights[action * length..][..length];
+        probability * features.iter().map(|&feature| own[feature as usize]).sum::<f64>()
+    };
+    policy.iter().enumerate().map(of).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Segments, Silent};
+
+    use super::*;
+    use crate::Columns;
+
+    /// A corridor of ten places, −1 a step, left or right by chance; right of the last is the end.
+    fn corridor() -> Decisions {
+        let mut rng = Seed::new(1).rng();
+        let (mut states, mut actions, mut endings, mut lengths) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        while states.len() < 6000 {
+            let mut place = rng.below(10) as i32;
+            let mut length = 1;
+            while place < 10 {
+                let action = rng.below(2);
+                states.push(place as f32 / 10.0);
+                actions.push(Some(action as u16));
+                endings.push(Ending::Continues);
+                place = (place + if action == 1 { 1 } else { -1 }).max(0);
+                length += 1;
+            }
+            states.push(1.0);
+            actions.push(None);
+            endings.push(Ending::Terminal);
+            lengths.push(length);
+        }
+        let rows = states.len();
+        let columns = Columns { actions: &actions, rewards: &vec![-1.0; rows], endings: &endings };
+        let states = States::new(states, rows, 1).expect("valid");
+        Decisions::new(states, &Segments::from_lengths(lengths).expect("valid"), columns, 2)
+            .expect("a log")
+    }
+
+    #[test]
+    fn the_better_policy_has_the_higher_value() {
+        let log = corridor();
+        let starts = States::new(vec![0.5], 1, 1).expect("valid");
+        // One learns to go right, which takes five steps; the other cannot tell left from right.
+        let sharp = AgentConfig { temperature: 0.1, gamma: 0.95, ..AgentConfig::default() };
+        let dull = AgentConfig { temperature: 1e6, ..sharp };
+        let values =
+            fitted_q_evaluation(&log, &starts, &[sharp, dull], 20_000, 100, &Silent).expect("run");
+        let five_steps = -(1.0 - 0.95_f64.powi(5)) / 0.05;
+        assert!((values[0] - five_steps).abs() < 1.0, "{values:?}, not {five_steps}");
+        assert!(values[1] < values[0] - 4.0, "{values:?}");
+    }
+}

@@ -1,0 +1,136 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{AgentConfig, Algorithm, ControlError};
+
+/// What is swept: the values of each field of the agent; a field that is left out keeps the agent's. The candidates are all combinations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Grid {
+    /// What the agent learns by.
+    pub algorithm: Option<Vec<Algorithm>>,
+    /// Step sizes α.
+    pub step_size: Option<Vec<f64>>,
+    /// Adam's β₁.
+    pub beta1: Option<Vec<f64>>,
+    /// Temperatures of the softmax policy.
+    pub temperature: Option<Vec<f64>>,
+    /// Probabilities of a random action.
+    pub epsilon: Option<Vec<f64>>,
+    /// What weights begin at.
+    pub initial_weight: Option<Vec<f64>>,
+    /// Decays λ of the traces.
+    pub lambda: Option<Vec<f64>>,
+    /// Numbers of tilings.
+    pub tilings: Option<Vec<usize>>,
+    /// Numbers of tiles of a column.
+    pub tiles: Option<Vec<usize>>,
+}
+
+/// Make of every candidate one for each value of a field.
+fn each<T: Copy>(
+    candidates: &mut Vec<AgentConfig>,
+    field: &'static str,
+    values: Option<&Vec<T>>,
+    set: impl Fn(&mut AgentConfig, T),
+) -> Result<(), ControlError> {
+    let Some(values) = values else { return Ok(()) };
+    if values.is_empty() {
+        return Err(ControlError::EmptyAxis { field });
+    }
+    let with = |candidate: &AgentConfig, value: T| {
+        let mut one = *candidate;
+        set(&mut one, value);
+        one
+    };
+    *candidates = candidates
+        .iter()
+        .flat_map(|candidate| values.iter().map(|&value| with(candidate, value)))
+        .collect();
+    Ok(())
+}
+
+impl Grid {
+    /// The grid of the literature's protocol: three step sizes, two β₁, three temperatures, three initial weights; 54 candidates (Wang et
+    /// al. 2022).
+    pub fn published() -> Self {
+        Self {
+            step_size: Some(vec![0.003, 0.03, 0.3]),
+            beta1: Some(vec![0.0, 0.9]),
+            temperature: Some(vec![1.0, 10.0, 100.0]),
+            initial_weight: Some(vec![0.0, 8.0, 16.0]),
+            ..Self::default()
+        }
+    }
+
+    /// All combinations, the last field changing fastest; every one differs from `agent` only in what is swept.
+    ///
+    /// # Errors
+    /// If a list is empty, or a value is not one that its field can have.
+    pub fn candidates(&self, agent: AgentConfig) -> Result<Vec<AgentConfig>, ControlError> {
+        let mut all = vec![agent];
+        each(&mut all, "algorithm", self.algorithm.as_ref(), |of, value| of.algorithm = value)?;
+        each(&mut all, "step_size", self.step_size.as_ref(), |of, value| of.step_size = value)?;
+        each(&mut all, "beta1", self.beta1.as_ref(), |of, value| of.beta1 = value)?;
+        each(&mut all, "temperature", self.temperature.as_ref(), |of, value| {
+            of.temperature = value;
+        })?;
+        each(&mut all, "epsilon", self.epsilon.as_ref(), |of, value| of.epsilon = value)?;
+        each(&mut all, "initial_weight", self.initial_weight.as_ref(), |of, value| {
+            of.initial_weight = value;
+        })?;
+        each(&mut all, "lambda", self.lambda.as_ref(), |of, value| of.lambda = value)?;
+        each(&mut all, "tilings", self.tilings.as_ref(), |of, value| of.tilings = value)?;
+        each(&mut all, "tiles", self.tiles.as_ref(), |of, value| of.tiles = value)?;
+        all.iter().try_for_each(AgentConfig::check)?;
+        Ok(all)
+    }
+
+    /// What distinguishes candidates: the names of swept fields and how a candidate has them.
+    pub fn told(&self, agent: &AgentConfig) -> Vec<(&'static str, String)> {
+        let algorithm = match agent.algorithm {
+            Algorithm::ExpectedSarsa => "expected_sarsa",
+            Algorithm::QLearning => "q_learning",
+        };
+        let all = [
+            ("algorithm", self.algorithm.is_some(), algorithm.to_owned()),
+            ("step_size", self.step_size.is_some(), agent.step_size.to_string()),
+            ("beta1", self.beta1.is_some(), agent.beta1.to_string()),
+            ("temperature", self.temperature.is_some(), agent.temperature.to_string()),
+            ("epsilon", self.epsilon.is_some(), agent.epsilon.to_string()),
+            ("initial_weight", self.initial_weight.is_some(), agent.initial_weight.to_string()),
+            ("lambda", self.lambda.is_some(), agent.lambda.to_string()),
+            ("tilings", self.tilings.is_some(), agent.tilings.to_string()),
+            ("tiles", self.tiles.is_some(), agent.tiles.to_string()),
+        ];
+        all.into_iter().filter(|of| of.1).map(|(name, _, value)| (name, value)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_published_grid_has_54_candidates_which_all_differ() {
+        let all = Grid::published().candidates(AgentConfig::default()).expect("valid");
+        assert_eq!(all.len(), 54);
+        for (number, one) in all.iter().enumerate() {
+            assert!(!all[..number].contains(one));
+        }
+        let told = Grid::published().told(&all[1]);
+        let names: Vec<_> = told.iter().map(|of| of.0).collect();
+        assert_eq!(names, ["step_size", "beta1", "temperature", "initial_weight"]);
+        assert_eq!(told[3].1, "8", "the last field changes fastest");
+    }
+
+    #[test]
+    fn empty_lists_and_impossible_values_are_refused() {
+        let empty = Grid { epsilon: Some(vec![]), ..Grid::default() };
+        let told = empty.candidates(AgentConfig::default()).expect_err("empty").to_string();
+        assert!(told.contains("epsilon"), "{told}");
+        let wrong = Grid { tiles: Some(vec![8, 0]), ..Grid::default() };
+        assert!(wrong.candidates(AgentConfig::default()).is_err());
+        assert_eq!(Grid::default().candidates(AgentConfig::default()).expect("one").len(), 1);
+    }
+}

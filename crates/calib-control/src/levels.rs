@@ -1,0 +1,77 @@
+use crate::ControlError;
+
+/// The actions that a log took: every combination of values of its action columns, in ascending order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Levels {
+    /// The values of each action, one a column.
+    pub values: Vec<Vec<f64>>,
+    /// The action of each row; `None` where a value is missing.
+    pub of_rows: Vec<Option<u16>>,
+}
+
+impl Levels {
+    /// The actions of `columns`, `[columns][rows]`, NaN being missing.
+    ///
+    /// # Errors
+    /// If there are more than `most`.
+    pub fn new(columns: &[Vec<f64>], most: usize) -> Result<Self, ControlError> {
+        let rows = columns.first().map_or(0, Vec::len);
+        let of_row = |row: usize| -> Option<Vec<f64>> {
+            // Adding 0 makes one zero of both.
+            let value = |column: &Vec<f64>| column[row] + 0.0;
+            let values: Vec<f64> = columns.iter().map(value).collect();
+            values.iter().all(|value| !value.is_nan()).then_some(values)
+        };
+        let compare = |a: &Vec<f64>, b: &Vec<f64>| {
+            let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
+            orders.find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        };
+        let mut values: Vec<Vec<f64>> = Vec::new();
+        for row in 0..rows {
+            let Some(here) = of_row(row) else { continue };
+            if let Err(place) = values.binary_search_by(|of| compare(of, &here)) {
+                if values.len() == most {
+                    return Err(ControlError::ManyActions { most });
+                }
+                values.insert(place, here);
+            }
+        }
+        let number = |row: usize| {
+            let here = of_row(row)?;
+            values.binary_search_by(|of| compare(of, &here)).ok().map(|of| of as u16)
+        };
+        let of_rows = (0..rows).map(number).collect();
+        Ok(Self { values, of_rows })
+    }
+
+    /// What an action is called: its values by column.
+    pub fn name(&self, action: usize, columns: &[String]) -> String {
+        let told = |(column, value): (&String, &f64)| format!("{column}={value}");
+        let told: Vec<String> = columns.iter().zip(&self.values[action]).map(told).collect();
+        told.join(" ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_found_and_listed_in_order() {
+        let nan = f64::NAN;
+        let dose = vec![1.0, 0.0, -0.0, nan, 1.0];
+        let pump = vec![5.0, 5.0, 5.0, 5.0, 2.0];
+        let levels = Levels::new(&[dose, pump], 8).expect("three");
+        assert_eq!(levels.values, [[0.0, 5.0], [1.0, 2.0], [1.0, 5.0]]);
+        assert_eq!(levels.of_rows, [Some(2), Some(0), Some(0), None, Some(1)]);
+        let names = ["dose", "pump"].map(str::to_owned);
+        assert_eq!(levels.name(1, &names), "dose=1 pump=2");
+    }
+
+    #[test]
+    fn a_continuous_column_is_refused() {
+        let many = vec![(0..100).map(f64::from).collect::<Vec<_>>()];
+        let told = Levels::new(&many, 64).expect_err("100 levels").to_string();
+        assert!(told.contains("64") && told.contains("most_actions"), "{told}");
+    }
+}

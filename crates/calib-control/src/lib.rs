@@ -1,0 +1,37 @@
+//! Agents that act: logs of decisions, models with actions, control agents, sweeps and verdicts of returns.
+//!
+//! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
+//! - [`Task`], [`Acrobot`], [`CartPole`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
+//! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
+
+mod agent;
+mod behaviour;
+mod config;
+mod environment;
+mod error;
+mod evaluation;
+mod grid;
+mod levels;
+mod life;
+mod log;
+mod model;
+mod reward;
+mod sweep;
+mod task;
+mod verdict;
+
+pub use agent::{Agent, AgentConfig, Algorithm};
+pub use behaviour::{Behaviour, Quality, Recorded, record};
+pub use config::{ControlConfig, StartRows};
+pub use environment::{Ending, Environment, Outcome};
+pub use error::ControlError;
+pub use evaluation::fitted_q_evaluation;
+pub use grid::Grid;
+pub use levels::Levels;
+pub use life::{Life, Span, live};
+pub use log::{Columns, Decisions};
+pub use model::{ActionModel, ActionModelConfig, Coverage, Pessimism, Starts, Walk};
+pub use reward::{Reward, Term};
+pub use sweep::{Extent, Run, sweep, truth};
+pub use task::{Acrobot, Begin, CartPole, Pendulum, PuddleWorld, Simulated, Task, TaskKind};
+pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};

@@ -1,0 +1,227 @@
+//! Logs of decisions: what was seen, what was done, what came of it.
+
+use calib_core::{RowIndex, Segments, States, TransitionIndex, Transitions};
+
+use crate::{ControlError, Ending};
+
+/// A log with actions, rewards and terminals.
+///
+/// A row holds what was observed at a time, the reward of the step that led to it, whether it is terminal, and the action that was taken
+/// then. Transition i leads from its row by the action there to the next row, with the reward and the terminal of the next row. After a
+/// terminal row, and after one without an action, an episode is over: nothing leads on from it. Where the log merely ends, or has a gap, the
+/// last row is no terminal.
+#[derive(Clone, Debug)]
+pub struct Decisions {
+    states: States,
+    transitions: Transitions,
+    /// One a transition.
+    actions: Vec<u16>,
+    rewards: Vec<f32>,
+    endings: Vec<Ending>,
+    levels: usize,
+}
+
+/// The columns of a log beside its states, one value a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Columns<'a> {
+    /// Which of `levels` actions was taken.
+    pub actions: &'a [Option<u16>],
+    /// The reward of the step that led here; NaN where there is none.
+    pub rewards: &'a [f32],
+    /// Whether an episode ends here.
+    pub endings: &'a [Ending],
+}
+
+impl Decisions {
+    /// The log of these rows.
+    ///
+    /// # Errors
+    /// If columns have different lengths, no transition is left, a reward is missing that an action led to, or an action is not below
+    /// `levels`.
+    pub fn new(
+        states: States,
+        segments: &Segments,
+        columns: Columns<'_>,
+        levels: usize,
+    ) -> Result<Self, ControlError> {
+        let rows = states.rows();
+        let lengths = [
+            ("segments", segments.rows()),
+            ("actions", columns.actions.len()),
+            ("rewards", columns.rewards.len()),
+            ("terminals", columns.endings.len()),
+        ];
+        if let Some(&(what, got)) = lengths.iter().find(|of| of.1 != rows) {
+            return Err(ControlError::Rows { what, expected: rows, got });
+        }
+        let transitions = Transitions::new(Segments::from_lengths(episodes(segments, &columns))?);
+        let (mut actions, mut rewards, mut endings) = (Vec::new(), Vec::new(), Vec::new());
+        for number in 0..transitions.len() {
+            let transition = TransitionIndex::new(number);
+            let from = transitions.source(transition).get();
+            let next = transitions.next(transition).get();
+            let Some(action) = columns.actions[from] else {
+                unreachable!("a row without an action is the last of its segment");
+            };
+            if usize::from(action) >= levels {
+                let expected = "one of the levels";
+                return Err(ControlError::Field { field: "action", got: action.into(), expected });
+            }
+            if !columns.rewards[next].is_finite() {
+                return Err(ControlError::NoReward { row: next });
+            }
+            actions.push(action);
+            rewards.push(columns.rewards[next]);
+            endings.push(columns.endings[next]);
+        }
+        if actions.is_empty() {
+            return Err(ControlError::NoTransitions);
+        }
+        Ok(Self { states, transitions, actions, rewards, endings, levels })
+    }
+
+    /// What was observed, `[rows, columns]`.
+    pub fn states(&self) -> &States {
+        &self.states
+    }
+
+    /// Which rows lead to which.
+    pub fn transitions(&self) -> &Transitions {
+        &self.transitions
+    }
+
+    /// Number of transitions.
+    pub fn len(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Never: a log has a transition.
+    pub fn is_empty(&self) -> bool {
+        self.actions.is_empty()
+    }
+
+    /// Number of actions that there are, logged or not.
+    pub fn levels(&self) -> usize {
+        self.levels
+    }
+
+    /// The action of each transition.
+    pub fn actions(&self) -> &[u16] {
+        &self.actions
+    }
+
+    /// The reward of each transition.
+    pub fn rewards(&self) -> &[f32] {
+        &self.rewards
+    }
+
+    /// Whether each transition leads to a terminal.
+    pub fn endings(&self) -> &[Ending] {
+        &self.endings
+    }
+
+    /// The transitions with `action`, ascending.
+    pub fn with_action(&self, action: usize) -> Vec<u32> {
+        let is = |&(_, &of): &(usize, &u16)| usize::from(of) == action;
+        self.actions.iter().enumerate().filter(is).map(|(number, _)| number as u32).collect()
+    }
+
+    /// How many transitions have each action.
+    pub fn counts(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.levels];
+        for &action in &self.actions {
+            counts[usize::from(action)] += 1;
+        }
+        counts
+    }
+
+    /// How many transitions lead to a terminal.
+    pub fn terminals(&self) -> usize {
+        self.endings.iter().filter(|&&ending| ending == Ending::Terminal).count()
+    }
+
+    /// The first rows of episodes.
+    pub fn starts(&self) -> Vec<RowIndex> {
+        let segments = self.transitions.segments().iter();
+        segments
+            .filter(|segment| segment.len() > 1)
+            .map(|segment| RowIndex(segment.start))
+            .collect()
+    }
+
+    /// The return of each episode: the sum of its rewards, as far as the log has it.
+    pub fn returns(&self) -> Vec<f64> {
+        let mut returns = Vec::new();
+        let mut number = 0;
+        for segment in self.transitions.segments().iter().filter(|segment| segment.len() > 1) {
+            let rewards = &self.rewards[number..][..segment.len() - 1];
+            returns.push(rewards.iter().copied().map(f64::from).sum());
+            number += rewards.len();
+        }
+        returns
+    }
+}
+
+/// Segments cut after terminals and after rows without an action, as lengths in rows.
+fn episodes(segments: &Segments, columns: &Columns<'_>) -> Vec<usize> {
+    let mut lengths = Vec::new();
+    for segment in segments.iter() {
+        let mut length = 0;
+        for row in segment.rows() {
+            length += 1;
+            if columns.endings[row] == Ending::Terminal || columns.actions[row].is_none() {
+                lengths.push(length);
+                length = 0;
+            }
+        }
+        lengths.extend((length > 0).then_some(length));
+    }
+    lengths
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ON: Ending = Ending::Continues;
+    const END: Ending = Ending::Terminal;
+
+    fn log(
+        actions: &[Option<u16>],
+        rewards: &[f32],
+        endings: &[Ending],
+    ) -> Result<Decisions, ControlError> {
+        let rows = rewards.len();
+        let states = States::new((0..rows).map(|row| row as f32).collect(), rows, 1)?;
+        let segments = Segments::from_lengths([4, rows - 4])?;
+        Decisions::new(states, &segments, Columns { actions, rewards, endings }, 2)
+    }
+
+    #[test]
+    fn episodes_end_at_terminals_gaps_and_rows_without_an_action() {
+        let actions = [Some(0), Some(1), Some(0), Some(1), Some(1), None, Some(0), Some(1)];
+        let rewards = [f32::NAN, 1.0, 2.0, 3.0, f32::NAN, 5.0, f32::NAN, 7.0];
+        let log = log(&actions, &rewards, &[ON, ON, END, ON, ON, ON, ON, ON]).expect("valid");
+        // Rows 0-1-2 (terminal), 3 (alone, then a gap), 4-5 (no action), 6-7 (the log ends).
+        assert_eq!(log.transitions().sources(), [0, 1, 4, 6]);
+        assert_eq!(log.actions(), [0, 1, 1, 0]);
+        assert_eq!(log.rewards(), [1.0, 2.0, 5.0, 7.0]);
+        assert_eq!(log.endings(), [ON, END, ON, ON]);
+        assert_eq!((log.terminals(), log.counts()), (1, vec![2, 2]));
+        assert_eq!(log.starts(), [0, 4, 6].map(RowIndex));
+        assert_eq!(log.returns(), [3.0, 5.0, 7.0]);
+        assert_eq!(log.with_action(1), [1, 2]);
+    }
+
+    #[test]
+    fn what_is_no_log_is_refused() {
+        let five = [Some(0); 5];
+        let told = log(&five, &[0.0, f32::NAN, 0.0, 0.0, 0.0], &[ON; 5]).expect_err("a hole");
+        assert!(matches!(told, ControlError::NoReward { row: 1 }), "{told}");
+        let told = log(&[None; 5], &[0.0; 5], &[ON; 5]).expect_err("no action");
+        assert!(matches!(told, ControlError::NoTransitions), "{told}");
+        let told = log(&five[..4], &[0.0; 5], &[ON; 5]).expect_err("a short column");
+        assert!(told.to_string().contains("actions: 4 rows, expected 5"), "{told}");
+        assert!(log(&[Some(2); 5], &[0.0; 5], &[ON; 5]).is_err(), "two levels");
+    }
+}

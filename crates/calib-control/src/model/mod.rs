@@ -1,0 +1,153 @@
+//! Models with actions: one exact neighbour table an action.
+
+mod build;
+mod radius;
+mod table;
+mod walk;
+
+use calib_core::States;
+use calib_knn::{Blocks, Weights};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use walk::{Coverage, Walk};
+
+pub(crate) use table::ActionTable;
+
+use crate::{ControlError, Decisions};
+
+/// How a model with actions is made.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ActionModelConfig {
+    /// Neighbours k of a state, for each action.
+    pub neighbors: usize,
+    /// Members of the leave-one-block-out ensemble.
+    pub members: usize,
+    /// A state is covered for an action up to the distance within which this share of the recorded states has a recorded state with the same
+    /// action in the other blocks; 1 for the largest such distance.
+    pub coverage: f64,
+    /// What a step does where the log does not cover it.
+    pub pessimism: Pessimism,
+}
+
+/// What a step does where the log does not cover it: no transition with that action, or none near.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pessimism {
+    /// The episode ends with the worst return: where an action was never recorded, and where none with it is near.
+    MinimumReturn,
+    /// The nearest is taken however far it is; only an action that was never recorded ends the episode, with the worst return. Either is
+    /// counted (Wang et al. 2022).
+    #[default]
+    Nearest,
+}
+
+impl Default for ActionModelConfig {
+    fn default() -> Self {
+        Self { neighbors: 3, members: 5, coverage: 0.95, pessimism: Pessimism::Nearest }
+    }
+}
+
+impl ActionModelConfig {
+    /// Whether every field can be what it is.
+    ///
+    /// # Errors
+    /// The first field that cannot, with what it may be.
+    pub fn check(&self) -> Result<(), ControlError> {
+        let checks = [
+            ("neighbors", self.neighbors as f64, self.neighbors > 0, "at least 1"),
+            ("members", self.members as f64, self.members > 1, "at least 2"),
+            (
+                "coverage",
+                self.coverage,
+                self.coverage > 0.0 && self.coverage <= 1.0,
+                "above 0, up to 1",
+            ),
+        ];
+        match checks.into_iter().find(|check| !check.2) {
+            Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The ensemble of models with actions of one log.
+///
+/// A step from s' with action a draws one of the k transitions with action a whose source states are nearest to s', by distance in the
+/// model's metric (`Weights::Linear`), and leads to its recorded next state with its recorded reward and ending. Member m knows nothing of
+/// block m of the log.
+#[derive(Clone, Debug)]
+pub struct ActionModel {
+    log: Decisions,
+    blocks: Blocks,
+    /// States in which episodes begin, as observed.
+    starts: States,
+    /// One a member.
+    tables: Vec<ActionTable>,
+    start_tables: Vec<ActionTable>,
+    weights: Weights,
+    pessimism: Pessimism,
+    radius: f32,
+    worst_return: f64,
+}
+
+/// Where episodes begin in a model.
+#[derive(Clone, Debug)]
+pub struct Starts {
+    /// As an agent sees them.
+    pub observed: States,
+    /// In the metric of the model.
+    pub metric: States,
+}
+
+impl ActionModel {
+    /// The log.
+    pub fn log(&self) -> &Decisions {
+        &self.log
+    }
+
+    /// Number of members.
+    pub fn members(&self) -> usize {
+        self.tables.len()
+    }
+
+    /// Distance in the model's metric up to which a recorded transition covers a state.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// The return that an episode ends with where the log does not cover a step.
+    pub fn worst_return(&self) -> f64 {
+        self.worst_return
+    }
+
+    /// For each action, the share of the recorded next states that have a transition with that action within the radius, over all members:
+    /// where the log says what the action does.
+    pub fn covered(&self) -> Vec<f64> {
+        let share = |action: usize| {
+            let (mut within, mut all) = (0_usize, 0_usize);
+            for (member, table) in self.tables.iter().enumerate() {
+                for transition in self.blocks.transitions_of(member) {
+                    let nearest = table.of(transition.get(), action).1.first();
+                    within += usize::from(nearest.is_some_and(|&of| of <= self.radius));
+                    all += 1;
+                }
+            }
+            within as f64 / all.max(1) as f64
+        };
+        (0..self.log.levels()).map(share).collect()
+    }
+
+    /// A walk in member `member`.
+    ///
+    /// # Panics
+    /// If there is no such member.
+    pub fn walk(&self, member: usize) -> Walk<'_> {
+        assert!(member < self.members(), "a member of the ensemble");
+        Walk::new(self, member)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,47 @@
+use calib_core::{Monitor, RowIndex};
+use calib_files::ScratchPlace;
+use calib_knn::{Exclusion, Found, IndexKind, Queries, Sources};
+use calib_stats::quantile;
+
+use crate::{ControlError, Decisions};
+
+/// How far a recorded state is from the nearest one with the same action that was recorded at another time: the quantile `share` of these
+/// distances over all transitions, the nearest being looked for outside the transition's own block.
+///
+/// What is near in time is near in state whether the log covers the place or not; blocks are the time that members leave out, so the
+/// distances are those at which a member knows what it has not seen. Infinite if no transition has another one.
+pub(super) fn radius(
+    sources: &Sources<'_>,
+    log: &Decisions,
+    share: f64,
+    monitor: &dyn Monitor,
+) -> Result<f32, ControlError> {
+    let mut distances = Vec::with_capacity(log.len());
+    for action in 0..log.levels() {
+        let chosen = log.with_action(action);
+        if chosen.is_empty() {
+            continue;
+        }
+        let among = sources.among(&chosen);
+        for member in 0..sources.blocks().members() {
+            let own = sources.blocks().own(member);
+            let within = chosen.iter().filter(|transition| own.contains(transition));
+            let rows: Vec<RowIndex> =
+                within.map(|&of| RowIndex(log.transitions().sources()[of as usize])).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            let queries = Queries::rows(&among, &rows, member, Exclusion::default());
+            let place = ScratchPlace::Memory;
+            let planned = among.index(IndexKind::Auto, &queries, 1, &place, monitor)?;
+            let mut found = Found::new(rows.len(), sources.blocks().members(), 1);
+            planned.index.search(&queries, &planned.order, &mut found, monitor)?;
+            distances.extend((0..rows.len()).map(|at| f64::from(found.list(at, member).1[0])));
+        }
+    }
+    distances.retain(|distance| distance.is_finite());
+    if distances.is_empty() {
+        return Ok(f32::INFINITY);
+    }
+    Ok(quantile(&distances, share)? as f32)
+}

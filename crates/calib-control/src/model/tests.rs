@@ -1,0 +1,148 @@
+use calib_core::{Seed, Segments, Silent};
+use proptest::prelude::*;
+
+use super::*;
+use crate::{Columns, Ending, Environment};
+
+/// A log of `rows` rows, two columns and three actions, in episodes of seven rows.
+fn log(rows: usize, seed: u64, actions: usize) -> Decisions {
+    let mut rng = Seed::new(seed).rng();
+    let states: Vec<f32> = (0..2 * rows).map(|_| rng.below(40) as f32 / 40.0).collect();
+    let acted: Vec<Option<u16>> = (0..rows).map(|_| Some(rng.below(actions) as u16)).collect();
+    let rewards: Vec<f32> = (0..rows).map(|row| row as f32).collect();
+    let endings: Vec<Ending> = (0..rows).map(|row| Ending::terminal_if(row % 7 == 6)).collect();
+    let columns = Columns { actions: &acted, rewards: &rewards, endings: &endings };
+    let states = States::new(states, rows, 2).expect("valid");
+    let segments = Segments::from_lengths([rows]).expect("valid");
+    Decisions::new(states, &segments, columns, 3).expect("valid")
+}
+
+fn model(log: Decisions, config: ActionModelConfig) -> ActionModel {
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..5), metric: metric.slice(0..5) };
+    ActionModel::build(log, &metric, starts, &config, -99.0, &Silent).expect("built")
+}
+
+/// The list by the definition.
+fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec<u32> {
+    let squared = |transition: u32| {
+        let row = model.log().transitions().sources()[transition as usize] as usize;
+        let state = model.log().states().row(row);
+        from.iter().zip(state).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
+    };
+    let mut all: Vec<u32> = model.log().with_action(action);
+    all.retain(|&of| model.blocks().contains(member, calib_core::TransitionIndex(of)));
+    all.sort_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
+    all.truncate(3);
+    all
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn tables_are_the_nearest_with_the_action(rows in 40_usize..400, seed in 0_u64..1000) {
+        let model = model(log(rows, seed, 3), ActionModelConfig::default());
+        for member in 0..model.members() {
+            for action in 0..3 {
+                for start in 0..5 {
+                    let expected = plain(&model, member, model.starts.row(start), action);
+                    prop_assert_eq!(model.start_tables[member].of(start, action).0, expected);
+                }
+                for number in 0..model.log().len() {
+                    let transition = calib_core::TransitionIndex::new(number);
+                    let got = model.tables[member].of(number, action).0;
+                    if !model.blocks().contains(member, transition) {
+                        prop_assert!(got.is_empty());
+                        continue;
+                    }
+                    let next = model.log().transitions().next(transition).get();
+                    let from = model.log().states().row(next);
+                    prop_assert_eq!(got, plain(&model, member, from, action));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
+    // Action 2 was never recorded.
+    let model = model(log(300, 1, 2), ActionModelConfig::default());
+    let mut walk = model.walk(1);
+    let mut rng = Seed::new(3).rng();
+    let mut state = [0.0; 2];
+    walk.start(&mut rng, &mut state);
+    for _ in 0..500 {
+        let outcome = walk.step(rng.below(2), &mut rng, &mut state);
+        // The reward of a transition is the number of the row that it leads to.
+        let row = outcome.reward as usize;
+        assert_eq!(model.log().states().row(row), state);
+        assert_eq!(outcome.ending, Ending::terminal_if(row % 7 == 6));
+        if outcome.ending == Ending::Terminal {
+            walk.start(&mut rng, &mut state);
+        }
+    }
+    assert_eq!((walk.coverage().steps, walk.coverage().missing), (500, 0));
+    let covered = model.covered();
+    assert!(covered[0] > 0.5 && covered[1] > 0.5 && covered[2] == 0.0, "{covered:?}");
+    let lacking = walk.step(2, &mut rng, &mut state);
+    assert_eq!((lacking.reward, lacking.ending), (-99.0, Ending::Terminal));
+    assert_eq!(walk.coverage().missing, 1);
+}
+
+#[test]
+fn what_is_far_ends_an_episode_if_that_is_asked_for() {
+    let wanted = ActionModelConfig { coverage: 0.5, ..ActionModelConfig::default() };
+    let strict = ActionModelConfig { pessimism: Pessimism::MinimumReturn, ..wanted };
+    let far = |config: ActionModelConfig| {
+        let model = model(log(300, 5, 3), config);
+        let mut walk = model.walk(0);
+        let mut rng = Seed::new(3).rng();
+        let (mut state, mut worst) = ([0.0; 2], 0);
+        walk.start(&mut rng, &mut state);
+        for _ in 0..400 {
+            let outcome = walk.step(rng.below(3), &mut rng, &mut state);
+            worst += u64::from(outcome.reward == -99.0);
+            if outcome.ending == Ending::Terminal {
+                walk.start(&mut rng, &mut state);
+            }
+        }
+        (walk.coverage().far, worst)
+    };
+    let (counted, ended) = far(wanted);
+    assert!(counted > 20 && ended == 0, "{counted} {ended}");
+    let (counted, ended) = far(strict);
+    assert!(counted > 20 && ended == counted, "{counted} {ended}");
+}
+
+#[test]
+fn half_of_the_recorded_states_lie_within_the_median_radius() {
+    let model = model(log(400, 9, 3), ActionModelConfig { coverage: 0.5, ..Default::default() });
+    let (mut within, log) = (0, model.log());
+    for number in 0..log.len() {
+        let transition = calib_core::TransitionIndex::new(number);
+        let member = model.blocks().block_of(transition);
+        let from = log.states().row(log.transitions().source(transition).get());
+        let nearest = plain(&model, member, from, usize::from(log.actions()[number]))[0];
+        let row = log.transitions().sources()[nearest as usize] as usize;
+        let to = log.states().row(row);
+        let distance = (from[0] - to[0]).hypot(from[1] - to[1]);
+        within += usize::from(distance <= model.radius() * 1.000_01);
+    }
+    let share = within as f64 / log.len() as f64;
+    assert!((0.5..0.65).contains(&share), "{share}: values are on a grid, so many are alike");
+}
+
+#[test]
+fn impossible_models_are_refused() {
+    let build = |config: &ActionModelConfig, starts: usize| {
+        let log = log(60, 1, 3);
+        let metric = log.states().clone();
+        let starts = Starts { observed: metric.slice(0..starts), metric: metric.slice(0..starts) };
+        ActionModel::build(log, &metric, starts, config, 0.0, &Silent).map(|_| ())
+    };
+    assert!(build(&ActionModelConfig::default(), 1).is_ok());
+    assert!(matches!(build(&ActionModelConfig::default(), 0), Err(ControlError::NoStarts)));
+    let none = ActionModelConfig { neighbors: 0, ..Default::default() };
+    assert!(build(&none, 1).expect_err("none").to_string().contains("neighbors"));
+}

@@ -1,0 +1,135 @@
+//! Every candidate in every member.
+
+use calib_core::{Monitor, Seed};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    ActionModel, Agent, AgentConfig, ControlError, Coverage, Environment, Life, Span, live,
+};
+
+/// What came of one candidate in one run of one member.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// The member.
+    pub member: usize,
+    /// Which run in it.
+    pub run: usize,
+    /// The candidate.
+    pub candidate: usize,
+    /// Mean return an episode, learning included; −∞ if it diverged.
+    pub mean_return: f64,
+    /// Episodes that ended or were cut at the timeout.
+    pub episodes: usize,
+    /// Of these, those that ended in a terminal.
+    pub terminals: usize,
+    /// What its steps rested on.
+    pub coverage: Coverage,
+    /// Mean return of the episodes in each tenth of its episodes, in order: how it learnt. Empty with fewer than ten.
+    pub curve: Vec<f64>,
+}
+
+/// How much is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Runs of each candidate in each member.
+    pub runs: usize,
+    /// Each of them.
+    pub span: Span,
+}
+
+/// Let every candidate learn anew in every member, in `extent.runs` runs; in the order of members, runs and candidates.
+///
+/// Candidates act differently, so each walks its own way: a unit is one candidate in one run of one member. Candidates of a run draw from
+/// equal seeds, so that chance differs as little as it can. The result does not depend on the number of threads.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn sweep(
+    model: &ActionModel,
+    candidates: &[AgentConfig],
+    extent: Extent,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Run>, ControlError> {
+    let of_member = extent.runs * candidates.len();
+    let units = model.members() * of_member;
+    monitor.begin("agents in members", units as u64);
+    let runs: Vec<Option<Run>> = (0..units)
+        .into_par_iter()
+        .map(|unit| {
+            if monitor.interrupted() {
+                return None;
+            }
+            let (member, rest) = (unit / of_member, unit % of_member);
+            let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
+            let seed = seed.child("member").number(member as u64).number(run as u64);
+            let mut walk = model.walk(member);
+            let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
+            monitor.advance(1);
+            Some(Run {
+                member,
+                run,
+                candidate,
+                mean_return: life.mean_return(),
+                episodes: life.returns.len(),
+                terminals: life.terminals,
+                coverage: walk.coverage(),
+                curve: tenths(&life.returns),
+            })
+        })
+        .collect();
+    runs.into_iter().collect::<Option<_>>().ok_or(ControlError::Interrupted)
+}
+
+/// The mean return of every candidate in an environment whose truth is known, `[runs][candidates]`; each run begins with `make`.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn truth<E: Environment>(
+    make: impl Fn() -> E + Sync,
+    candidates: &[AgentConfig],
+    extent: Extent,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<f64>>, ControlError> {
+    let units = extent.runs * candidates.len();
+    monitor.begin("agents in the truth", units as u64);
+    let flat: Option<Vec<f64>> = (0..units)
+        .into_par_iter()
+        .map(|unit| {
+            if monitor.interrupted() {
+                return None;
+            }
+            let (run, candidate) = (unit / candidates.len(), unit % candidates.len());
+            let seed = seed.child("truth").number(run as u64);
+            let life = one_life(candidates[candidate], &mut make(), extent.span, seed);
+            monitor.advance(1);
+            Some(life.mean_return())
+        })
+        .collect();
+    let flat = flat.ok_or(ControlError::Interrupted)?;
+    Ok(flat.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
+}
+
+fn one_life(
+    config: AgentConfig,
+    environment: &mut dyn Environment,
+    span: Span,
+    seed: Seed,
+) -> Life {
+    let mut agent = Agent::new(config, environment.columns(), environment.actions());
+    live(&mut agent, environment, span, seed)
+}
+
+fn tenths(returns: &[f64]) -> Vec<f64> {
+    if returns.len() < 10 {
+        return Vec::new();
+    }
+    let bound = |tenth: usize| tenth * returns.len() / 10;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    (0..10).map(|tenth| mean(&returns[bound(tenth)..bound(tenth + 1)])).collect()
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

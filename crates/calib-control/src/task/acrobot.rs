@@ -1,0 +1,122 @@
+use std::f64::consts::PI;
+
+use calib_core::Rng;
+
+use super::Task;
+use crate::{Ending, Outcome};
+
+/// Two links, torque on the joint between them; −1 a step until the tip is one link above the bar, and 0 for the step that gets there.
+///
+/// Source: Sutton & Barto (2018, section 11.2 of the first edition); numbers, and the fourth-order Runge–Kutta step of 0.2 s, as
+/// Gymnasium's `Acrobot-v1`. State: angles of both links in rad, wrapped to ±π, their speeds in rad/s, cut at ±4π and ±9π.
+#[derive(Clone, Debug, Default)]
+pub struct Acrobot {
+    pub(crate) state: [f64; 4],
+}
+
+/// Seconds of a step.
+const STEP: f64 = 0.2;
+const SPEEDS: [f64; 2] = [4.0 * PI, 9.0 * PI];
+
+impl Acrobot {
+    /// Change a second of the state under `torque`.
+    fn change([first, second, speed, second_speed]: [f64; 4], torque: f64) -> [f64; 4] {
+        // Masses, lengths and moments of inertia are 1, centres of mass half-way.
+        let (centre, gravity) = (0.5, 9.8);
+        let d1 = centre * centre + (1.0 + centre * centre + 2.0 * centre * second.cos()) + 2.0;
+        let d2 = centre * centre + centre * second.cos() + 1.0;
+        let phi2 = centre * gravity * (first + second - PI / 2.0).cos();
+        let phi1 = -centre * second_speed.powi(2) * second.sin()
+            - 2.0 * centre * second_speed * speed * second.sin()
+            + (centre + 1.0) * gravity * (first - PI / 2.0).cos()
+            + phi2;
+        let second_change =
+            (torque + d2 / d1 * phi1 - centre * speed.powi(2) * second.sin() - phi2)
+                / (centre * centre + 1.0 - d2 * d2 / d1);
+        let first_change = -(d2 * second_change + phi1) / d1;
+        [speed, second_speed, first_change, second_change]
+    }
+
+    fn above_the_bar(&self) -> bool {
+        let [first, second, ..] = self.state;
+        -first.cos() - (first + second).cos() > 1.0
+    }
+}
+
+/// The angle plus or minus as many turns as bring it to ±π.
+pub(super) fn wrapped(mut angle: f64) -> f64 {
+    while angle > PI {
+        angle -= 2.0 * PI;
+    }
+    while angle < -PI {
+        angle += 2.0 * PI;
+    }
+    angle
+}
+
+impl Task for Acrobot {
+    fn columns() -> &'static [(&'static str, f64, f64)] {
+        &[
+            ("cos_first", -1.0, 1.0),
+            ("sin_first", -1.0, 1.0),
+            ("cos_second", -1.0, 1.0),
+            ("sin_second", -1.0, 1.0),
+            ("speed_first", -SPEEDS[0], SPEEDS[0]),
+            ("speed_second", -SPEEDS[1], SPEEDS[1]),
+        ]
+    }
+
+    fn actions() -> &'static [&'static str] {
+        &["minus", "none", "plus"]
+    }
+
+    fn start(&mut self, rng: &mut Rng) {
+        self.state = [(); 4].map(|()| rng.uniform(-0.1, 0.1));
+    }
+
+    fn start_anywhere(&mut self, rng: &mut Rng) {
+        loop {
+            self.state = [PI, PI, 2.0, 4.0].map(|most| rng.uniform(-most, most));
+            if !self.above_the_bar() {
+                return;
+            }
+        }
+    }
+
+    fn observe(&self, observed: &mut Vec<f64>) {
+        let [first, second, speed, second_speed] = self.state;
+        observed.clear();
+        observed.extend([
+            first.cos(),
+            first.sin(),
+            second.cos(),
+            second.sin(),
+            speed,
+            second_speed,
+        ]);
+    }
+
+    fn step(&mut self, action: usize, _rng: &mut Rng) -> Outcome {
+        let torque = [-1.0, 0.0, 1.0][action];
+        let from = self.state;
+        let moved = |by: [f64; 4], secs: f64| -> [f64; 4] {
+            std::array::from_fn(|of| from[of] + secs * by[of])
+        };
+        let k1 = Self::change(from, torque);
+        let k2 = Self::change(moved(k1, STEP / 2.0), torque);
+        let k3 = Self::change(moved(k2, STEP / 2.0), torque);
+        let k4 = Self::change(moved(k3, STEP), torque);
+        let mut next: [f64; 4] = std::array::from_fn(|of| {
+            from[of] + STEP / 6.0 * (k1[of] + 2.0 * k2[of] + 2.0 * k3[of] + k4[of])
+        });
+        for angle in &mut next[..2] {
+            *angle = wrapped(*angle);
+        }
+        for (speed, most) in next[2..].iter_mut().zip(SPEEDS) {
+            *speed = speed.clamp(-most, most);
+        }
+        self.state = next;
+        let ending = Ending::terminal_if(self.above_the_bar());
+        Outcome { reward: if ending == Ending::Terminal { 0.0 } else { -1.0 }, ending }
+    }
+}

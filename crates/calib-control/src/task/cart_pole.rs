@@ -1,0 +1,75 @@
+use calib_core::Rng;
+
+use super::Task;
+use crate::{Ending, Outcome};
+
+/// A pole on a cart that is pushed left or right; 1 a step until the pole leans more than 12° or the cart is 2.4 m away.
+///
+/// Source: Barto, Sutton & Anderson (1983); numbers, and the Euler step of 0.02 s, as Gymnasium's `CartPole-v1`. State: place of the cart
+/// in m, its speed in m/s, angle of the pole in rad, its speed in rad/s. With probability `slip` a push is a random one; Gymnasium's
+/// never is.
+#[derive(Clone, Debug, Default)]
+pub struct CartPole {
+    pub(crate) state: [f64; 4],
+    slip: f64,
+}
+
+impl CartPole {
+    /// The task with pushes of which this share goes in a random direction.
+    pub fn with_slip(slip: f64) -> Self {
+        Self { slip, ..Self::default() }
+    }
+}
+
+const FORCE: f64 = 10.0;
+const MASS_OF_POLE: f64 = 0.1;
+const MASS: f64 = 1.0 + MASS_OF_POLE;
+/// Half the length of the pole.
+const LENGTH: f64 = 0.5;
+const STEP: f64 = 0.02;
+const FARTHEST: f64 = 2.4;
+const STEEPEST: f64 = 12.0 * 2.0 * std::f64::consts::PI / 360.0;
+
+impl Task for CartPole {
+    fn columns() -> &'static [(&'static str, f64, f64)] {
+        &[
+            ("place", -FARTHEST, FARTHEST),
+            ("speed", -3.0, 3.0),
+            ("angle", -STEEPEST, STEEPEST),
+            ("angular_speed", -3.5, 3.5),
+        ]
+    }
+
+    fn actions() -> &'static [&'static str] {
+        &["left", "right"]
+    }
+
+    fn start(&mut self, rng: &mut Rng) {
+        self.state = [(); 4].map(|()| rng.uniform(-0.05, 0.05));
+    }
+
+    fn start_anywhere(&mut self, rng: &mut Rng) {
+        self.state = [2.0, 1.0, 0.15, 1.0].map(|most| rng.uniform(-most, most));
+    }
+
+    fn observe(&self, observed: &mut Vec<f64>) {
+        observed.clear();
+        observed.extend(self.state);
+    }
+
+    fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome {
+        let slips = self.slip > 0.0 && rng.unit() < self.slip;
+        let action = if slips { rng.below(2) } else { action };
+        let force = [-FORCE, FORCE][action];
+        let [place, speed, angle, turn] = self.state;
+        let (sin, cos) = angle.sin_cos();
+        let pushed = (force + MASS_OF_POLE * LENGTH * turn * turn * sin) / MASS;
+        let turned =
+            (9.8 * sin - cos * pushed) / (LENGTH * (4.0 / 3.0 - MASS_OF_POLE * cos * cos / MASS));
+        let moved = pushed - MASS_OF_POLE * LENGTH * turned * cos / MASS;
+        self.state =
+            [place + STEP * speed, speed + STEP * moved, angle + STEP * turn, turn + STEP * turned];
+        let fell = self.state[0].abs() > FARTHEST || self.state[2].abs() > STEEPEST;
+        Outcome { reward: 1.0, ending: Ending::terminal_if(fell) }
+    }
+}

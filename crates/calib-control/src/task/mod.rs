@@ -1,0 +1,117 @@
+//! Classic tasks whose truth is known: they step as Gymnasium's do (`scripts/golden/control.py`).
+
+mod acrobot;
+mod cart_pole;
+mod pendulum;
+mod puddle_world;
+mod simulated;
+#[cfg(test)]
+mod tests;
+
+use calib_core::Rng;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use acrobot::Acrobot;
+pub use cart_pole::CartPole;
+pub use pendulum::Pendulum;
+pub use puddle_world::PuddleWorld;
+pub use simulated::{Begin, Simulated};
+
+use crate::{AgentConfig, Outcome};
+
+/// A simulated task: a state that actions change, and what is observed of it.
+pub trait Task: Clone + Send + Sync {
+    /// Name, lowest and highest value of each observed column; what is observed may lie a little outside.
+    fn columns() -> &'static [(&'static str, f64, f64)];
+
+    /// What the actions are called.
+    fn actions() -> &'static [&'static str];
+
+    /// Begin as the task does.
+    fn start(&mut self, rng: &mut Rng);
+
+    /// Begin anywhere: a state drawn from most of what can be, as of a plant that logs see in many conditions.
+    fn start_anywhere(&mut self, rng: &mut Rng);
+
+    /// What is observed, in the task's own units.
+    fn observe(&self, observed: &mut Vec<f64>);
+
+    /// Take `action`.
+    fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome;
+}
+
+/// The tasks by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskKind {
+    /// Swing a two-link pendulum up: −1 a step until it is above the bar.
+    Acrobot,
+    /// Balance a pole on a cart: 1 a step until it falls.
+    CartPole,
+    /// Swing a pendulum up and hold it there, with five torques.
+    Pendulum,
+    /// Cross a unit square with two puddles: −1 a step, and up to −40 more in a puddle.
+    PuddleWorld,
+}
+
+impl TaskKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Acrobot, Self::CartPole, Self::Pendulum, Self::PuddleWorld];
+
+    /// The name in studies and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Acrobot => "acrobot",
+            Self::CartPole => "cart_pole",
+            Self::Pendulum => "pendulum",
+            Self::PuddleWorld => "puddle_world",
+        }
+    }
+
+    /// The return that stands for the worst that can follow, for models that do not know what does.
+    ///
+    /// The pole falls at once; of Acrobot, an episode to its timeout; of the others, about what random actions get.
+    pub const fn worst_return(self) -> f64 {
+        match self {
+            Self::Acrobot => -500.0,
+            Self::CartPole => 0.0,
+            Self::Pendulum => -1500.0,
+            Self::PuddleWorld => -2500.0,
+        }
+    }
+
+    /// An agent that learns the task well: for Acrobot, Cart-pole and Puddle world the best of the published grid by its true return.
+    pub fn good_agent(self) -> AgentConfig {
+        let of = |step_size, beta1, initial_weight| AgentConfig {
+            step_size,
+            beta1,
+            temperature: 1.0,
+            initial_weight,
+            ..AgentConfig::default()
+        };
+        match self {
+            Self::Acrobot => of(0.03, 0.9, 0.0),
+            Self::CartPole => of(0.3, 0.0, 8.0),
+            Self::Pendulum | Self::PuddleWorld => of(0.3, 0.9, 0.0),
+        }
+    }
+
+    /// Steps after which an episode is cut.
+    pub const fn timeout(self) -> usize {
+        match self {
+            Self::Acrobot | Self::CartPole | Self::PuddleWorld => 500,
+            Self::Pendulum => 200,
+        }
+    }
+
+    /// The mean return of ten episodes at which what was learnt counts as near-optimal.
+    pub const fn near_optimal(self) -> f64 {
+        match self {
+            Self::Acrobot => -100.0,
+            Self::CartPole => 300.0,
+            Self::Pendulum => -300.0,
+            Self::PuddleWorld => -45.0,
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Columns as they were recorded, beside the states: what was done, and what it was worth.
+
+use calib_core::Monitor;
+
+use crate::{DataError, Surveyed, log::Batch, names::hint};
+
+impl Surveyed {
+    /// The values of these channels in the training rows, one list a channel, `[names][rows]`: as recorded, without treatment, NaN where one is
+    /// missing. They may be channels that are no column of the states.
+    ///
+    /// # Errors
+    /// If there is no such channel, it holds no numbers, rows are sub-sampled (an action belongs to one row), a file cannot be read, or
+    /// the monitor interrupts.
+    pub fn recorded(
+        &self,
+        names: &[String],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<f64>>, DataError> {
+        if self.preprocess.subsample != 1 {
+            let got = self.preprocess.subsample.to_string();
+            let expected = "1 where actions are read: an action belongs to its own row";
+            return Err(DataError::config("preprocess.subsample".to_owned(), got, expected));
+        }
+        let log = &self.survey.log;
+        let all = || log.channels.iter().map(|channel| channel.name.as_str());
+        let mut channels = Vec::with_capacity(names.len());
+        for name in names {
+            let found = log.channels.iter().position(|channel| channel.name == *name);
+            let Some(channel) = found else {
+                return Err(DataError::NoSuchColumn {
+                    name: name.clone(),
+                    hint: hint(name, all()),
+                });
+            };
+            if !log.channels[channel].readable {
+                let type_name = log.channels[channel].type_name.clone();
+                return Err(DataError::NoNumbers { name: name.clone(), type_name });
+            }
+            channels.push(channel);
+        }
+        let starts = &self.survey.train.samples.starts;
+        let mut recorded = Vec::with_capacity(names.len());
+        let mut batch = Batch::default();
+        monitor.begin("reading actions and rewards", channels.len() as u64);
+        for some in channels.chunks(log.batch_size()) {
+            for channel in log.read(some, &mut batch, monitor)? {
+                recorded.push(starts.iter().map(|&row| channel.values[row as usize]).collect());
+            }
+        }
+        Ok(recorded)
+    }
+}

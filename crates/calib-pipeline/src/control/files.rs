@@ -1,0 +1,122 @@
+//! `control/`: the verdict about agents that act, and the runs that it rests on.
+
+use std::path::Path;
+
+use calib_control::{AgentConfig, ReturnVerdict, Run};
+use calib_data::table::Table;
+use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
+use calib_study::Study;
+use serde::{Deserialize, Serialize};
+
+use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
+
+pub(super) const VERDICT: &str = "verdict.json";
+pub(super) const RUNS: &str = "runs.parquet";
+
+/// `manifest.json` of the verdict.
+#[derive(Serialize, Deserialize)]
+pub(super) struct ControlManifest {
+    format: u32,
+    tool: String,
+    /// Fingerprint of what it follows from.
+    key: String,
+    study: Study,
+    /// Of the log.
+    log: Fingerprint,
+    files: Files,
+}
+
+impl Manifest for ControlManifest {
+    const FORMAT: u32 = 1;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// `verdict.json`: what the log holds, what was compared, and what to deploy.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Told {
+    /// What the actions are called, and how the log has them.
+    pub(super) actions: Vec<ActionTold>,
+    /// Columns of the states.
+    pub(super) columns: Vec<String>,
+    pub(super) transitions: usize,
+    pub(super) episodes: usize,
+    pub(super) terminals: usize,
+    /// Distance up to which a recorded transition covers a state.
+    pub(super) radius: f32,
+    /// What an episode ends with where the log does not cover a step.
+    pub(super) worst_return: f64,
+    /// What was compared.
+    pub(super) candidates: Vec<AgentConfig>,
+    /// What distinguishes each: field and value.
+    pub(super) fields: Vec<Vec<(String, String)>>,
+    pub(super) verdict: ReturnVerdict,
+    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`null` if it diverged).
+    pub(super) fitted_q_evaluation: Vec<Option<f64>>,
+}
+
+/// An action as the log has it.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct ActionTold {
+    pub(super) name: String,
+    /// Transitions with it.
+    pub(super) transitions: usize,
+    /// Share of the recorded states near which it was taken.
+    pub(super) covered: f64,
+}
+
+/// What a verdict follows from.
+pub(super) fn key(study: &Study, log: &Fingerprint) -> anyhow::Result<String> {
+    let resamples = study.evaluate.resamples;
+    artefact::key(&(ControlManifest::FORMAT, TOOL, log, &study.control, study.seed, resamples))
+}
+
+/// The verdict that is there, if it follows from the same and is whole.
+pub(super) fn kept(directory: &Path, key: &str) -> Option<Told> {
+    let manifest: ControlManifest = artefact::read(directory)?;
+    if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
+        return None;
+    }
+    read_sealed_json(&directory.join(VERDICT)).ok()
+}
+
+/// Write verdict and runs.
+pub(super) fn write(
+    directory: &Path,
+    study: &Study,
+    log: &Fingerprint,
+    told: &Told,
+    runs: &[Run],
+) -> anyhow::Result<()> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    artefact::write_table(table(runs), &directory.join(RUNS))?;
+    write_sealed_json(&directory.join(VERDICT), told)?;
+    let manifest = ControlManifest {
+        format: ControlManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key: key(study, log)?,
+        study: study.clone(),
+        log: log.clone(),
+        files: artefact::fingerprints(directory, [RUNS, VERDICT])?,
+    };
+    claim.complete(&manifest)
+}
+
+fn table(runs: &[Run]) -> Table {
+    let of = |value: fn(&Run) -> u64| -> Vec<i64> {
+        runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
+    };
+    Table::new()
+        .with("member", of(|run| run.member as u64))
+        .with("run", of(|run| run.run as u64))
+        .with("candidate", of(|run| run.candidate as u64))
+        .with("mean_return", runs.iter().map(|run| run.mean_return).collect::<Vec<f64>>())
+        .with("episodes", of(|run| run.episodes as u64))
+        .with("terminals", of(|run| run.terminals as u64))
+        .with("steps", of(|run| run.coverage.steps))
+        .with("missing", of(|run| run.coverage.missing))
+        .with("far", of(|run| run.coverage.far))
+}

@@ -1,0 +1,96 @@
+use anyhow::{Context as _, ensure};
+use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts};
+use calib_core::States;
+use calib_data::DataConfig;
+use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
+use calib_study::Job;
+
+use crate::{base::memory, log::plant_of_study::data_of, output::Printer};
+
+/// A log of decisions, read from the files of a study.
+pub(super) struct ActionLog {
+    pub(super) decisions: Decisions,
+    /// What the actions are called.
+    pub(super) actions: Vec<String>,
+    /// Columns of the states.
+    pub(super) columns: Vec<String>,
+    /// Of everything that the model is made of.
+    pub(super) fingerprint: Fingerprint,
+}
+
+/// Read the training range of the study's log with its actions, rewards and terminals.
+pub(super) fn read(
+    job: &Job,
+    config: &ControlConfig,
+    printer: &Printer,
+) -> anyhow::Result<ActionLog> {
+    let study = job.study();
+    let mut data = DataConfig { held_out: None, ..data_of(job)? };
+    data.exclude.extend(config.beside_the_state());
+    memory::check_log(&data)?;
+    printer.say(&format!("reading {}", data.path.0.join(", ")));
+    let progress = printer.progress();
+    let surveyed = calib_data::survey(&data, &study.preprocess, &progress)?;
+    let names = config.columns();
+    let recorded = surveyed.recorded(&names, &progress)?;
+    let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
+    let column = |name: &str| -> Vec<f64> {
+        let place = names.iter().position(|of| of == name);
+        place.map_or_else(Vec::new, |place| recorded[place].clone())
+    };
+    let levels = Levels::new(&recorded[..config.actions.len()], config.most_actions)?;
+    let rows = dataset.train.rows();
+    let rewards = config.reward.of(rows, column);
+    let ended = |value: &f64| {
+        if *value == 0.0 || value.is_nan() { Ending::Continues } else { Ending::Terminal }
+    };
+    let endings: Vec<Ending> = match &config.terminal {
+        Some(name) => column(name).iter().map(ended).collect(),
+        None => vec![Ending::Continues; rows],
+    };
+    let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
+    let frames = &dataset.train;
+    let decisions =
+        Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
+    let actions = (0..levels.values.len()).map(|of| levels.name(of, &config.actions)).collect();
+    let fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
+    let columns = dataset.normaliser.columns().iter().map(|of| of.name.clone()).collect();
+    Ok(ActionLog { decisions, actions, columns, fingerprint })
+}
+
+fn fingerprint(
+    states: &Fingerprint,
+    levels: &Levels,
+    rewards: &[f32],
+    endings: &[Ending],
+) -> Fingerprint {
+    let mut all = Fingerprinter::default();
+    all.add(b"decisions 1").add(states.to_string().as_bytes());
+    for value in levels.values.iter().flatten() {
+        all.add(&value.to_le_bytes());
+    }
+    for ((action, reward), ending) in levels.of_rows.iter().zip(rewards).zip(endings) {
+        let action = action.map_or(u32::MAX, u32::from);
+        // Every NaN is the same missing reward.
+        let reward = if reward.is_nan() { f32::NAN } else { *reward };
+        all.add(&action.to_le_bytes()).add(&reward.to_bits().to_le_bytes());
+        all.add(&[u8::from(*ending == Ending::Terminal)]);
+    }
+    all.finish()
+}
+
+/// The states in which episodes begin.
+pub(super) fn starts(log: &Decisions, start: StartRows) -> anyhow::Result<Starts> {
+    let rows: Vec<usize> = match start {
+        StartRows::Episodes => log.starts().into_iter().map(|row| row.get()).collect(),
+        StartRows::Anywhere => {
+            log.transitions().sources().iter().map(|&row| row as usize).collect()
+        }
+    };
+    ensure!(!rows.is_empty(), "the log has no episode");
+    let states = log.states();
+    let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row)).copied().collect();
+    let states = States::new(values, rows.len(), states.columns())
+        .context("the first states of episodes")?;
+    Ok(Starts { observed: states.clone(), metric: states })
+}

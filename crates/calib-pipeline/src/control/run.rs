@@ -1,0 +1,125 @@
+use anyhow::bail;
+use calib_control::{
+    ActionModel, ControlConfig, Extent, Span, Support, fitted_q_evaluation, judge, sweep,
+};
+use calib_study::Job;
+
+use super::{
+    files::{self, ActionTold, Told},
+    log::{self, ActionLog},
+    show,
+};
+use crate::{
+    base::{clock::Stopwatch, outcome::Outcome},
+    output::{Printer, count, duration},
+};
+
+/// From the log of decisions to the verdict.
+pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+    let clock = Stopwatch::start();
+    job.refuse_deployment()?;
+    let study = job.study();
+    let Some(config) = &study.control else {
+        bail!(
+            "{} has no [control] section; say there which columns are actions: [control] actions = [\"COLUMN\"]",
+            job.layout().study().display()
+        );
+    };
+    let log = log::read(job, config, printer)?;
+    let directory = job.layout().control();
+    let kept = if job.policy().redoes() {
+        None
+    } else {
+        files::kept(&directory, &files::key(study, &log.fingerprint)?)
+    };
+    if let Some(told) = kept {
+        printer.say(&format!("{} is up to date", directory.display()));
+        return show::show(&told, printer);
+    }
+    let candidates = config.grid.candidates(config.agent)?;
+    announce(config, &log, candidates.len(), printer);
+    if job.policy().is_dry() {
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(Outcome::Done);
+    }
+    let (told, runs) = judged(job, config, log, printer)?;
+    files::write(&directory, study, &told.0, &told.1, &runs)?;
+    let took = duration(clock.elapsed());
+    printer.say(&format!("written to {} in {took}", directory.display()));
+    show::show(&told.1, printer)
+}
+
+/// What there is and what will be done.
+fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer: &Printer) {
+    let decisions = &log.decisions;
+    printer.say(&format!(
+        "{} transitions in {} episodes, {} of which end in a terminal; {} actions; states of {} columns",
+        count(decisions.len()),
+        count(decisions.starts().len()),
+        count(decisions.terminals()),
+        count(decisions.levels()),
+        log.columns.len(),
+    ));
+    let members = config.model.members;
+    printer.say(&format!(
+        "{} candidates x {members} members x {} runs of {} steps",
+        count(candidates),
+        config.runs,
+        count(config.steps),
+    ));
+}
+
+type Judged = ((calib_files::Fingerprint, Told), Vec<calib_control::Run>);
+
+/// Build the model, let every candidate act in it, and judge.
+fn judged(
+    job: &Job,
+    config: &ControlConfig,
+    log: ActionLog,
+    printer: &Printer,
+) -> anyhow::Result<Judged> {
+    let (study, progress) = (job.study(), printer.progress());
+    let seed = calib_core::Seed::new(study.seed).child("control");
+    let candidates = config.grid.candidates(config.agent)?;
+    let ActionLog { decisions, actions, columns, fingerprint } = log;
+    let metric = decisions.states().clone();
+    let starts = log::starts(&decisions, config.start)?;
+    let observed = starts.observed.clone();
+    let worst = decisions.returns().into_iter().fold(f64::INFINITY, f64::min);
+    let worst = config.worst_return.unwrap_or(worst);
+    let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
+    let extent =
+        Extent { runs: config.runs, span: Span { steps: config.steps, timeout: config.timeout } };
+    let runs = sweep(&model, &candidates, extent, seed, &progress)?;
+    let decisions = model.log();
+    let support = Support {
+        most_uncovered: config.most_uncovered,
+        fewest_terminals: config.fewest_terminals,
+    };
+    let default = candidates.iter().position(|of| *of == config.agent);
+    let resamples = study.evaluate.resamples;
+    let verdict = judge(&runs, candidates.len(), default, decisions, support, resamples, seed)?;
+    let (steps, timeout) = (config.steps, config.timeout);
+    let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
+    let of_action = |(name, (transitions, covered))| ActionTold { name, transitions, covered };
+    let counted = decisions.counts().into_iter().zip(model.covered());
+    let told = Told {
+        actions: actions.into_iter().zip(counted).map(of_action).collect(),
+        columns,
+        transitions: decisions.len(),
+        episodes: decisions.starts().len(),
+        terminals: decisions.terminals(),
+        radius: model.radius(),
+        worst_return: model.worst_return(),
+        fields: candidates.iter().map(|of| named(config, of)).collect(),
+        verdict,
+        fitted_q_evaluation: fitted.into_iter().map(|of| of.is_finite().then_some(of)).collect(),
+        candidates,
+    };
+    Ok(((fingerprint, told), runs))
+}
+
+fn named(config: &ControlConfig, candidate: &calib_control::AgentConfig) -> Vec<(String, String)> {
+    let told = config.grid.told(candidate).into_iter();
+    told.map(|(field, value)| (field.to_owned(), value)).collect()
+}

@@ -1,0 +1,160 @@
+"""The table and the figure of docs/control.md, from what the protocol of control left in a folder.
+
+    cargo run --release -p calib-control --example protocol -- DIR LOGS TRUTH_RUNS
+    python3 scripts/control_protocol.py DIR [docs/figures/control.svg]
+
+Prints Markdown: for each task, behaviour and length of log, the true mean return of what the model chooses, of what fitted Q
+evaluation chooses, and both regrets beside that of a random choice, with 95 % t-intervals over logs.
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+TASKS = ["acrobot", "puddle_world", "cart_pole"]
+QUALITIES = ["near_optimal", "medium", "random"]
+LENGTHS = [500, 5000]
+# Two-sided 95 % quantiles of Student's t by degrees of freedom.
+T = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
+     2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
+# calib's own default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
+DEFAULT = 21
+
+
+def interval(values):
+    """Mean and half the width of its 95 % t-interval."""
+    mean = sum(values) / len(values)
+    if len(values) < 2:
+        return mean, math.nan
+    std = math.sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))
+    return mean, T[min(len(values) - 2, len(T) - 1)] * std / math.sqrt(len(values))
+
+
+def told(values):
+    mean, half = interval(values)
+    return f"{mean:.0f} ± {half:.0f}"
+
+
+def percentile(truth, chosen):
+    own = truth[chosen]
+    below = sum(of < own for of in truth) + 0.5 * (sum(of == own for of in truth) - 1)
+    return below / (len(truth) - 1)
+
+
+def read(folder):
+    truth = {}
+    for task in TASKS:
+        runs = json.loads((folder / f"truth-{task}.json").read_text())["returns"]
+        truth[task] = [sum(run[c] for run in runs) / len(runs) for c in range(len(runs[0]))]
+    logs = [json.loads(line) for line in (folder / "logs.jsonl").read_text().splitlines()]
+    return truth, logs
+
+
+def best_single(truth):
+    """The candidate with the best mean percentile over all tasks: the default of one who knows all truths."""
+    count = len(truth[TASKS[0]])
+    return max(range(count), key=lambda c: sum(percentile(truth[task], c) for task in TASKS))
+
+
+def cells(truth, logs, rule):
+    for task in TASKS:
+        for quality in QUALITIES:
+            for length in LENGTHS:
+                own = [log for log in logs if (log["task"], log["quality"], log["transitions"]) == (task, quality, length) and log["rule"] == rule]
+                if own:
+                    yield task, quality, length, own
+
+
+def table(truth, logs, rule):
+    single = best_single(truth)
+    print("| task | behaviour | steps | logs | model | fitted Q | behaviour's own | model's percentile | random − model, regret | fitted Q − model, regret |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for task, quality, length, own in cells(truth, logs, rule):
+        of = truth[task]
+        random = sum(of) / len(of)
+        model = [of[log["chosen"]] for log in own]
+        fitted = [of[log["fitted"]] for log in own]
+        ranks = [percentile(of, log["chosen"]) for log in own]
+        print(
+            f"| {task} | {quality} | {length:,} | {len(own)} | {told(model)} | {told(fitted)} "
+            f"| {sum(log['behaviour'] for log in own) / len(own):.0f} | {100 * sum(ranks) / len(ranks):.0f} % "
+            f"| {told([m - random for m in model])} | {told([m - f for m, f in zip(model, fitted)])} |"
+        )
+    print()
+    print("| task | best | best single default | calib's default | random choice |")
+    print("|---|---|---|---|---|")
+    for task in TASKS:
+        of = truth[task]
+        print(f"| {task} | {max(of):.0f} | {of[single]:.0f} | {of[DEFAULT]:.0f} | {sum(of) / len(of):.0f} |")
+    print()
+    for name, keep in [("all logs", lambda log: True), ("supported", lambda log: not log["doubts"]), ("refused", lambda log: log["doubts"])]:
+        own = [log for log in logs if log["rule"] == rule and keep(log)]
+        if own:
+            shares = [percentile(truth[log["task"]], log["chosen"]) for log in own]
+            worst = min(shares)
+            print(f"{name}: {len(own)} logs, mean percentile {100 * sum(shares) / len(shares):.0f} %, worst {100 * worst:.0f} %")
+    # Regret as a share of that of a random choice, over all logs of each task.
+    for task in TASKS:
+        of = truth[task]
+        random = max(of) - sum(of) / len(of)
+        own = [log for log in logs if log["task"] == task and log["rule"] == rule]
+        if own:
+            shares = [100 * (max(of) - of[log["chosen"]]) / random for log in own]
+            others = [100 * (max(of) - of[log["fitted"]]) / random for log in own]
+            both = [b - a for a, b in zip(shares, others)]
+            print(f"{task}: regret in % of a random choice's: model {told(shares)}, fitted Q {told(others)}, fitted Q − model {told(both)}")
+
+
+def svg(truth, logs, rule):
+    width, height, left, top = 330, 260, 56, 34
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{3 * width + 20}" height="{height + 110}" font-family="sans-serif" font-size="11">',
+        '<rect width="100%" height="100%" fill="white"/>',
+    ]
+    single = best_single(truth)
+    for number, task in enumerate(TASKS):
+        of = truth[task]
+        low, high = min(of), max(of)
+        x0 = number * width + left
+        y = lambda value: top + (high - value) / (high - low) * height
+        parts.append(f'<text x="{x0 + 125}" y="18" text-anchor="middle" font-size="13">{task.replace("_", " ")}</text>')
+        parts.append(f'<rect x="{x0}" y="{top}" width="260" height="{height}" fill="none" stroke="#999"/>')
+        for share in range(5):
+            value = low + (high - low) * share / 4
+            parts.append(f'<text x="{x0 - 5}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
+        for value, colour, dash in [(high, "#222", ""), (of[single], "#2a7", "6 3"), (sum(of) / len(of), "#999", "2 3")]:
+            parts.append(f'<line x1="{x0}" x2="{x0 + 260}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="{colour}" stroke-dasharray="{dash}"/>')
+        for place, (own_task, quality, length, own) in enumerate([of_cell for of_cell in cells(truth, logs, rule) if of_cell[0] == task]):
+            x = x0 + 25 + 42 * place
+            for key, colour, shift in [("chosen", "#06c", -5), ("fitted", "#c50", 5)]:
+                mean, half = interval([of[log[key]] for log in own])
+                half = 0 if math.isnan(half) else half
+                up, down = y(min(high, mean + half)), y(max(low, mean - half))
+                parts.append(f'<line x1="{x + shift}" x2="{x + shift}" y1="{up:.1f}" y2="{down:.1f}" stroke="{colour}" stroke-width="2"/>')
+                parts.append(f'<circle cx="{x + shift}" cy="{y(mean):.1f}" r="4" fill="{colour}"/>')
+            parts.append(f'<text x="{x}" y="{top + height + 16}" text-anchor="middle">{length}</text>')
+            if length == LENGTHS[0]:
+                parts.append(f'<text x="{x + 21}" y="{top + height + 32}" text-anchor="middle">{quality.replace("_", "-")}</text>')
+    y = top + height + 58
+    for x, colour, text in [(60, "#06c", "chosen in the model"), (220, "#c50", "chosen by fitted Q evaluation"), (430, "#222", "best"), (500, "#2a7", "best single default"), (650, "#999", "random choice")]:
+        parts.append(f'<rect x="{x}" y="{y - 9}" width="12" height="10" fill="{colour}"/><text x="{x + 17}" y="{y}">{text}</text>')
+    parts.append(f'<text x="60" y="{y + 22}">True mean return an episode of what was chosen, with 95 % t-intervals over logs; by behaviour and length of the log in steps.</text>')
+    parts.append("</svg>")
+    return "\n".join(parts) + "\n"
+
+
+def main():
+    folder = Path(sys.argv[1])
+    truth, logs = read(folder)
+    for rule in ["nearest", "minimum_return"]:
+        if any(log["rule"] == rule for log in logs):
+            print(f"### {rule}\n")
+            table(truth, logs, rule)
+            print()
+    if len(sys.argv) > 2:
+        Path(sys.argv[2]).write_text(svg(truth, logs, "nearest"))
+
+
+if __name__ == "__main__":
+    main()

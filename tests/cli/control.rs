@@ -1,0 +1,81 @@
+//! Agents that act: from a log of decisions to a verdict.
+
+use std::fs;
+
+use crate::harness::Place;
+
+/// Cart-pole as a random policy acts in it, and two agents.
+fn place() -> Place {
+    let place = Place::new();
+    let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
+    place.calib(&[&args[..], &["--transitions", "1500"]].concat()).succeeds();
+    let path = place.path().join("pole/study.toml");
+    let text = fs::read_to_string(&path).expect("a study is written beside the log");
+    let (before, _) = text.split_once("[control.grid]").expect("a grid");
+    let small = before.replace("steps = 15000", "steps = 1500");
+    let grid = "[control.model]\nmembers = 3\n\n[control.grid]\nstep_size = [0.03, 0.3]\n";
+    fs::write(&path, format!("{small}{grid}")).expect("writable");
+    place
+}
+
+#[test]
+fn a_log_of_decisions_becomes_a_verdict() {
+    let place = place();
+    let study = "pole/study.toml";
+    let told = place.calib(&["control", study]).succeeds();
+    for part in ["action=0", "action=1", "step_size=0.3", "deploy: step_size=", "over the default"]
+    {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let results = "pole/study-results/control";
+    let first = place.content(results);
+    let again = place.calib(&["control", study]);
+    assert!(again.stderr().contains("up to date"), "{}", again.stderr());
+    assert_eq!(again.succeeds(), told, "what is there is told as it was");
+    place.calib(&["control", study, "--force", "--threads", "1"]).succeeds();
+    assert!(place.content(results) == first, "the same bytes on one thread");
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&["control", study, "--json"]).succeeds()).expect("JSON");
+    assert_eq!(json["transitions"], 1500);
+    assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
+    assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
+    assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");
+    // Another reward is another verdict.
+    let set = "control.reward=[{ column = 'angle', set_point = 0.0, weight = -1.0 }]";
+    let other = place.calib(&["control", study, "--set", set, "--dry-run"]);
+    assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
+    place.calib(&["check", "pole/study-results"]).succeeds();
+}
+
+#[test]
+fn what_the_log_does_not_support_is_refused() {
+    let place = place();
+    let study = "pole/study.toml";
+    let strict = ["control", study, "--set", "control.fewest_terminals=100000"];
+    let ran = place.calib(&strict).fails(1);
+    assert!(ran.contains("end in a terminal"), "{ran}");
+}
+
+#[test]
+fn mistakes_in_the_section_say_what_to_do() {
+    let place = place();
+    let study = "pole/study.toml";
+    let refused = |set: &str| place.calib(&["control", study, "--set", set]).fails(2);
+    let told = refused("control.actions=['acton']");
+    assert!(told.contains("acton") && told.contains("did you mean action"), "{told}");
+    let told = refused("control.actions=[]");
+    assert!(told.contains("name the columns of the action"), "{told}");
+    let told = refused("control.actions=['angle']");
+    assert!(told.contains("more than 64 different actions"), "{told}");
+    let told = refused("preprocess.subsample=2");
+    assert!(told.contains("subsample") && told.contains("its own row"), "{told}");
+    let told = refused("control.agent.temperature=0");
+    assert!(told.contains("temperature"), "{told}");
+    let told = place.calib(&["simulate", "pole", "--task", "cart-pole"]).fails(2);
+    assert!(told.contains("--force"), "{told}");
+    let told = place.calib(&["simulate", "x", "--task", "acrobot", "--days", "3"]).fails(2);
+    assert!(told.contains("of the plant"), "{told}");
+    place.write("plain.toml", "[data]\npath = \"pole/log.parquet\"\n");
+    let told = place.calib(&["control", "plain.toml"]).fails(2);
+    assert!(told.contains("[control]"), "{told}");
+}
