@@ -4,6 +4,7 @@
 //! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
 //! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before.
 //! - [`import`]: a log of any form as one wide Parquet file.
+//! - [`write_arrow_stream`]: a table in memory, handed over by another program, as a Parquet file.
 //! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
 //! - [`read_tags`]: units and labels of channels, from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
@@ -17,6 +18,7 @@
 //! The second (`dataset`) reads the kept channels again and writes the states. Both go through the
 //! channels in batches, file by file and slice by slice: memory is the states, the timestamps and one batch.
 
+mod arrow;
 mod channel;
 mod checksums;
 mod config;
@@ -43,6 +45,7 @@ mod tags;
 mod text;
 mod time;
 
+pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use config::{
     Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
     Reduce, Resample, Shape, TimeRange, TimestampUnit,

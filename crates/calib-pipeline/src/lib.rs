@@ -49,6 +49,7 @@ pub use log::{
     plant_of_study::{data_of, plant_of},
     simulate::Simulated,
 };
+pub use model::calibration::Calibration;
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use steps::{
     build_model, check, evaluate, pretrain, propose, represent, rollout, run, simulate,
