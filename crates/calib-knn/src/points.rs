@@ -191,7 +191,10 @@ mod tests {
         let points = || Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
         let join = |k, of| points().join(k, of, IndexKind::Auto, &Silent);
         assert_eq!(join(1, SelfMatch::Excluded).expect("found").distances, [1.0, 1.0, 2.0]);
-        assert!(matches!(join(3, SelfMatch::Excluded), Err(KnnError::TooFewPoints { most: 2, .. })));
+        assert!(matches!(
+            join(3, SelfMatch::Excluded),
+            Err(KnnError::TooFewPoints { most: 2, .. })
+        ));
         assert!(matches!(join(0, SelfMatch::Allowed), Err(KnnError::NoNeighbors)));
         assert!(matches!(Points::new(vec![], 3), Err(KnnError::Points { count: 0 })));
         assert!(matches!(Points::new(vec![f32::NAN], 1), Err(KnnError::States(_))));
