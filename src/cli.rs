@@ -1,14 +1,17 @@
 //! The command line, and nothing else: what may be typed and what it means.
 
-use std::{path::PathBuf, sync::LazyLock};
+use std::{
+    path::{Path, PathBuf},
+    sync::LazyLock,
+};
 
 use calib_dtw::{LocalDistance, StepPattern, Window};
 use calib_knn::IndexKind;
 use calib_pipeline::{
     Answer, MemorySize, ProposeOptions, STEP_PATTERNS, Standing, ValidityExtent, ValidityOptions,
 };
-use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use calib_study::{Existing, Job, Policy, Request, Study, StudyError, Writes};
+use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
 
 /// Headings of options.
@@ -85,7 +88,10 @@ pub(crate) enum Command {
     /// Train agents for every value of the grid in the model, Online and on the replayed log
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
-    Evaluate(StudyArgs),
+    #[command(mut_arg("study", |arg| {
+        arg.required(false).required_unless_present("runs").default_value_if("runs", ArgPredicate::IsPresent, NO_STUDY)
+    }))]
+    Evaluate(EvaluateArgs),
     /// Read results, and name what is not what was written
     Check(CheckArgs),
     /// Judge how well calib chooses, over several studies with held-out data
@@ -116,11 +122,10 @@ impl Command {
     /// Whom the result is for.
     pub(crate) fn answer(&self) -> Answer {
         let json = match self {
-            Self::Run(args)
-            | Self::Rollout(args)
-            | Self::Pretrain(args)
-            | Self::Sweep(args)
-            | Self::Evaluate(args) => args.json,
+            Self::Run(args) | Self::Rollout(args) | Self::Pretrain(args) | Self::Sweep(args) => {
+                args.json
+            }
+            Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
@@ -193,6 +198,32 @@ impl StudyArgs {
         let writes = if dry_run { Writes::Nothing } else { Writes::Missing };
         let policy = Policy { existing, writes };
         Job::resolve(Request { study, set, profile, model, deployment, output, policy })
+    }
+}
+
+/// In the place of a study where there is none.
+const NO_STUDY: &str = "-";
+
+#[derive(Debug, Args)]
+pub(crate) struct EvaluateArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Judge the runs of this table (Parquet), which something else made, instead of a sweep; a study is only looked at for how to judge
+    #[arg(long, value_name = "FILE")]
+    pub(crate) runs: Option<PathBuf>,
+}
+
+impl EvaluateArgs {
+    /// What judges the runs of a table: the study, or without one the defaults with what is set.
+    ///
+    /// # Errors
+    /// As [`Job::resolve`].
+    pub(crate) fn judging(study: StudyArgs) -> Result<(Study, Option<PathBuf>), StudyError> {
+        let output = study.output.clone();
+        if study.study == Path::new(NO_STUDY) {
+            return Ok((calib_study::of_data(Path::new(NO_STUDY), &study.set)?, output));
+        }
+        Ok((study.job()?.study().clone(), output))
     }
 }
 

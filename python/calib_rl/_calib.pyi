@@ -7,6 +7,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._progress import Observer
 
+__all__ = [
+    "Job",
+    "Model",
+    "Score",
+    "Streams",
+    "Walkers",
+    "__version__",
+    "dtw",
+    "evaluate_runs",
+    "knn_join",
+    "main",
+    "set_threads",
+    "simulate",
+    "to_toml",
+    "write_log",
+]
+
 __version__: str
 
 _Seen = tuple[
@@ -89,6 +106,30 @@ class Walkers:
     def step(self, /) -> _Seen: ...
     def step_one(self, /) -> tuple[NDArray[np.float32], float, bool, int, int, float]: ...
 
+@final
+class Streams:
+    @staticmethod
+    def of_job(job: Job, observer: Observer | None = None) -> Streams: ...
+    def runs(self, /) -> list[tuple[str, int, int, int, str, int]]: ...
+    def sensors(self, /) -> list[tuple[str, int]]: ...
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def part(self) -> str: ...
+    def states(self, /, stream: int) -> tuple[NDArray[np.float32], list[tuple[int, int]]]: ...
+    def score(
+        self, /, stream: int, sensor: str, candidate: int, predictions: ArrayLike, updates: int
+    ) -> Score: ...
+    def write(self, /, path: str, candidates: list[tuple[str, bool]], scores: list[Score]) -> None: ...
+
+@final
+class Score:
+    @property
+    def nrmse(self) -> float: ...
+
+def evaluate_runs(
+    runs: str, job: Job | None = None, output: str | None = None, observer: Observer | None = None
+) -> str: ...
 def to_toml(of: Any) -> str: ...
 def write_log(stream: Any, path: str) -> tuple[int, int]: ...
 def knn_join(

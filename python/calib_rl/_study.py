@@ -74,15 +74,20 @@ class Study:
             source = _written(Path(path), _calib.to_toml(merged))
         elif sections or path is not None:
             raise TypeError("a study file is complete; lay keys over it with set={'section.key': value}")
-        self._job = _calib.Job(
-            os.fspath(source),
-            set=_overrides(set),
-            profile=profile,
-            model=model,
-            deployment=deployment,
-            output=None if output is None else os.fspath(output),
-            redo=redo,
-        )
+        self._arguments: dict[str, Any] = {
+            "source": os.fspath(source),
+            "set": _overrides(set),
+            "profile": profile,
+            "model": model,
+            "deployment": deployment,
+            "output": None if output is None else os.fspath(output),
+        }
+        given = {key: value for key, value in self._arguments.items() if key != "source"}
+        self._job = _calib.Job(os.fspath(source), redo=redo, **given)
+
+    def _given(self) -> dict[str, Any]:
+        """What makes the same study again in another process."""
+        return self._arguments
 
     @property
     def path(self) -> Path:

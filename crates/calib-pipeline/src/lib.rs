@@ -23,6 +23,7 @@ mod base;
 mod chain;
 mod check;
 mod each;
+mod external;
 mod log;
 mod model;
 pub mod output;
@@ -45,6 +46,7 @@ pub use base::{
     outcome::{Outcome, StepError},
 };
 pub use calib_study::{Job, Request, StudyError};
+pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};
 pub use log::{
     plant_of_study::{data_of, plant_of},
     simulate::Simulated,
@@ -52,8 +54,8 @@ pub use log::{
 pub use model::calibration::Calibration;
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use steps::{
-    build_model, check, evaluate, pretrain, propose, represent, rollout, run, simulate,
-    simulate_plant, sweep, validity,
+    build_model, check, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
+    simulate, simulate_plant, sweep, validity,
 };
 pub use verdict::described::{Descriptions, unknown as unknown_sensors};
 

@@ -34,7 +34,7 @@ use crate::{
 };
 
 /// `manifest.json` of a sweep directory.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SweepManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
@@ -69,7 +69,7 @@ pub(crate) struct SweepManifest {
 }
 
 /// The states of a deployment.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct HeldOut {
     pub(crate) rows: u64,
     /// Times of the first and the last.
@@ -90,7 +90,7 @@ impl HeldOut {
 
 impl SweepManifest {
     /// Of a sweep that has trained nothing yet.
-    fn of_nothing(
+    pub(crate) fn of_nothing(
         study: &Study,
         dataset: &Dataset,
         model: String,
