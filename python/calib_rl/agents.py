@@ -135,6 +135,7 @@ def _predictions(
     agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
 ) -> tuple[NDArray[np.float32], int]:
     predictions = np.zeros(steps, np.float32)
+    largest = float(np.finfo(np.float32).max)
     rewards = states[:, column].astype(float).tolist()
     predict, update = agent.predict, agent.update
     begin = getattr(agent, "begin", None)
@@ -146,14 +147,12 @@ def _predictions(
             begin()
         for t in range(start, min(end - 1, steps)):
             prediction = float(predict(states[t]))
-            predictions[t] = prediction
-            if not math.isfinite(prediction):
+            if not abs(prediction) <= largest:
                 predictions[t] = math.nan
                 return predictions, updates
+            predictions[t] = prediction
             update(states[t], rewards[t + 1], states[t + 1])
             updates += 1
-        if end - 1 < steps and end > start:
-            predictions[end - 1] = 0.0
     return predictions, updates
 
 

@@ -63,7 +63,7 @@ impl Memory {
     }
 }
 
-fn shown<'py>(py: Python<'py>, memory: Memory) -> PyResult<Bound<'py, PyAny>> {
+fn shown(py: Python<'_>, memory: Memory) -> PyResult<Bound<'_, PyAny>> {
     py.import("numpy")?.call_method1("asarray", (Bound::new(py, memory)?,))
 }
 

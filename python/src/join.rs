@@ -43,17 +43,12 @@ pub(crate) fn knn_join<'py>(
     let work = |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
         let monitor = Watching(Arc::clone(watch));
         let points = Points::new(values, shape[1])?;
-        match queries {
-            Some((values, shape)) => {
-                let states = States::new(values, shape[0], shape[1])?;
-                points.nearest(&states, k, kind, &monitor)
-            }
-            None => {
-                let excluded = SelfMatch::Excluded;
-                let self_match = if exclude_self { excluded } else { SelfMatch::Allowed };
-                points.join(k, self_match, kind, &monitor)
-            }
+        if let Some((values, shape)) = queries {
+            let states = States::new(values, shape[0], shape[1])?;
+            return points.nearest(&states, k, kind, &monitor);
         }
+        let self_match = if exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed };
+        points.join(k, self_match, kind, &monitor)
     };
     let found = watched(py, Needs::Threads, observer, work)?;
     let found = found.map_err(|error| errors::value(error.to_string()))?;

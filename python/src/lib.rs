@@ -3,6 +3,11 @@
 //! Arrays go through NumPy's array interface (`array`): what comes in is copied once, what goes out is owned by Python or a
 //! view of a mapped file. Long work runs on a thread of its own, while the calling one looks for Ctrl-C (`work`).
 
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "pyo3 hands over what it made of Python's values"
+)]
+
 mod array;
 mod convert;
 mod dtw;

@@ -249,7 +249,7 @@ impl Model {
             let starts = start_states(&of, source, count, source.seed_of(seed, member))?;
             let monitor = Watching(Arc::clone(watch));
             let all = rollouts(&of, &starts, steps, kept.weights(), seed, &monitor)?;
-            visited.extend(all.iter().flat_map(|one| one.rows()).map(|row| row.0));
+            visited.extend(all.iter().flat_map(calib_rollout::Rollout::rows).map(|row| row.0));
             Ok::<_, calib_rollout::RolloutError>(visited)
         };
         let visited = watched(py, Needs::Threads, observer, work)?;

@@ -17,6 +17,8 @@ use crate::{
 
 /// Environment, run, row that it starts from, seed, fingerprint, steps.
 type Told = (String, usize, u32, u64, String, usize);
+/// States, and their unbroken pieces.
+type States<'py> = (Bound<'py, PyAny>, Vec<(usize, usize)>);
 /// Values of a candidate as JSON, and whether it is the default.
 type Candidate = (String, bool);
 
@@ -85,11 +87,7 @@ impl Streams {
     }
 
     /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
-    fn states<'py>(
-        &self,
-        py: Python<'py>,
-        stream: usize,
-    ) -> PyResult<(Bound<'py, PyAny>, Vec<(usize, usize)>)> {
+    fn states<'py>(&self, py: Python<'py>, stream: usize) -> PyResult<States<'py>> {
         self.check(stream)?;
         let of = &self.streams.runs()[stream].stream;
         let (count, width) = (of.len(), of.width());

@@ -31,7 +31,7 @@ struct Walker {
 #[pyclass(module = "calib_rl._calib")]
 pub(crate) struct Walkers {
     kept: Arc<Kept>,
-    walkers: Vec<Walker>,
+    walks: Vec<Walker>,
     columns: Vec<Mapped>,
     reward: Mapped,
     /// Steps after which a walk is over; 0 for never.
@@ -63,13 +63,13 @@ impl Walkers {
             over: true,
             distance: 0.0,
         };
-        let walkers = members.into_iter().enumerate().map(walker).collect();
-        Self { kept, walkers, columns, reward, most }
+        let walks = members.into_iter().enumerate().map(walker).collect();
+        Self { kept, walks, columns, reward, most }
     }
 
     /// What walker `number` sees, at the end of `seen`; its reward, row and time.
     fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
-        let row = self.kept.knn().transitions().next(self.walkers[number].at).get();
+        let row = self.kept.knn().transitions().next(self.walks[number].at).get();
         let state = self.kept.states().row(row);
         seen.extend(
             self.columns
@@ -81,18 +81,18 @@ impl Walkers {
     }
 
     fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
-        let count = self.walkers.len();
+        let count = self.walks.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
         let (mut rewards, mut rows, mut times) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
-        for number in 0..count {
+        for (number, begun) in begun.iter().enumerate() {
             let (reward, row, time) = self.look(number, &mut seen);
-            rewards.push(if begun[number] { 0.0 } else { reward });
+            rewards.push(if *begun { 0.0 } else { reward });
             rows.push(row);
             times.push(time);
         }
-        let over: Vec<bool> = self.walkers.iter().map(|of| of.over).collect();
-        let distances: Vec<f32> = self.walkers.iter().map(|of| of.distance).collect();
+        let over: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
+        let distances: Vec<f32> = self.walks.iter().map(|of| of.distance).collect();
         Ok((
             owned(py, seen, &[count, self.columns.len()])?,
             owned(py, rewards, &[count])?,
@@ -130,14 +130,14 @@ impl Walker {
 impl Walkers {
     /// Seed some walkers, or all: of walker i by seeds[i].
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        if seeds.len() != self.walkers.len() {
+        if seeds.len() != self.walks.len() {
             return Err(errors::value(format!(
                 "{} seeds for {} walkers",
                 seeds.len(),
-                self.walkers.len()
+                self.walks.len()
             )));
         }
-        for (walker, seed) in self.walkers.iter_mut().zip(seeds) {
+        for (walker, seed) in self.walks.iter_mut().zip(seeds) {
             if let Some(seed) = seed {
                 walker.rng = rng(seed, 0);
             }
@@ -152,7 +152,7 @@ impl Walkers {
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Arrays<'py>> {
-        let count = self.walkers.len();
+        let count = self.walks.len();
         let which = match which {
             Some(which) => copied::<bool>(which, "which", &[1])?.0,
             None => vec![true; count],
@@ -160,7 +160,7 @@ impl Walkers {
         if which.len() != count {
             return Err(errors::value(format!("{} marks for {count} walkers", which.len())));
         }
-        for (walker, _) in self.walkers.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
+        for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
             walker.begin(&self.kept);
         }
         self.arrays(py, &which)
@@ -169,9 +169,9 @@ impl Walkers {
     /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they are over `bool [n]`, rows and times
     /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
-        let begun: Vec<bool> = self.walkers.iter().map(|of| of.over).collect();
+        let begun: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
         let (kept, most) = (Arc::clone(&self.kept), self.most);
-        for walker in &mut self.walkers {
+        for walker in &mut self.walks {
             if walker.over {
                 walker.begin(&kept);
             } else {
@@ -187,7 +187,7 @@ impl Walkers {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, i64, i64, f32)> {
         let (kept, most) = (Arc::clone(&self.kept), self.most);
-        let Some(walker) = self.walkers.first_mut() else {
+        let Some(walker) = self.walks.first_mut() else {
             return Err(errors::value("there is no walker"));
         };
         walker.step(&kept, most);

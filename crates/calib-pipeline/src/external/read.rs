@@ -6,6 +6,7 @@ use anyhow::{Context as _, bail, ensure};
 use calib_agent::{AgentConfig, Part, PartScore, Scores};
 use calib_data::table::{Table, read_parquet};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
+use serde_json::Value;
 
 use crate::base::memory::check_table;
 
@@ -73,67 +74,94 @@ fn of_table(table: &Table, part: Part) -> anyhow::Result<Runs> {
     let numbers = columns.counts("candidate", None)?;
     let candidates = candidates(&columns, &numbers)?;
     let runs = columns.counts("run", None)?;
-    let rmse = columns.numbers("rmse", f64::NAN)?;
-    ensure!(table.values("rmse").is_some(), "it has no column `rmse`");
-    let (scale, std) = (columns.numbers("error_scale", 1.0)?, columns.numbers("return_std", 0.0)?);
-    let mean = columns.numbers("mean_return", 0.0)?;
-    let [steps, scored, start] =
-        ["steps", "scored_steps", "start_row"].map(|name| columns.counts(name, Some(0)));
-    let (steps, scored, start) = (steps?, scored?, start?);
-    let updates = columns.counts("updates", Some(1))?;
+    let measured = Measured::of(&columns)?;
     let mut units: BTreeMap<(String, EnvironmentId, u64), UnitResult> = BTreeMap::new();
     let mut order: Vec<String> = Vec::new();
     for row in 0..rows {
-        let environment = environment(&environments[row]).with_context(|| format!("row {row}"))?;
-        ensure!(
-            !rmse[row].is_nan() && rmse[row] >= 0.0,
-            "row {row}: rmse is {}; expected an error, or +∞ where the run diverged",
-            rmse[row]
-        );
-        ensure!(
-            scale[row] > 0.0 && scale[row].is_finite(),
-            "row {row}: error_scale is {}; expected a positive number",
-            scale[row]
-        );
-        let sensor = &sensors[row];
+        let at = || format!("row {row}");
+        let (environment, sensor) =
+            (environment(&environments[row]).with_context(at)?, &sensors[row]);
         if !order.contains(sensor) {
             order.push(sensor.clone());
         }
         let unit = Unit { sensor: sensor.clone(), environment, run: runs[row] as usize };
-        let result =
-            units.entry((sensor.clone(), environment, runs[row])).or_insert_with(|| UnitResult {
-                key: String::new(),
-                unit: unit.clone(),
-                seed: 0,
-                start_row: start[row] as u32,
-                not_finite: None,
-                rows: Vec::new(),
-            });
+        let result = units.entry((sensor.clone(), environment, runs[row]));
+        let result = result.or_insert_with(|| measured.unit(row, unit.clone()));
         let candidate = numbers[row] as usize;
         ensure!(
             result.rows.iter().all(|other| other.candidate != candidate),
             "row {row}: candidate {candidate} has another row for {unit}"
         );
-        let diverged = rmse[row].is_infinite();
-        let score = PartScore {
-            scored_steps: scored[row].max(1) as usize,
-            rmse: rmse[row] / scale[row],
-            mean_return: mean[row] / scale[row],
-            return_std: std[row] / scale[row],
-        };
-        result.rows.push(RunRow {
-            candidate,
-            steps: steps[row] as usize,
-            updates: updates[row],
-            scores: scores(part, score),
-            diverged_at: diverged.then_some(0),
-            curve: Vec::new(),
-        });
+        result.rows.push(measured.row(row, candidate, part).with_context(at)?);
     }
     for result in units.values_mut() {
         result.rows.sort_by_key(|row| row.candidate);
     }
     Ok(Runs { sensors: order, candidates, results: units.into_values().collect() })
+}
+
+/// What is told of each run.
+struct Measured {
+    rmse: Vec<f64>,
+    error_scale: Vec<f64>,
+    mean_return: Vec<f64>,
+    return_std: Vec<f64>,
+    steps: Vec<u64>,
+    scored_steps: Vec<u64>,
+    start_row: Vec<u64>,
+    updates: Vec<u64>,
+}
+
+impl Measured {
+    fn of(columns: &Columns<'_>) -> anyhow::Result<Self> {
+        Ok(Self {
+            rmse: columns.table.numbers("rmse")?,
+            error_scale: columns.numbers("error_scale", 1.0)?,
+            mean_return: columns.numbers("mean_return", 0.0)?,
+            return_std: columns.numbers("return_std", 0.0)?,
+            steps: columns.counts("steps", Some(0))?,
+            scored_steps: columns.counts("scored_steps", Some(1))?,
+            start_row: columns.counts("start_row", Some(0))?,
+            updates: columns.counts("updates", Some(1))?,
+        })
+    }
+
+    fn unit(&self, row: usize, unit: Unit) -> UnitResult {
+        UnitResult {
+            key: String::new(),
+            unit,
+            seed: 0,
+            start_row: self.start_row[row] as u32,
+            not_finite: None,
+            rows: Vec::new(),
+        }
+    }
+
+    /// One run; errors in units of the scale.
+    fn row(&self, row: usize, candidate: usize, part: Part) -> anyhow::Result<RunRow> {
+        let (rmse, scale) = (self.rmse[row], self.error_scale[row]);
+        ensure!(rmse >= 0.0, "rmse is {rmse}; expected an error, or +∞ where the run diverged");
+        ensure!(
+            scale > 0.0 && scale.is_finite(),
+            "error_scale is {scale}; expected a positive number"
+        );
+        // Where a run diverged, nothing is said of its returns.
+        let over = |value: f64| if value.is_finite() { value / scale } else { 0.0 };
+        let score = PartScore {
+            scored_steps: self.scored_steps[row].max(1) as usize,
+            rmse: rmse / scale,
+            mean_return: over(self.mean_return[row]),
+            return_std: over(self.return_std[row]),
+        };
+        Ok(RunRow {
+            candidate,
+            steps: self.steps[row] as usize,
+            updates: self.updates[row],
+            scores: scores(part, score),
+            diverged_at: rmse.is_infinite().then_some(0),
+            curve: Vec::new(),
+        })
+    }
 }
 
 fn scores(part: Part, score: PartScore) -> Scores {
@@ -174,13 +202,13 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Cand
     };
     let defaults = columns.truths("is_default")?;
     let gamma = columns.numbers("gamma", AgentConfig::default().gamma)?;
-    let fields = fields(columns, numbers, count)?;
+    let fields = fields(columns, numbers, count);
     let candidate = |index: usize| {
         let row = first(index).with_context(|| {
             format!("candidate {index} of {count} has no row; number them from 0 on")
         })?;
         let values = match labels {
-            Some(labels) => vec![("value".to_owned(), labels[row].clone().into())],
+            Some(labels) => labelled(&labels[row]),
             None if fields.is_empty() => vec![("candidate".to_owned(), index.into())],
             None => fields.iter().map(|(name, of)| (name.clone(), of[index].clone())).collect(),
         };
@@ -193,12 +221,20 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Cand
     (0..count).map(candidate).collect()
 }
 
+/// The values that a label tells: `learning_rate = 0.1, optimiser = adam`; one that tells none is a value itself.
+fn labelled(label: &str) -> Vec<(String, Value)> {
+    let number = |text: &str| text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
+    let value = |text: &str| number(text).map_or_else(|| Value::from(text), Value::Number);
+    let pair = |part: &str| {
+        let (name, told) = part.split_once(" = ")?;
+        Some((name.to_owned(), value(told)))
+    };
+    let pairs: Option<Vec<_>> = label.split(", ").map(pair).collect();
+    pairs.unwrap_or_else(|| vec![("value".to_owned(), value(label))])
+}
+
 /// Columns that no run of calib has by itself, in which each candidate has one number and not all the same: what was swept.
-fn fields(
-    columns: &Columns<'_>,
-    numbers: &[u64],
-    count: usize,
-) -> anyhow::Result<Vec<(String, Vec<serde_json::Value>)>> {
+fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, Vec<Value>)> {
     let mut fields = Vec::new();
     for name in columns.table.names().filter(|name| !OWN.contains(name)) {
         let Ok(values) = columns.table.numbers(name) else { continue };
@@ -210,11 +246,11 @@ fn fields(
         let known: Vec<f64> = of_candidates.into_iter().flatten().collect();
         let differ = known.windows(2).any(|pair| pair[0] != pair[1]);
         if alike && differ && known.len() == count {
-            let values = known.into_iter().map(serde_json::Value::from).collect();
+            let values = known.into_iter().map(Value::from).collect();
             fields.push((name.to_owned(), values));
         }
     }
-    Ok(fields)
+    fields
 }
 
 /// Columns that describe runs.
@@ -280,6 +316,21 @@ mod tests {
         };
         assert_eq!(errors(0), [Some(1.0), Some(2.0)]);
         assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
+    }
+
+    #[test]
+    fn labels_tell_values() {
+        let of = |label: &str| Candidate {
+            index: 0,
+            is_default: false,
+            values: labelled(label),
+            agent: AgentConfig::default(),
+        };
+        for label in ["learning_rate = 0.1, optimiser = adam", "value = forest", "a = 1e-3"] {
+            assert_eq!(of(label).label(), label);
+        }
+        assert_eq!(of("forest, deep").label(), "value = forest, deep");
+        assert_eq!(of("a = 0.001").values[0].1.as_f64(), Some(0.001));
     }
 
     #[test]
