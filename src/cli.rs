@@ -1,6 +1,10 @@
 //! The command line, and nothing else: what may be typed and what it means.
 
-use std::{num::NonZeroUsize, path::PathBuf, sync::LazyLock};
+use std::{
+    num::NonZeroUsize,
+    path::{Path, PathBuf},
+    sync::LazyLock,
+};
 
 use calib_control::{Quality, TaskKind};
 use calib_dtw::{LocalDistance, StepPattern, Window};
@@ -8,8 +12,8 @@ use calib_knn::IndexKind;
 use calib_pipeline::{
     Answer, MemorySize, ProposeOptions, STEP_PATTERNS, Standing, ValidityExtent, ValidityOptions,
 };
-use calib_study::{Existing, Job, Policy, Request, StudyError, Writes};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use calib_study::{Existing, Job, Policy, Request, Study, StudyError, Writes};
+use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
 
 /// Headings of options.
@@ -92,7 +96,10 @@ pub(crate) enum Command {
     /// Train agents for every value of the grid in the model, Online and on the replayed log
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
-    Evaluate(StudyArgs),
+    #[command(mut_arg("study", |arg| {
+        arg.required(false).required_unless_present("runs").default_value_if("runs", ArgPredicate::IsPresent, NO_STUDY)
+    }))]
+    Evaluate(EvaluateArgs),
     /// For agents that act: read a log of decisions, let every candidate act in its model, and say which to deploy
     Control(StudyArgs),
     /// Read results, and name what is not what was written
@@ -134,8 +141,8 @@ impl Command {
             | Self::Rollout(args)
             | Self::Pretrain(args)
             | Self::Sweep(args)
-            | Self::Evaluate(args)
             | Self::Control(args) => args.json,
+            Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
@@ -307,6 +314,32 @@ pub(crate) enum ClusterEngine {
     Ray,
     /// Kubernetes; the manifests are written, and nothing is applied
     Kubernetes,
+}
+
+/// In the place of a study where there is none.
+const NO_STUDY: &str = "-";
+
+#[derive(Debug, Args)]
+pub(crate) struct EvaluateArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Judge the runs of this table (Parquet), which something else made, instead of a sweep; a study is only looked at for how to judge
+    #[arg(long, value_name = "FILE")]
+    pub(crate) runs: Option<PathBuf>,
+}
+
+impl EvaluateArgs {
+    /// What judges the runs of a table: the study, or without one the defaults with what is set.
+    ///
+    /// # Errors
+    /// As [`Job::resolve`].
+    pub(crate) fn judging(study: StudyArgs) -> Result<(Study, Option<PathBuf>), StudyError> {
+        let output = study.output.clone();
+        if study.study == Path::new(NO_STUDY) {
+            return Ok((calib_study::of_data(Path::new(NO_STUDY), &study.set)?, output));
+        }
+        Ok((study.job()?.study().clone(), output))
+    }
 }
 
 #[derive(Debug, Args)]

@@ -29,6 +29,11 @@ pub use exit::ExitStatus;
 
 /// Run the command line `args` and return the status to exit with.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    ExitCode::from(exit_code(args))
+}
+
+/// As [`run`]: the status as a number.
+pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
@@ -39,7 +44,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
                 Cow::Owned(safe) => drop(io::stderr().write_all(safe.as_bytes())),
                 Cow::Borrowed(_) => drop(error.print()),
             }
-            return ExitCode::from(error.exit_code() as u8);
+            return error.exit_code() as u8;
         }
     };
     let terminal = output::Terminal::new(cli.global.color);
@@ -69,7 +74,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             ExitStatus::Internal
         }
     };
-    ExitCode::from(status as u8)
+    status as u8
 }
 
 /// The Parquet reader's panics on damaged files are errors of the file, and told as such.

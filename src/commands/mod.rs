@@ -15,7 +15,7 @@ use anyhow::{Context as _, ensure};
 use calib_pipeline::{Logs, Outcome, Printer};
 
 use crate::{
-    cli::{BuildModelArgs, Cli, Command, RepresentArgs},
+    cli::{BuildModelArgs, Cli, Command, EvaluateArgs, RepresentArgs},
     output::watch_for_interrupts,
 };
 
@@ -55,7 +55,13 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
         Command::Rollout(args) => calib_pipeline::rollout(&args.job()?, printer)?,
         Command::Pretrain(args) => calib_pipeline::pretrain(&args.job()?, printer)?,
         Command::Sweep(args) => calib_pipeline::sweep(&args.job()?, printer)?,
-        Command::Evaluate(args) => calib_pipeline::evaluate(&args.job()?, printer)?,
+        Command::Evaluate(EvaluateArgs { study, runs: None }) => {
+            calib_pipeline::evaluate(&study.job()?, printer)?
+        }
+        Command::Evaluate(EvaluateArgs { study, runs: Some(runs) }) => {
+            let (study, output) = EvaluateArgs::judging(study)?;
+            calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?
+        }
         Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
         Command::Check(args) => {
             let logs = if args.read_data { Logs::Read } else { Logs::Leave };

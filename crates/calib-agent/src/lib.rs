@@ -16,6 +16,7 @@
 //! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
 //! - [`StateFile`]: unfinished training in a file.
 //! - [`Part`], [`CurveRule`]: over which steps errors are taken, and how the learning curve is sub-sampled.
+//! - [`score_predictions`]: the same errors of predictions that another agent made.
 //! - [`RunOutcome`]: errors and the learning curve.
 //! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
 //! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns that predictions are held to.
@@ -55,6 +56,7 @@ mod mlp;
 mod network;
 mod outcome;
 mod population;
+mod predictions;
 mod pretrain;
 mod replay;
 mod returns;
@@ -72,6 +74,7 @@ pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
 pub use memory::{pretraining_bytes, training_bytes};
 pub use outcome::RunOutcome;
+pub use predictions::score_predictions;
 pub use pretrain::{
     Epoch, PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain,
 };

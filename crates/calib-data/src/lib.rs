@@ -5,6 +5,7 @@
 //! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before,
 //!   [`Surveyed::recorded`] has columns as they were recorded.
 //! - [`import`]: a log of any form as one wide Parquet file.
+//! - [`write_arrow_stream`]: a table in memory, handed over by another program, as a Parquet file.
 //! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
 //! - [`read_tags`]: units and labels of channels, from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
@@ -34,6 +35,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod arrow;
 mod channel;
 mod checksums;
 mod config;
@@ -61,6 +63,7 @@ mod tags;
 mod text;
 mod time;
 
+pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use config::{
     Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
     Reduce, Resample, Shape, TimeRange, TimestampUnit,

@@ -61,6 +61,13 @@ impl Blocks {
         Ok(Self { transitions: count as u32, own, dropped })
     }
 
+    /// All `transitions` in one member that leaves none out: no ensemble, but a search over everything.
+    pub(crate) fn undivided(transitions: &Transitions) -> Self {
+        let count = transitions.len() as u32;
+        let (own, dropped) = (0..count, count..count);
+        Self { transitions: count, own: vec![own], dropped: vec![dropped] }
+    }
+
     /// Number of members, which is also the number of blocks.
     pub fn members(&self) -> usize {
         self.own.len()

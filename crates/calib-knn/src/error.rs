@@ -111,6 +111,23 @@ pub enum KnnError {
         /// Where, what was expected and what was found.
         reason: String,
     },
+    /// No points to search, or more than positions can number.
+    #[error("{count} points: expected from 1 to {}", u32::MAX - 1)]
+    Points {
+        /// Points that were given.
+        count: usize,
+    },
+    /// There are not as many points to find.
+    #[error("each point has only {most} others to find, fewer than k = {k}; lower k")]
+    TooFewPoints {
+        /// Neighbours asked for.
+        k: usize,
+        /// Points that there are.
+        most: usize,
+    },
+    /// Values are not those of states.
+    #[error(transparent)]
+    States(#[from] calib_core::StatesError),
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),

@@ -9,6 +9,7 @@
 //! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
 //! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states, and what it is
 //!   expected to lead to.
+//! - [`Points`]: the same search over points that are no log.
 //! - [`verify`]: tables against brute force. [`Shortcuts`] make a search faster and its tables approximate; [`recall`] says by how much.
 //!
 //! ```
@@ -47,6 +48,7 @@ mod memory;
 mod model;
 mod nearest;
 mod parts;
+mod points;
 mod prototypes;
 mod recall;
 mod recurrence;
@@ -68,6 +70,7 @@ pub(crate) use lists::MemberLists;
 pub use memory::MemoryNeed;
 pub use model::{Built, KnnModel, Member, Neighbor};
 pub use parts::{PART_QUERIES, Parts, SEARCH_VERSION};
+pub use points::{PointNeighbors, Points};
 pub use recall::{Recall, recall};
 pub use recurrence::{ClosedClasses, Ends, Recurrence, closed_classes};
 pub use shortcuts::{PrototypeKind, Shortcuts};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_plant::PlantOptions;
 use calib_represent::RepresentationKind;
-use calib_study::{Each, Job};
+use calib_study::{Each, Job, Study};
 
 use crate::{
     BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
@@ -13,6 +13,7 @@ use crate::{
     chain, check as checking, cluster,
     control::{self as controls, SimulateTask, SimulatedTask},
     each::{Which, each},
+    external,
     log::simulate as simulation,
     model::build_model as model,
     propose as proposals, represent as representations,
@@ -139,6 +140,20 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// If the folder cannot be written, or the observer asks to stop.
 pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<SimulatedTask, StepError> {
     Ok(controls::simulate(wanted, printer)?)
+}
+
+/// Judge runs that something else made, of a table that [`SweepStreams::write`](crate::SweepStreams::write) wrote or that has its columns,
+/// by the `[evaluate]` of a study; with `output`, write `summary.json` and figures there.
+///
+/// # Errors
+/// As [`run`]; also if the table lacks a column, or a value of it is none.
+pub fn evaluate_runs(
+    runs: &Path,
+    study: &Study,
+    output: Option<&Path>,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    Ok(external::runs::run(runs, study, output, printer)?)
 }
 
 /// Look at a log, try small models of it, and write a study with a reason for every value.

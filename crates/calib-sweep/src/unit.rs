@@ -103,7 +103,8 @@ impl RunRow {
         }
     }
 
-    pub(crate) fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
+    /// Of a run of `steps` steps between which nothing is missing.
+    pub fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
         let point =
             |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };
         Self {

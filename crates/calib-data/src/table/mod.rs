@@ -32,6 +32,7 @@ pub use error::TableError;
 pub use lists::{Lists, parquet_names, read_parquet_list};
 pub use log::write_log;
 pub use read::{declared_bytes, read_parquet, read_parquet_columns};
+pub(crate) use write::write_frame;
 
 /// Key of the metadata that marks a table as a result: a folder that is searched for logs may hold some, which are none.
 pub const RESULTS_KEY: &str = "calib.result";

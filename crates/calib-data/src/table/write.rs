@@ -22,7 +22,7 @@ impl Table {
 }
 
 /// Write columns as one Parquet file.
-pub(super) fn write_frame(
+pub(crate) fn write_frame(
     path: &Path,
     rows: usize,
     columns: Vec<pl::Column>,

@@ -4,6 +4,7 @@ pub(crate) mod build_check;
 pub(crate) mod build_model;
 pub(crate) mod build_network;
 pub(crate) mod build_plan;
+pub(crate) mod calibration;
 pub(crate) mod jumps;
 pub(crate) mod kinds;
 pub(crate) mod model_files;

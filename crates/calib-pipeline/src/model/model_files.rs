@@ -245,7 +245,18 @@ pub(crate) fn open(job: &Job) -> anyhow::Result<OpenModel> {
     let build = job.command("build-model");
     let manifest: ModelManifest = artefact::require(directory, &build)?;
     Kept { result: Made::Model, study: &manifest.study, directory }.check(job)?;
-    artefact::check_files(directory, &manifest.files, &build)?;
+    opened(directory, manifest, &build)
+}
+
+/// Open the model in a folder, whatever study it is of.
+pub(crate) fn open_directory(directory: &Path) -> anyhow::Result<OpenModel> {
+    let build = "calib build-model STUDY";
+    opened(directory, artefact::require(directory, build)?, build)
+}
+
+/// What the folder of this manifest holds, checked; `build` makes it again.
+fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> anyhow::Result<OpenModel> {
+    artefact::check_files(directory, &manifest.files, build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
     let states = frames::map_states(&directory.join(STATES)).with_context(again)?;

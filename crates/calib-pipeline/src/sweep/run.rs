@@ -32,7 +32,7 @@ use crate::{
 };
 
 /// `manifest.json` of a sweep directory.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SweepManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
@@ -67,7 +67,7 @@ pub(crate) struct SweepManifest {
 }
 
 /// The states of a deployment.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct HeldOut {
     pub(crate) rows: u64,
     /// Times of the first and the last.
@@ -88,7 +88,7 @@ impl HeldOut {
 
 impl SweepManifest {
     /// Of a sweep that has trained nothing yet.
-    fn of_nothing(
+    pub(crate) fn of_nothing(
         study: &Study,
         dataset: &Dataset,
         model: String,

@@ -1,10 +1,11 @@
 //! A sweep's results as tidy tables.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use calib_agent::{Part, PartScore};
 use calib_data::table::Table;
 use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
+use serde_json::Value;
 
 use crate::{base::artefact::write_table, sweep::SweepManifest};
 
@@ -24,25 +25,93 @@ pub(crate) fn write(
 }
 
 fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
-    let SweepManifest { candidates, study, .. } = sweep;
-    let part = study.part();
-    let rows: Vec<_> = results
-        .iter()
-        .flat_map(|result| result.rows.iter().map(move |row| (result, row)))
-        .collect();
-    let mut table = Table::new()
+    let rows = rows_of(results);
+    let of_rows = rows.iter().map(|(_, row)| row.candidate);
+    let table = with_agent_columns(named(&rows), &sweep.candidates, &of_rows);
+    with_errors(table, sweep, sweep.study.part(), &rows)
+}
+
+/// The same of agents that calib does not know: labels, and the values that were swept in the place of calib's agent.
+///
+/// # Errors
+/// If a swept field has the name of another column.
+pub(crate) fn external_runs(
+    sweep: &SweepManifest,
+    part: Part,
+    results: &[UnitResult],
+) -> anyhow::Result<Table> {
+    let (rows, candidates) = (rows_of(results), &sweep.candidates);
+    let of_rows = || rows.iter().map(|(_, row)| &candidates[row.candidate]);
+    let mut table = named(&rows)
+        .with("label", of_rows().map(Candidate::label).collect())
+        .with("is_default", of_rows().map(|of| of.is_default).collect());
+    let fields = candidates.iter().flat_map(|of| &of.values).map(|(field, _)| field);
+    let gamma = sweep.study.agent.gamma;
+    for field in fields.collect::<BTreeSet<_>>() {
+        let values: Vec<Option<&Value>> = of_rows()
+            .map(|of| of.values.iter().find_map(|(name, value)| (name == field).then_some(value)))
+            .collect();
+        anyhow::ensure!(
+            !(OWN.contains(&field.as_str()) || table.values(field).is_some()),
+            "a swept value cannot be called `{field}`: runs have a column of that name"
+        );
+        table = if values.iter().flatten().all(|value| value.is_number()) {
+            table.with_optional(field, values.iter().map(|of| of.and_then(Value::as_f64)).collect())
+        } else {
+            let texts = values.iter().map(|of| of.map(calib_sweep::written));
+            table.with_optional(field, texts.collect())
+        };
+    }
+    let table = table.with("gamma", vec![gamma; rows.len()]);
+    Ok(with_errors(table, sweep, part, &rows))
+}
+
+/// Columns that every table of runs has.
+const OWN: [&str; 17] = [
+    "gamma",
+    "seed",
+    "start_row",
+    "steps",
+    "updates",
+    "diverged",
+    "scored_steps",
+    "rmse",
+    "nrmse",
+    "skill",
+    "mean_return",
+    "return_std",
+    "error_scale",
+    "rmse_whole_run",
+    "rmse_after_first_quarter",
+    "rmse_final_quarter",
+    "agent",
+];
+
+type Row<'a> = (&'a UnitResult, &'a RunRow);
+
+fn rows_of(results: &[UnitResult]) -> Vec<Row<'_>> {
+    results.iter().flat_map(|result| result.rows.iter().map(move |row| (result, row))).collect()
+}
+
+/// Which run each row is of.
+fn named(rows: &[Row<'_>]) -> Table {
+    Table::new()
         .with("environment", rows.iter().map(|(r, _)| r.unit.environment.to_string()).collect())
         .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())
         .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
-        .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect());
-    table = with_agent_columns(table, candidates, &rows.iter().map(|(_, row)| row.candidate));
+        .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect())
+}
+
+/// What each run came to.
+fn with_errors(table: Table, sweep: &SweepManifest, part: Part, rows: &[Row<'_>]) -> Table {
+    let candidates = &sweep.candidates;
     let table = table
         .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
         .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
         .with("steps", rows.iter().map(|(_, row)| row.steps as u32).collect())
         .with("updates", rows.iter().map(|(_, row)| row.updates).collect())
         .with("diverged", rows.iter().map(|(_, row)| row.diverged_at.is_some()).collect());
-    let scale = |(result, row): &(&UnitResult, &RunRow)| {
+    let scale = |(result, row): &Row<'_>| {
         ErrorScale::find(&sweep.scales, &result.unit.sensor, &candidates[row.candidate])
     };
     let scores = |of: &dyn Fn(&PartScore) -> f64, part| -> Vec<Option<f64>> {
@@ -52,8 +121,8 @@ fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
         rows.iter().map(|(_, row)| row.rmse(part).unwrap_or(f64::NAN)).collect()
     };
     let errors = rmse(part);
-    let nrmse = errors.iter().zip(&rows).map(|(rmse, of)| rmse / scale(of)).collect();
-    let skill = errors.iter().zip(&rows).map(|(rmse, (_, row))| {
+    let nrmse = errors.iter().zip(rows).map(|(rmse, of)| rmse / scale(of)).collect();
+    let skill = errors.iter().zip(rows).map(|(rmse, (_, row))| {
         let std = row.scores.of(part)?.return_std;
         (std > 0.0 && rmse.is_finite()).then(|| 1.0 - rmse / std)
     });

@@ -1,0 +1,202 @@
+//! The same exact search over points that are no log: no time, no members, nothing left out.
+
+use calib_core::{Monitor, RowIndex, Segments, States, Transitions};
+use calib_files::ScratchPlace;
+
+use crate::{
+    Blocks, Exclusion, IndexKind, KnnError, SelfMatch,
+    index::{Found, Queries, Sources},
+    parts::PART_QUERIES,
+};
+
+/// Points to search, `f32 [n, d]`.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// The points, and after them a copy of the last, which nothing finds: a source needs a row that follows it.
+    states: States,
+    transitions: Transitions,
+    blocks: Blocks,
+}
+
+/// The nearest points of some queries, `[queries, k]` row by row, nearest first, ties by position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointNeighbors {
+    /// Their positions.
+    pub neighbors: Vec<u32>,
+    /// Euclidean distances to them.
+    pub distances: Vec<f32>,
+    /// Neighbours of each query.
+    pub k: usize,
+}
+
+impl Points {
+    /// Points from their values, row by row.
+    ///
+    /// # Errors
+    /// If there is no point, the values are not a multiple of `columns`, or one of them is not finite.
+    pub fn new(mut values: Vec<f32>, columns: usize) -> Result<Self, KnnError> {
+        let count = values.len().checked_div(columns).unwrap_or(0);
+        if count == 0 || count >= u32::MAX as usize {
+            return Err(KnnError::Points { count });
+        }
+        values.extend_from_within((count - 1) * columns..count * columns);
+        let states = States::new(values, count + 1, columns)?;
+        let segments = Segments::from_lengths([count + 1])
+            .unwrap_or_else(|_| unreachable!("one segment of two rows or more"));
+        let transitions = Transitions::new(segments);
+        let blocks = Blocks::undivided(&transitions);
+        Ok(Self { states, transitions, blocks })
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.transitions.len()
+    }
+
+    /// Whether there are no points; never true.
+    pub fn is_empty(&self) -> bool {
+        self.transitions.is_empty()
+    }
+
+    /// Values of a point.
+    pub fn columns(&self) -> usize {
+        self.states.columns()
+    }
+
+    /// The `k` nearest points of every point, by exact search.
+    ///
+    /// Results do not depend on `kind`, nor on the number of threads. Progress counts passes over the points, then queries.
+    ///
+    /// # Errors
+    /// If there are not `k` points to find, the k-d tree is asked for more columns than it supports, or the monitor interrupts.
+    pub fn join(
+        &self,
+        k: usize,
+        self_match: SelfMatch,
+        kind: IndexKind,
+        monitor: &dyn Monitor,
+    ) -> Result<PointNeighbors, KnnError> {
+        let rows: Vec<RowIndex> = (0..self.len()).map(RowIndex::new).collect();
+        let sources = self.sources();
+        let exclusion = Exclusion { self_match, theiler: 0 };
+        let queries = Queries::rows(&sources, &rows, 0, exclusion);
+        let most = self.len() - usize::from(self_match == SelfMatch::Excluded);
+        self.search(&sources, &queries, (k, most), kind, monitor)
+    }
+
+    /// The `k` nearest points of each of `states`, by exact search.
+    ///
+    /// # Errors
+    /// As [`Points::join`]; also if the states have another number of columns.
+    pub fn nearest(
+        &self,
+        states: &States,
+        k: usize,
+        kind: IndexKind,
+        monitor: &dyn Monitor,
+    ) -> Result<PointNeighbors, KnnError> {
+        let sources = self.sources();
+        let queries = Queries::external(&sources, states, Some(0))?;
+        self.search(&sources, &queries, (k, self.len()), kind, monitor)
+    }
+
+    fn sources(&self) -> Sources<'_> {
+        Sources::new(&self.states, &self.transitions, &self.blocks)
+            .unwrap_or_else(|_| unreachable!("made from the same points"))
+    }
+
+    fn search(
+        &self,
+        sources: &Sources<'_>,
+        queries: &Queries<'_>,
+        (k, most): (usize, usize),
+        kind: IndexKind,
+        monitor: &dyn Monitor,
+    ) -> Result<PointNeighbors, KnnError> {
+        if k == 0 {
+            return Err(KnnError::NoNeighbors);
+        }
+        if k > most {
+            return Err(KnnError::TooFewPoints { k, most });
+        }
+        if !kind.supports(self.columns()) {
+            return Err(KnnError::Dimensions {
+                columns: self.columns(),
+                max: crate::KdTree::MAX_COLUMNS,
+            });
+        }
+        let cells = queries.len() * k;
+        let (mut neighbors, mut distances) = (vec![u32::MAX; cells], vec![f32::INFINITY; cells]);
+        let planned = sources.index(kind, queries, k, &ScratchPlace::Memory, monitor)?;
+        monitor.begin("nearest points", queries.len() as u64);
+        for order in planned.order.chunks(PART_QUERIES) {
+            let mut found = Found::new(order.len(), 1, k);
+            planned.index.search(queries, order, &mut found, monitor)?;
+            for (place, &query) in order.iter().enumerate() {
+                let (near, far) = found.list(place, 0);
+                let start = query as usize * k;
+                neighbors[start..start + k].copy_from_slice(near);
+                distances[start..start + k].copy_from_slice(far);
+            }
+        }
+        Ok(PointNeighbors { neighbors, distances, k })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Silent;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Positions in the order of squared distance in `f64`, ties by position.
+    fn brute(points: &[[f32; 3]], query: [f32; 3], skip: Option<usize>, k: usize) -> Vec<u32> {
+        let squared = |of: &[f32; 3]| -> f64 {
+            of.iter().zip(query).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
+        };
+        let mut all: Vec<usize> = (0..points.len()).filter(|at| Some(*at) != skip).collect();
+        all.sort_by(|a, b| squared(&points[*a]).total_cmp(&squared(&points[*b])).then(a.cmp(b)));
+        all[..k].iter().map(|at| *at as u32).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn points_are_found_as_by_brute_force(
+            cells in prop::collection::vec(0_u8..6, 3 * 8..3 * 300),
+            k in 1_usize..7,
+            excluded in any::<bool>(),
+        ) {
+            let points: Vec<[f32; 3]> =
+                cells.chunks_exact(3).map(|of| [of[0], of[1], of[2]].map(f32::from)).collect();
+            let of = Points::new(points.concat(), 3).expect("valid");
+            let self_match = if excluded { SelfMatch::Excluded } else { SelfMatch::Allowed };
+            let skip = |at: usize| excluded.then_some(at);
+            for kind in [IndexKind::Auto, IndexKind::Join, IndexKind::Scan, IndexKind::KdTree] {
+                let joined = of.join(k, self_match, kind, &Silent).expect("found");
+                for (at, point) in points.iter().enumerate() {
+                    let got = &joined.neighbors[at * k..(at + 1) * k];
+                    prop_assert_eq!(got, brute(&points, *point, skip(at), k));
+                }
+            }
+            let elsewhere = States::new(vec![2.5, 0.0, 9.0], 1, 3).expect("valid");
+            let near = of.nearest(&elsewhere, k, IndexKind::Auto, &Silent).expect("found");
+            prop_assert_eq!(near.neighbors, brute(&points, [2.5, 0.0, 9.0], None, k));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_found_is_told() {
+        let points = || Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
+        let join = |k, of| points().join(k, of, IndexKind::Auto, &Silent);
+        assert_eq!(join(1, SelfMatch::Excluded).expect("found").distances, [1.0, 1.0, 2.0]);
+        assert!(matches!(
+            join(3, SelfMatch::Excluded),
+            Err(KnnError::TooFewPoints { most: 2, .. })
+        ));
+        assert!(matches!(join(0, SelfMatch::Allowed), Err(KnnError::NoNeighbors)));
+        assert!(matches!(Points::new(vec![], 3), Err(KnnError::Points { count: 0 })));
+        assert!(matches!(Points::new(vec![f32::NAN], 1), Err(KnnError::States(_))));
+    }
+}

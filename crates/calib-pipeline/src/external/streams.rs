@@ -1,0 +1,251 @@
+//! What a sweep trains agents on, for agents of other kinds.
+
+use std::{fmt, path::Path};
+
+use calib_agent::{CurveRule, Part, RunOutcome, score_predictions};
+use calib_core::{Seed, Stream};
+use calib_data::Dataset;
+use calib_files::Fingerprint;
+use calib_study::Job;
+use calib_sweep::{Candidate, EnvironmentId, ErrorScale, RunRow, Unit, UnitResult};
+use serde_json::Value;
+
+use crate::{
+    base::{
+        artefact::{self, TOOL},
+        outcome::StepError,
+    },
+    log::partition,
+    model::model_files,
+    output::Printer,
+    sweep::{
+        SweepManifest,
+        environments::{Environments, Rolling, Sources, open_all},
+        streams::{Streams, error_scales},
+        tables::external_runs,
+    },
+};
+
+/// The streams of a study's sweep: rollouts of every member, windows of the held-out range, windows of the log. They are those
+/// that calib's own agents learn from, so that any agents can be compared over them.
+pub struct SweepStreams {
+    runs: Vec<StreamRun>,
+    sensors: Vec<(String, usize)>,
+    scales: Vec<ErrorScale>,
+    manifest: SweepManifest,
+    part: Part,
+    curve: CurveRule,
+}
+
+/// A stream, and which run it is of.
+pub struct StreamRun {
+    /// Where it comes from.
+    pub environment: EnvironmentId,
+    /// Number of the run there.
+    pub run: usize,
+    /// Row of the training data, or of the held-out data, that it starts from.
+    pub start_row: u32,
+    /// For the agents of the run, whatever their values: common random numbers.
+    pub seed: Seed,
+    /// Fingerprint of what it is made from.
+    pub inputs: Fingerprint,
+    /// The states: those of the steps, and what follows so that the last returns are complete.
+    pub stream: Box<dyn Stream>,
+}
+
+/// Values of an agent's hyperparameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExternalCandidate {
+    /// Fields and values.
+    pub values: Vec<(String, Value)>,
+    /// Whether it is what nobody has to decide.
+    pub is_default: bool,
+}
+
+/// What an agent came to.
+#[derive(Clone, Debug)]
+pub struct ExternalResult {
+    /// Position of its stream.
+    pub stream: usize,
+    /// The sensor that it predicted.
+    pub sensor: String,
+    /// Position of its candidate.
+    pub candidate: usize,
+    /// Errors, and the learning curve.
+    pub outcome: RunOutcome,
+}
+
+impl fmt::Debug for SweepStreams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SweepStreams").field("runs", &self.runs.len()).finish_non_exhaustive()
+    }
+}
+
+impl SweepStreams {
+    /// The streams of a study whose model was built.
+    ///
+    /// # Errors
+    /// If the model was not built, or the log cannot be read.
+    pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
+        Ok(Self::new(job, printer)?)
+    }
+
+    fn new(job: &Job, printer: &Printer) -> anyhow::Result<Self> {
+        let study = job.study();
+        let model = model_files::open(job)?;
+        let dataset: Dataset = partition::load(job, printer)?.dataset;
+        model_files::check_data(job, &model.manifest, &dataset)?;
+        let only = [Candidate {
+            index: 0,
+            is_default: true,
+            values: Vec::new(),
+            agent: study.agent.clone(),
+        }];
+        let streams = Streams::of(study, &dataset, &only, printer)?;
+        let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+        let scales = error_scales(&dataset, &sensors, &only);
+        let made = Environments::describe(job, &model, &dataset, &streams, printer)?;
+        let sources = Sources {
+            states: Some(&model.frames),
+            model: Some(&model.model),
+            train: Some(&dataset.train),
+            held_out: dataset.held_out.as_ref(),
+        };
+        let rolling = Rolling::of(study, streams.demand.span)?;
+        let environments = open_all(&made.described, sources, rolling)?;
+        let seed = Seed::new(study.seed).child("agent");
+        let mut runs = Vec::new();
+        for environment in &environments {
+            for run in 0..environment.runs() {
+                let streamed = environment.stream(run)?;
+                let id = environment.id();
+                runs.push(StreamRun {
+                    environment: id,
+                    run,
+                    start_row: streamed.start_row.0,
+                    seed: seed.child(&id.to_string()).number(run as u64),
+                    inputs: environment.inputs(run),
+                    stream: streamed.stream,
+                });
+            }
+        }
+        let span = streams.demand.span;
+        let content = model.manifest.content()?;
+        let mut manifest = SweepManifest::of_nothing(study, &dataset, content, span, Vec::new());
+        manifest.scales.clone_from(&scales);
+        let curve = CurveRule { windows: study.sweep.curve_points };
+        Ok(Self { runs, sensors, scales, manifest, part: streams.demand.part, curve })
+    }
+
+    /// All streams, environment by environment.
+    pub fn runs(&self) -> &[StreamRun] {
+        &self.runs
+    }
+
+    /// The sensors to predict, each with its column of the states.
+    pub fn sensors(&self) -> &[(String, usize)] {
+        &self.sensors
+    }
+
+    /// Steps of every run; a stream has more states.
+    pub fn steps(&self) -> usize {
+        self.manifest.span.steps
+    }
+
+    /// The discount factor of the returns that are to be predicted: `agent.gamma` of the study.
+    pub fn gamma(&self) -> f64 {
+        self.manifest.study.agent.gamma
+    }
+
+    /// What errors of a sensor are divided by, in normalised units.
+    pub fn scale(&self, sensor: &str) -> f64 {
+        self.scales.iter().find(|of| of.sensor == sensor).map_or(1.0, ErrorScale::unit)
+    }
+
+    /// The part of a run whose error counts.
+    pub fn part(&self) -> Part {
+        self.part
+    }
+
+    /// What predictions of the returns of a state column on a stream came to; one for each step of the run.
+    ///
+    /// # Errors
+    /// As [`score_predictions`]; if there is not one for each step.
+    pub fn score(
+        &self,
+        stream: usize,
+        column: usize,
+        predictions: &[f32],
+        updates: u64,
+    ) -> Result<RunOutcome, StepError> {
+        let run = &self.runs[stream];
+        let steps = self.steps_of(stream);
+        let score = || -> anyhow::Result<RunOutcome> {
+            anyhow::ensure!(
+                predictions.len() == steps,
+                "{} predictions for the {steps} steps of {}, run {}",
+                predictions.len(),
+                run.environment,
+                run.run
+            );
+            Ok(score_predictions(
+                &*run.stream,
+                column,
+                self.gamma(),
+                predictions,
+                updates,
+                self.curve,
+            )?)
+        };
+        Ok(score()?)
+    }
+
+    /// Steps of the run over a stream.
+    pub fn steps_of(&self, stream: usize) -> usize {
+        self.steps().min(self.runs[stream].stream.len().saturating_sub(1))
+    }
+
+    /// Write what agents came to as a table that [`evaluate_runs`](crate::evaluate_runs) reads.
+    ///
+    /// # Errors
+    /// If a field has the name of another column, or the file cannot be written.
+    pub fn write(
+        &self,
+        path: &Path,
+        candidates: &[ExternalCandidate],
+        results: &[ExternalResult],
+    ) -> Result<(), StepError> {
+        let candidates = candidates.iter().enumerate().map(|(index, of)| Candidate {
+            index,
+            is_default: of.is_default,
+            values: of.values.clone(),
+            agent: self.manifest.study.agent.clone(),
+        });
+        let sweep = SweepManifest {
+            tool: TOOL.to_owned(),
+            candidates: candidates.collect(),
+            scales: self.scales.clone(),
+            ..self.manifest.clone()
+        };
+        let units: Vec<UnitResult> = results.iter().map(|of| self.unit(of)).collect();
+        let table = external_runs(&sweep, self.part, &units)?;
+        Ok(artefact::write_table(table, path)?)
+    }
+
+    fn unit(&self, result: &ExternalResult) -> UnitResult {
+        let run = &self.runs[result.stream];
+        let steps = self.steps_of(result.stream);
+        UnitResult {
+            key: String::new(),
+            unit: Unit {
+                sensor: result.sensor.clone(),
+                environment: run.environment,
+                run: run.run,
+            },
+            seed: run.seed.get(),
+            start_row: run.start_row,
+            not_finite: None,
+            rows: vec![RunRow::new(result.candidate, steps, result.outcome.clone())],
+        }
+    }
+}

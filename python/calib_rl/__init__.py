@@ -1,0 +1,36 @@
+"""calib: which hyperparameters to deploy, from a plant's logs alone.
+
+- `Study`: what to compute; its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
+- `build_model`: a calibration model of a frame, an array, or logs. `Model`: it as arrays.
+- `Verdict`: what to deploy, as text and frames.
+- `knn_join`, `dtw`, `simulate`: without a study.
+- `calib_rl.gym`: a model as an environment of Gymnasium.
+- `calib_rl.agents`: agents of your own in the environments of a study.
+"""
+
+from ._calib import __version__
+from ._errors import CalibError, StudyError
+from ._functions import Warping, build_model, dtw, knn_join, set_threads, simulate
+from ._model import Model
+from ._progress import Observer, Printed
+from ._study import Study
+from ._verdict import Rollouts, Runs, Verdict
+
+__all__ = [
+    "CalibError",
+    "Model",
+    "Observer",
+    "Printed",
+    "Rollouts",
+    "Runs",
+    "Study",
+    "StudyError",
+    "Verdict",
+    "Warping",
+    "__version__",
+    "build_model",
+    "dtw",
+    "knn_join",
+    "set_threads",
+    "simulate",
+]

@@ -1,0 +1,193 @@
+"""Functions that need no study."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _calib
+from ._model import Model, of_arrays
+from ._progress import Observer, observer
+from ._study import Study
+
+Index = Literal["auto", "kd_tree", "join", "scan"]
+
+
+class Warping(NamedTuple):
+    """A warping distance."""
+
+    distance: float
+    """Cumulated along the best path, in units of the local distance."""
+    normalized: float | None
+    """Divided as the step pattern says; ``None`` for patterns without a normalisation."""
+    end: int
+    """Sample of the reference at which the path ends."""
+    path: tuple[NDArray[np.int64], NDArray[np.int64]] | None
+    """Matched samples of the query and of the reference, if they were asked for."""
+
+
+def build_model(
+    data: Any,
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    segments: Sequence[int] | None = None,
+    progress: bool | Observer = False,
+    **sections: Any,
+) -> Model:
+    """Build a calibration model of whatever holds the data.
+
+    Args:
+        data: One of
+
+            - anything with ``__arrow_c_stream__`` (frames of polars and pandas, tables of pyarrow, relations of DuckDB): a column of
+              times and one a channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and goes
+              on from there as a log does on the command line;
+            - a path to logs: read where they are;
+            - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
+        folder: Where the study, the log and the results go; wanted for tables and paths.
+        segments: Of an array: rows of each unbroken segment. All rows are one without it.
+        progress: Whether to print what is done, or an observer.
+        sections: For tables and paths: sections of the study, such as ``model={"members": 5}, preprocess={"subsample": 10}``.
+            For an array: keys of ``[model]``, such as ``members=5, neighbors=3``.
+
+    Returns:
+        The model: mapped from ``folder``, or in memory where it is of an array.
+
+    Raises:
+        CalibError: A value of an array is NaN or infinite; a log is wrong.
+        TypeError: The data is none of these, or has no real numbers.
+        MemoryError: There is no memory for a copy of an array.
+
+    Examples:
+        >>> import numpy as np
+        >>> import calib_rl
+        >>> states = np.random.default_rng(0).random((500, 4))
+        >>> calib_rl.build_model(states, segments=[300, 200], members=4, neighbors=2)
+        <calib_rl.Model: 4 members of 498 transitions, 2 neighbours, 4 columns>
+    """
+    stream = getattr(data, "__arrow_c_stream__", None)
+    is_path = isinstance(data, (str, os.PathLike))
+    if stream is None and not is_path:
+        if folder is not None:
+            raise TypeError("a model of an array lies in memory, without a folder; give a table with a column of times instead")
+        return of_arrays(data, segments, sections, progress)
+    if segments is not None:
+        raise TypeError("segments are for arrays; those of a log follow from its times")
+    if folder is None:
+        raise TypeError("folder says where the model of a log lies")
+    folder = Path(folder)
+    path = Path(data).absolute() if is_path else folder / "log.parquet"
+    if stream is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        _calib.write_log(stream(), os.fspath(path))
+    own = {**sections.pop("data", {}), "path": str(path)}
+    study = Study(data=own, path=folder / "study.toml", **sections)
+    return study.build_model(progress=progress)
+
+
+def knn_join(
+    array: ArrayLike,
+    k: int,
+    *,
+    queries: ArrayLike | None = None,
+    exclude_self: bool = False,
+    index: Index = "auto",
+    progress: bool | Observer = False,
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """The ``k`` nearest points of every point, or of every query, by exact search.
+
+    The order is that of the squared distance in double precision, ties by position: results are the same for every ``index`` and number
+    of threads.
+
+    Args:
+        array: Points, ``[n, d]``: real numbers of any type and layout, copied once as ``float32``.
+        k: Neighbours of each.
+        queries: Other points, ``[q, d]``, whose neighbours are wanted instead.
+        exclude_self: Whether a point is no neighbour of itself; not for ``queries``.
+        index: The search structure; ``"auto"`` takes the one that suits the data.
+        progress: Whether to print how far it is, or an observer.
+
+    Returns:
+        Positions ``uint32 [n, k]``, nearest first, and Euclidean distances ``float32 [n, k]``.
+
+    Raises:
+        ValueError: A value is NaN or infinite, or there are not ``k`` points to find.
+        TypeError: These are no real numbers.
+        KeyboardInterrupt: Ctrl-C.
+
+    Examples:
+        >>> import calib_rl
+        >>> neighbors, distances = calib_rl.knn_join([[0.0], [1.0], [3.0]], 1, exclude_self=True)
+        >>> neighbors.tolist(), distances.tolist()
+        ([[1], [0], [1]], [[1.0], [1.0], [2.0]])
+    """
+    return _calib.knn_join(array, k, queries, exclude_self, index, observer(progress))
+
+
+def dtw(
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    step_pattern: str = "symmetric2",
+    local_distance: Literal["absolute", "squared", "euclidean"] = "absolute",
+    window: str = "none",
+    ends: Literal["closed", "openEnd", "openBegin", "openBoth"] = "closed",
+    path: bool = False,
+) -> Warping:
+    """The dynamic time warping distance of two series.
+
+    Args:
+        x: The query, ``[n]`` or ``[n, channels]``.
+        y: The reference, ``[m]`` or ``[m, channels]``.
+        step_pattern: One of R's dtw package, such as ``"symmetric2"``, ``"asymmetric"``, ``"symmetricP1"``, ``"rabinerJuang:6c"``.
+        local_distance: Distance of one sample and another.
+        window: Cells that a path may visit, as ``calib dtw --window`` has them: ``"none"``, ``"sakoechiba:10"``.
+        ends: Which ends of the reference may stay unmatched.
+        path: Whether the matched samples are wanted.
+
+    Returns:
+        The distance, in memory that grows with ``n + m``.
+
+    Raises:
+        ValueError: A series is empty or not finite, no path is admissible, or an option is unknown.
+
+    Examples:
+        >>> import calib_rl
+        >>> calib_rl.dtw([0, 1, 2, 1], [0, 0, 1, 2.5, 1]).distance
+        1.0
+    """
+    distance, normalized, end, both = _calib.dtw(x, y, step_pattern, local_distance, window, ends, path)
+    return Warping(distance, normalized, end, None if both is None else (both[0], both[1]))
+
+
+def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: bool | Observer = False, **options: Any) -> str:
+    """Write the log of a simulated membrane plant, a Parquet file a day.
+
+    Args:
+        folder: Where to.
+        force: Whether to begin anew where another plant lies.
+        progress: Whether to print what is done, or an observer.
+        options: Keys of ``[simulate]``: ``days``, ``channels``, ``period_secs``, ``seed``, ``noise``, ….
+
+    Returns:
+        What there is now, in words.
+
+    Raises:
+        CalibError: The folder holds other logs.
+        ValueError: An option is unknown or outside its range.
+    """
+    return _calib.simulate(os.fspath(folder), options, force, observer(progress))
+
+
+def set_threads(threads: int) -> None:
+    """Use so many threads. Before anything else; otherwise ``RAYON_NUM_THREADS``, or as many as there are processors.
+
+    Raises:
+        RuntimeError: Threads are at work already.
+    """
+    _calib.set_threads(threads)

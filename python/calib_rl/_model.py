@@ -1,0 +1,250 @@
+"""Calibration models as arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _calib
+from ._progress import Observer, observer
+
+if TYPE_CHECKING:
+    from ._study import Study
+
+Units = Literal["normalised", "physical"]
+
+
+class Model:
+    """A calibration model of neighbours: an ensemble that recombines recorded transitions.
+
+    Made by `calib_rl.build_model`, `Study.build_model` or `Model.open`. Transition ``i`` leads from row ``sources[i]`` to the
+    row after it. All arrays of a model are read-only views of its files where it was opened from a folder: they take memory only
+    while there is some.
+
+    A model that lies in a folder can be pickled: what is pickled is the path. Models may be used from several threads at once.
+
+    Examples:
+        >>> import numpy as np
+        >>> import calib_rl
+        >>> states = np.tile(np.arange(7.0), 10)[:, None]    # a sawtooth: every state recurs
+        >>> model = calib_rl.build_model(states, members=5)
+        >>> model
+        <calib_rl.Model: 5 members of 69 transitions, 3 neighbours, 1 columns>
+        >>> model.neighbors(0).shape, model.neighbors(0).dtype
+        ((69, 3), dtype('uint32'))
+        >>> rows = model.rollout(2, 100)
+        >>> rows.shape
+        (2, 101)
+        >>> bool((np.diff(model.states[rows[0], 0]) % 7 == 1).all())    # it goes on as the sawtooth does
+        True
+    """
+
+    def __init__(self, native: _calib.Model) -> None:
+        self._native = native
+
+    @staticmethod
+    def open(folder: str | os.PathLike[str]) -> Model:
+        """Open the model in a folder.
+
+        Args:
+            folder: ``model/`` of a study's results.
+
+        Raises:
+            CalibError: There is none, it was damaged, or it is a network.
+        """
+        return Model(_calib.Model.open(os.fspath(folder)))
+
+    @staticmethod
+    def of(study: Study) -> Model:
+        """Open the model of a study.
+
+        Raises:
+            CalibError: It was not built, or of another study.
+        """
+        return Model(_calib.Model.of_job(study._job))
+
+    @property
+    def path(self) -> Path | None:
+        """The folder that the model lies in; ``None`` where it was built of arrays."""
+        directory = self._native.directory
+        return None if directory is None else Path(directory).absolute()
+
+    @property
+    def members(self) -> int:
+        """Members of the ensemble. Each lacks one block of the data."""
+        return self._native.members
+
+    @property
+    def k(self) -> int:
+        """Neighbours of each transition."""
+        return self._native.k
+
+    @property
+    def period(self) -> float | None:
+        """Seconds from one row to the next; ``None`` where the model was built of arrays."""
+        return self._native.period
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the ``d`` columns of the states."""
+        return [name for name, _, _ in self._native.columns]
+
+    @property
+    def states(self) -> NDArray[np.float32]:
+        """Normalised states, ``float32 [n, d]``: usually in [0, 1] over the training range."""
+        return self._native.states()
+
+    @property
+    def times(self) -> NDArray[np.datetime64] | None:
+        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it; ``None`` where there are none."""
+        times = self._native.times()
+        return None if times is None else times.view("datetime64[us]")
+
+    @property
+    def segments(self) -> list[int]:
+        """Rows of each unbroken segment; no transition crosses from one into the next."""
+        return self._native.segments()
+
+    @property
+    def sources(self) -> NDArray[np.uint32]:
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        return self._native.sources()
+
+    def transitions(self, member: int = 0) -> NDArray[np.uint32]:
+        """The transitions that a member has, in time order, ``uint32``.
+
+        Raises:
+            IndexError: There is no such member.
+        """
+        return self._native.transitions(member)
+
+    def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
+        """The transitions whose sources are nearest to where each one leads, nearest first.
+
+        Returns:
+            ``uint32 [t, k]``, a read-only view. Rows of transitions that the member lacks hold 4294967295.
+
+        Raises:
+            IndexError: There is no such member.
+        """
+        return self._native.neighbors(member)
+
+    def distances(self, member: int = 0) -> NDArray[np.float32]:
+        """How far the sources of `neighbors` are.
+
+        Returns:
+            ``float32 [t, k]``, a read-only view: Euclidean, in units of the states, or of their representation. +∞ for
+            transitions that the member lacks.
+
+        Raises:
+            IndexError: There is no such member.
+        """
+        return self._native.distances(member)
+
+    def physical(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Normalised states in the units of the sensors.
+
+        Args:
+            states: ``[…, d]``, or rows of `states`.
+
+        Returns:
+            ``float64 [..., d]``.
+        """
+        _, offset, scale = zip(*self._native.columns)
+        values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
+        return values
+
+    def normalised(self, values: ArrayLike) -> NDArray[np.float32]:
+        """Values in the units of the sensors on the scale of the states; the inverse of `physical`.
+
+        Args:
+            values: ``[..., d]``.
+
+        Returns:
+            ``float32 [..., d]``.
+        """
+        _, offset, scale = zip(*self._native.columns)
+        states: NDArray[np.float32] = ((np.asarray(values, np.float64) - np.array(offset)) / np.array(scale)).astype(np.float32)
+        return states
+
+    def rollout(
+        self,
+        n: int,
+        steps: int,
+        *,
+        member: int = 0,
+        start: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        seed: int | None = None,
+        progress: bool | Observer = False,
+    ) -> NDArray[np.uint32]:
+        """Roll a member out: every step draws one of the nearest recorded transitions.
+
+        Args:
+            n: Rollouts. Rollout ``r`` is the same however many there are.
+            steps: Steps of each.
+            member: Position of the member.
+            start: Rows to start from, one a rollout, again from the first after the last; random ones without it. A row that the
+                member lacks is replaced by its nearest.
+            seed: Root of the draws; the study's without it, which gives the rollouts of the command line where they start at random
+                states too.
+            progress: Whether to print how far it is, or an observer.
+
+        Returns:
+            The rows that are visited, ``uint32 [n, steps + 1]``; ``model.states[rows]`` are their states.
+
+        Raises:
+            IndexError: There is no such member or row.
+            KeyboardInterrupt: Ctrl-C.
+        """
+        rows = None if start is None else [int(row) for row in np.asarray(start).ravel()]
+        return self._native.rollout(member, n, steps, rows, seed, observer(progress))
+
+    def nearest(
+        self, states: ArrayLike, k: int | None = None, *, member: int = 0, units: Units = "normalised"
+    ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+        """Where a member would go on from states that it need not have seen, by exact search.
+
+        Args:
+            states: ``[q, d]``, real numbers of any type and layout.
+            k: Neighbours to find; as many as the tables have without it.
+            member: Position of the member.
+            units: What the values are in.
+
+        Returns:
+            Rows of the nearest states, nearest first, ``uint32 [q, k]``, and their distances, ``float32 [q, k]``.
+
+        Raises:
+            CalibError: A value is NaN or infinite, or there is another number of columns.
+            TypeError: These are no real numbers.
+        """
+        if units == "physical":
+            states = self.normalised(states)
+        return self._native.nearest(states, self.k if k is None else k, member)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        path = self.path
+        if path is None:
+            raise TypeError(
+                "a model of arrays lies in no folder and cannot be pickled; build it again there, or build it of a study"
+            )
+        return Model.open, (str(path),)
+
+    def __repr__(self) -> str:
+        count = len(self.sources)
+        return (
+            f"<calib_rl.Model: {self.members} members of {count:,} transitions, {self.k} neighbours, "
+            f"{len(self.columns)} columns>"
+        )
+
+
+def of_arrays(
+    states: ArrayLike, segments: Sequence[int] | None, options: dict[str, Any], progress: bool | Observer
+) -> Model:
+    """A model of normalised states in memory."""
+    lengths = None if segments is None else [int(length) for length in segments]
+    return Model(_calib.Model.build(states, lengths, options, observer(progress)))

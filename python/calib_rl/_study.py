@@ -1,0 +1,203 @@
+"""Studies, and their steps."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from . import _calib
+from ._model import Model
+from ._progress import Observer, observer
+from ._verdict import Rollouts, Runs, Verdict
+
+Text = str | os.PathLike[str]
+
+
+class Study:
+    """A study: what to compute, resolved once and checked before anything runs.
+
+    Every step makes what is missing and keeps it in the folder of results; the command line goes on where Python stopped, and the
+    other way round: results are the same bytes.
+
+    Args:
+        source: The study file; or its sections as a dictionary, of which a file is written at ``path``.
+        path: Where a study of a dictionary or of keywords is written. It must not hold another one.
+        set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them.
+        profile: The ``NAME`` of ``[profiles.NAME]``.
+        model: The ``NAME`` of ``[models.NAME]``, all of them without it; or the section ``[model]`` as a dictionary.
+        deployment: The ``NAME`` of ``[deployments.NAME]``; all of them without it.
+        output: The folder of results, whatever the study says.
+        redo: Whether results that are there are made again.
+        sections: Sections of a study, as keywords: ``data={"path": "logs"}, sweep={"sensors": ["PIT300"]}``.
+
+    Raises:
+        StudyError: A key that does not exist, or a value that is not valid, with its place.
+        FileExistsError: ``path`` holds another study.
+
+    Examples:
+        >>> import calib_rl, tempfile, pathlib
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> study = calib_rl.Study(data={"path": "plant"}, sweep={"sensors": ["PIT300"]}, path=folder / "study.toml")
+        >>> study.config["sweep"]["sensors"]
+        ['PIT300']
+        >>> try:
+        ...     calib_rl.Study(folder / "study.toml", set={"agent.gama": 0.9})
+        ... except calib_rl.StudyError as error:
+        ...     print("did you mean `gamma`?" in str(error))
+        True
+    """
+
+    def __init__(
+        self,
+        source: Text | Mapping[str, Any] | None = None,
+        *,
+        path: Text | None = None,
+        set: Mapping[str, Any] | Sequence[str] = (),
+        profile: str | None = None,
+        model: str | Mapping[str, Any] | None = None,
+        deployment: str | None = None,
+        output: Text | None = None,
+        redo: bool = False,
+        **sections: Any,
+    ) -> None:
+        if isinstance(model, Mapping):
+            sections["model"], model = model, None
+        if source is None or isinstance(source, Mapping):
+            merged = {**(source or {}), **sections}
+            if not merged:
+                raise TypeError("a study is a file, a dictionary, or sections as keywords; got nothing")
+            if path is None:
+                raise TypeError("path says where a study of a dictionary is written, such as path='study.toml'")
+            source = _written(Path(path), _calib.to_toml(merged))
+        elif sections or path is not None:
+            raise TypeError("a study file is complete; lay keys over it with set={'section.key': value}")
+        self._arguments: dict[str, Any] = {
+            "source": os.fspath(source),
+            "set": _overrides(set),
+            "profile": profile,
+            "model": model,
+            "deployment": deployment,
+            "output": None if output is None else os.fspath(output),
+        }
+        given = {key: value for key, value in self._arguments.items() if key != "source"}
+        self._job = _calib.Job(os.fspath(source), redo=redo, **given)
+
+    def _given(self) -> dict[str, Any]:
+        """What makes the same study again in another process."""
+        return self._arguments
+
+    @property
+    def path(self) -> Path:
+        """The study file."""
+        return Path(self._job.path("study"))
+
+    @property
+    def results(self) -> Path:
+        """The folder of all results."""
+        return Path(self._job.path("root"))
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The study as it was resolved: every key, with its default where it was not given."""
+        resolved: dict[str, Any] = json.loads(self._job.json())
+        return resolved
+
+    def command(self, step: str = "run") -> str:
+        """What to type to run a step of this study on the command line."""
+        return self._job.command(step)
+
+    def simulate(self, *, progress: bool | Observer = True) -> None:
+        """Write the log of the plant that ``[simulate]`` describes, as far as it is missing."""
+        self._step("simulate", progress)
+
+    def represent(self, *, progress: bool | Observer = True) -> None:
+        """Train or import representations of the states, and choose one; only for studies with ``[representation]``."""
+        self._step("represent", progress)
+
+    def pretrain(self, *, progress: bool | Observer = True) -> None:
+        """Pre-train one agent a sensor; only for studies with ``[pretrain]``."""
+        self._step("pretrain", progress)
+
+    def build_model(self, *, progress: bool | Observer = True) -> Model:
+        """Build the calibration model.
+
+        Args:
+            progress: Whether to print what is done, or an observer. The same holds for every step.
+
+        Returns:
+            The model, mapped.
+
+        Raises:
+            CalibError: The data is wrong, or the machine refuses.
+            KeyboardInterrupt: Ctrl-C; the same call goes on from there.
+        """
+        self._step("build_model", progress)
+        return Model.of(self)
+
+    def model(self) -> Model:
+        """The model that was built.
+
+        Raises:
+            CalibError: It was not, or of another study.
+        """
+        return Model.of(self)
+
+    def rollout(self, *, progress: bool | Observer = True) -> Rollouts:
+        """Roll the model out as ``[rollout]`` says, and compare with what was recorded."""
+        self._step("rollout", progress)
+        return Rollouts(Path(self._job.path("rollout")))
+
+    def sweep(self, *, progress: bool | Observer = True) -> Runs:
+        """Train agents for every value of the grid, in the members, Online and on the replayed log."""
+        self._step("sweep", progress)
+        return Runs(Path(self._job.path("sweep")))
+
+    def evaluate(self, *, progress: bool | Observer = True) -> Verdict:
+        """Choose a value, judge the choice by held-out data, and write the report."""
+        outcome = self._step("evaluate", progress)
+        return self._verdict(outcome)
+
+    def run(self, *, progress: bool | Observer = True) -> Verdict:
+        """Every step that the study needs, from its log to the verdict, as far as it is missing."""
+        outcome = self._step("run", progress)
+        return self._verdict(outcome)
+
+    def _step(self, name: str, progress: bool | Observer) -> str:
+        return self._job.step(name, observer(progress))
+
+    def _verdict(self, outcome: str) -> Verdict:
+        return Verdict(Path(self._job.path("evaluate")), Path(self._job.path("sweep")), Path(self._job.path("report")), outcome)
+
+    def __repr__(self) -> str:
+        return f"<calib_rl.Study: {self.path}, results in {self.results}>"
+
+
+def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
+    if isinstance(given, str):
+        return [given]
+    if not isinstance(given, Mapping):
+        return [str(text) for text in given]
+    texts = []
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            raise TypeError(f"set {key!r} key by key, such as {{'{key}.{next(iter(value), 'key')}': …}}")
+        # One line, as it would be typed.
+        written = _calib.to_toml({"value": [value]}).strip().removeprefix("value = [").removesuffix("]")
+        texts.append(f"{key}={written}")
+    return texts
+
+
+def _written(path: Path, text: str) -> Path:
+    """The file, which holds this text; never in the place of another."""
+    if path.exists():
+        if path.read_text(encoding="utf-8") != text:
+            raise FileExistsError(f"{path} holds another study; remove it, choose another path, or lay keys over it with set=")
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    unfinished.write_text(text, encoding="utf-8")
+    os.replace(unfinished, path)
+    return path

@@ -1,0 +1,165 @@
+//! NumPy arrays by NumPy's [array interface](https://numpy.org/doc/stable/reference/arrays.interface.html), which the stable ABI of every
+//! Python has. What comes in is copied once, with its conversion; what goes out belongs to the array or to what it is a view of.
+
+use std::{any::Any, sync::Arc};
+
+use pyo3::{
+    exceptions::{PyTypeError, PyValueError},
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
+
+/// A number as NumPy calls it.
+pub(crate) trait Number: Copy + Default + Send + Sync + 'static {
+    /// Its `typestr`.
+    const TYPE: &'static str;
+    /// What is told of it.
+    const NAME: &'static str;
+}
+
+macro_rules! numbers {
+    ($($type:ty => $little:literal, $big:literal, $name:literal);+) => {
+        $(impl Number for $type {
+            const TYPE: &'static str = if cfg!(target_endian = "little") { $little } else { $big };
+            const NAME: &'static str = $name;
+        })+
+    };
+}
+
+numbers! {
+    f32 => "<f4", ">f4", "float32"; f64 => "<f8", ">f8", "float64"; u32 => "<u4", ">u4", "uint32";
+    i64 => "<i8", ">i8", "int64"; bool => "|b1", "|b1", "bool"
+}
+
+/// Whether an array may be written to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Access {
+    /// It belongs to Python.
+    Writable,
+    /// It is a view of what calib reads.
+    ReadOnly,
+}
+
+/// Memory that an array shows, and what keeps it there.
+#[pyclass(frozen, module = "calib_rl._calib")]
+pub(crate) struct Memory {
+    address: usize,
+    shape: Vec<usize>,
+    kind: &'static str,
+    access: Access,
+    _kept: Option<Arc<dyn Any + Send + Sync>>,
+}
+
+#[pymethods]
+impl Memory {
+    #[getter]
+    fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let interface = PyDict::new(py);
+        interface.set_item("shape", PyTuple::new(py, &self.shape)?)?;
+        interface.set_item("typestr", self.kind)?;
+        interface.set_item("data", (self.address, self.access == Access::ReadOnly))?;
+        interface.set_item("version", 3)?;
+        Ok(interface)
+    }
+}
+
+fn shown(py: Python<'_>, memory: Memory) -> PyResult<Bound<'_, PyAny>> {
+    py.import("numpy")?.call_method1("asarray", (Bound::new(py, memory)?,))
+}
+
+/// An array that owns these values.
+pub(crate) fn owned<'py, T: Number>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    debug_assert_eq!(values.len(), shape.iter().product::<usize>());
+    // Nothing of ours reads the values again: the array may write to them.
+    let address = values.as_ptr() as usize;
+    let (shape, kind) = (shape.to_vec(), T::TYPE);
+    let kept: Option<Arc<dyn Any + Send + Sync>> = Some(Arc::new(values));
+    shown(py, Memory { address, shape, kind, access: Access::Writable, _kept: kept })
+}
+
+/// A read-only array over values that `keeper` holds: a part of a mapped file, or of a model.
+pub(crate) fn view<'py, T: Number, K: Any + Send + Sync>(
+    py: Python<'py>,
+    keeper: &Arc<K>,
+    values: impl FnOnce(&K) -> &[T],
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let values = values(keeper);
+    if values.len() != shape.iter().product::<usize>() {
+        return Err(PyValueError::new_err("a view of another shape than its values"));
+    }
+    let (address, shape, kind) = (values.as_ptr() as usize, shape.to_vec(), T::TYPE);
+    let kept: Arc<dyn Any + Send + Sync> = Arc::clone(keeper) as _;
+    shown(py, Memory { address, shape, kind, access: Access::ReadOnly, _kept: Some(kept) })
+}
+
+/// A copy of an array of numbers, converted on the way, and its shape, which has so many dimensions.
+///
+/// The array may be of any layout and any type of real numbers, or anything that NumPy makes an array of.
+///
+/// # Errors
+/// `TypeError` where there are no real numbers, `ValueError` for another number of dimensions.
+pub(crate) fn copied<T: Number>(
+    array: &Bound<'_, PyAny>,
+    name: &str,
+    dimensions: &[usize],
+) -> PyResult<(Vec<T>, Vec<usize>)> {
+    let py = array.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy.call_method1("asarray", (array,))?;
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    if !matches!(kind.as_str(), "f" | "i" | "u" | "b") {
+        return Err(PyTypeError::new_err(format!(
+            "{name} has dtype {}; expected real numbers, such as {}",
+            dtype.str()?,
+            T::NAME
+        )));
+    }
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if !dimensions.contains(&shape.len()) {
+        let expected: Vec<String> = dimensions.iter().map(ToString::to_string).collect();
+        return Err(PyValueError::new_err(format!(
+            "{name} has {} dimensions, expected {}",
+            shape.len(),
+            expected.join(" or ")
+        )));
+    }
+    let count = shape.iter().try_fold(1_usize, |count, side| count.checked_mul(*side));
+    let count = count.ok_or_else(|| PyValueError::new_err(format!("{name} is too large")))?;
+    let mut values: Vec<T> = Vec::new();
+    values.try_reserve_exact(count).map_err(|_| no_memory(count * size_of::<T>()))?;
+    values.resize(count, T::default());
+    // NumPy writes to the values while we hold neither a reference to them nor anything but their address, and forgets that address
+    // when `target` goes, before they are touched again.
+    let target = Memory {
+        address: values.as_mut_ptr() as usize,
+        shape: shape.clone(),
+        kind: T::TYPE,
+        access: Access::Writable,
+        _kept: None,
+    };
+    let target = shown(py, target)?;
+    let unsafely = PyDict::new(py);
+    unsafely.set_item("casting", "unsafe")?;
+    // A number beyond the range of the narrower type becomes infinite, and is refused where it is used.
+    let quiet = PyDict::new(py);
+    quiet.set_item("over", "ignore")?;
+    quiet.set_item("invalid", "ignore")?;
+    let state = numpy.call_method("errstate", (), Some(&quiet))?;
+    state.call_method0("__enter__")?;
+    let done = numpy.call_method("copyto", (target, array), Some(&unsafely));
+    let none = py.None();
+    state.call_method1("__exit__", (&none, &none, &none))?;
+    done?;
+    Ok((values, shape))
+}
+
+/// `MemoryError`.
+pub(crate) fn no_memory(bytes: usize) -> PyErr {
+    pyo3::exceptions::PyMemoryError::new_err(format!("cannot allocate {bytes} bytes"))
+}

@@ -1,0 +1,77 @@
+//! Dictionaries of Python as values of TOML and JSON.
+
+use pyo3::{
+    exceptions::PyTypeError,
+    prelude::*,
+    types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple},
+};
+use toml::{Table, Value};
+
+/// A dictionary as a table of TOML. `None` stands for a key that is not there.
+///
+/// # Errors
+/// `TypeError` with the key, for a value that TOML does not have.
+pub(crate) fn table(of: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
+    let mut table = Table::new();
+    let items = of.call_method0("items").map_err(|_| not_toml(of, above))?;
+    for item in items.try_iter()? {
+        let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item?.extract()?;
+        let key: String = key.str()?.extract()?;
+        let path = if above.is_empty() { key.clone() } else { format!("{above}.{key}") };
+        if !value.is_none() {
+            table.insert(key, self::value(&value, &path)?);
+        }
+    }
+    Ok(table)
+}
+
+fn value(of: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+    if of.is_instance_of::<PyBool>() {
+        return Ok(Value::Boolean(of.extract()?));
+    }
+    if of.is_instance_of::<PyInt>() {
+        return Ok(Value::Integer(of.extract()?));
+    }
+    if of.is_instance_of::<PyFloat>() {
+        return Ok(Value::Float(of.extract()?));
+    }
+    if of.is_instance_of::<PyString>() {
+        return Ok(Value::String(of.extract()?));
+    }
+    if of.is_instance_of::<PyDict>() {
+        return Ok(Value::Table(table(of, path)?));
+    }
+    if of.is_instance_of::<PyList>() || of.is_instance_of::<PyTuple>() {
+        let values = of.try_iter()?.enumerate();
+        let each = |(at, item): (usize, PyResult<Bound<'_, PyAny>>)| {
+            value(&item?, &format!("{path}[{at}]"))
+        };
+        return Ok(Value::Array(values.map(each).collect::<PyResult<_>>()?));
+    }
+    // Dates and times, paths, and the numbers and arrays of NumPy.
+    if of.hasattr("isoformat")? {
+        let text: String = of.call_method0("isoformat")?.extract()?;
+        return text.parse().map(Value::Datetime).map_err(|_| not_toml(of, path));
+    }
+    if of.hasattr("__fspath__")? {
+        return Ok(Value::String(of.call_method0("__fspath__")?.extract()?));
+    }
+    if of.hasattr("tolist")? {
+        return value(&of.call_method0("tolist")?, path);
+    }
+    Err(not_toml(of, path))
+}
+
+fn not_toml(of: &Bound<'_, PyAny>, path: &str) -> PyErr {
+    let kind = of.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+    let place = if path.is_empty() { "a study".to_owned() } else { path.to_owned() };
+    PyTypeError::new_err(format!(
+        "{place} is a {kind}; expected a number, text, a truth value, a date, a path, or a list or dictionary of them"
+    ))
+}
+
+/// The same as the text of a study file.
+#[pyfunction]
+pub(crate) fn to_toml(of: &Bound<'_, PyAny>) -> PyResult<String> {
+    toml::to_string(&table(of, "")?).map_err(|error| crate::errors::value(error.to_string()))
+}

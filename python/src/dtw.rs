@@ -1,0 +1,58 @@
+//! Dynamic time warping.
+
+use calib_dtw::{Dtw, Ends, LocalDistance, Series, Settings, StepPattern, Window};
+use pyo3::prelude::*;
+
+use crate::{
+    array::{copied, owned},
+    errors,
+    work::{Needs, watched},
+};
+
+/// Raw distance, normalised distance, last matched sample of the reference, and the path `int64 [2, p]` if it is asked for.
+type Warped<'py> = (f64, Option<f64>, usize, Option<Bound<'py, PyAny>>);
+
+/// Distance of `query` `[n]` or `[n, c]` and `reference` `[m]` or `[m, c]`.
+#[pyfunction]
+#[pyo3(signature = (query, reference, step_pattern, local_distance, window, ends, path))]
+#[expect(clippy::too_many_arguments, reason = "what defines a distance")]
+pub(crate) fn dtw<'py>(
+    py: Python<'py>,
+    query: &Bound<'py, PyAny>,
+    reference: &Bound<'py, PyAny>,
+    step_pattern: &str,
+    local_distance: &str,
+    window: &str,
+    ends: &str,
+    path: bool,
+) -> PyResult<Warped<'py>> {
+    let refused = |error: &dyn std::error::Error| errors::value(error.to_string());
+    let pattern: StepPattern = step_pattern.parse().map_err(|error| refused(&error))?;
+    let local_distance: LocalDistance = local_distance.parse().map_err(|error| refused(&error))?;
+    let window: Window = window.parse().map_err(|error| refused(&error))?;
+    let ends: Ends = ends.parse().map_err(|error| refused(&error))?;
+    let dtw = Dtw::with_settings(pattern, Settings { local_distance, window, ends });
+    let series = [(query, "query"), (reference, "reference")];
+    let [query, reference] = series.map(|(of, name)| copied::<f64>(of, name, &[1, 2]));
+    let (query, reference) = (query?, reference?);
+    let work = |_: &_| {
+        let channels = |shape: &[usize]| shape.get(1).copied().unwrap_or(1);
+        let query = Series::with_channels(&query.0, channels(&query.1))?;
+        let reference = Series::with_channels(&reference.0, channels(&reference.1))?;
+        if path {
+            let aligned = dtw.align(query, reference)?;
+            Ok((aligned.distance, Some(aligned.path)))
+        } else {
+            dtw.distance(query, reference).map(|distance| (distance, None))
+        }
+    };
+    let (distance, path) = watched(py, Needs::Threads, None, work)?
+        .map_err(|error: calib_dtw::DtwError| refused(&error))?;
+    let path = path.map(|path| {
+        let count = path.len();
+        let queries = path.iter().map(|(query, _)| *query as i64);
+        let both = queries.chain(path.iter().map(|(_, reference)| *reference as i64)).collect();
+        owned(py, both, &[2, count])
+    });
+    Ok((distance.raw, distance.normalised, distance.end, path.transpose()?))
+}

@@ -1,0 +1,41 @@
+//! Errors of calib as exceptions, with the same texts.
+
+use calib_pipeline::{StepError, StudyError};
+use pyo3::{
+    exceptions::{PyKeyboardInterrupt, PyValueError},
+    prelude::*,
+    types::PyString,
+};
+
+/// An exception of `calib_rl`, by its name.
+fn of_calib(py: Python<'_>, name: &str, text: &str) -> PyErr {
+    let raised = || -> PyResult<PyErr> {
+        let class = py.import("calib_rl._errors")?.getattr(name)?;
+        Ok(PyErr::from_value(class.call1((PyString::new(py, text),))?))
+    };
+    raised().unwrap_or_else(|error| error)
+}
+
+/// What a step could not do.
+pub(crate) fn of_step(py: Python<'_>, error: &StepError) -> PyErr {
+    if error.was_interrupted() {
+        return PyKeyboardInterrupt::new_err(error.to_string());
+    }
+    let name = if error.place().is_some() { "StudyError" } else { "CalibError" };
+    of_calib(py, name, &error.to_string())
+}
+
+/// What is wrong with a study.
+pub(crate) fn of_study(py: Python<'_>, error: &StudyError) -> PyErr {
+    of_calib(py, "StudyError", &error.to_string())
+}
+
+/// Anything else that calib refuses.
+pub(crate) fn of_any(py: Python<'_>, error: &dyn std::error::Error) -> PyErr {
+    of_calib(py, "CalibError", &error.to_string())
+}
+
+/// What a caller got wrong.
+pub(crate) fn value(text: impl Into<String>) -> PyErr {
+    PyValueError::new_err(text.into())
+}

@@ -1,0 +1,56 @@
+//! Neighbour tables of arrays.
+
+use std::sync::Arc;
+
+use calib_core::States;
+use calib_knn::{IndexKind, PointNeighbors, Points, SelfMatch};
+use pyo3::prelude::*;
+
+use crate::{
+    array::{copied, owned},
+    errors,
+    observer::{Watch, Watching},
+    work::{Needs, watched},
+};
+
+/// The `k` nearest of `points` `[n, d]` to every one of them, or to each of `queries` `[q, d]`: positions `uint32 [q, k]` and Euclidean
+/// distances `float32 [q, k]`.
+#[pyfunction]
+#[pyo3(signature = (points, k, queries=None, exclude_self=false, index="auto", observer=None))]
+pub(crate) fn knn_join<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    k: usize,
+    queries: Option<&Bound<'py, PyAny>>,
+    exclude_self: bool,
+    index: &str,
+    observer: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let kind = match index {
+        "auto" => IndexKind::Auto,
+        "kd_tree" => IndexKind::KdTree,
+        "join" => IndexKind::Join,
+        "scan" => IndexKind::Scan,
+        other => {
+            return Err(errors::value(format!(
+                "index is \"{other}\", expected \"auto\", \"kd_tree\", \"join\" or \"scan\""
+            )));
+        }
+    };
+    let (values, shape) = copied::<f32>(points, "points", &[2])?;
+    let queries = queries.map(|of| copied::<f32>(of, "queries", &[2])).transpose()?;
+    let count = queries.as_ref().map_or(shape[0], |(_, shape)| shape[0]);
+    let work = |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
+        let monitor = Watching(Arc::clone(watch));
+        let points = Points::new(values, shape[1])?;
+        if let Some((values, shape)) = queries {
+            let states = States::new(values, shape[0], shape[1])?;
+            return points.nearest(&states, k, kind, &monitor);
+        }
+        let self_match = if exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed };
+        points.join(k, self_match, kind, &monitor)
+    };
+    let found = watched(py, Needs::Threads, observer, work)?;
+    let found = found.map_err(|error| errors::value(error.to_string()))?;
+    Ok((owned(py, found.neighbors, &[count, k])?, owned(py, found.distances, &[count, k])?))
+}

@@ -1,0 +1,60 @@
+//! calib as a Python module: `calib_rl._calib`. What is documented for users is in `python/calib_rl`.
+//!
+//! Arrays go through NumPy's array interface (`array`): what comes in is copied once, what goes out is owned by Python or a
+//! view of a mapped file. Long work runs on a thread of its own, while the calling one looks for Ctrl-C (`work`).
+
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "pyo3 hands over what it made of Python's values"
+)]
+
+mod array;
+mod convert;
+mod dtw;
+mod errors;
+mod ingest;
+mod join;
+mod model;
+mod observer;
+mod simulate;
+mod streams;
+mod study;
+mod walkers;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The command line, for the command that the wheel brings; its exit code.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
+    py.detach(|| calib::exit_code(arguments.into_iter().map(Into::into)))
+}
+
+#[pymodule]
+fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    hush_readers();
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<study::PyJob>()?;
+    module.add_class::<model::Model>()?;
+    module.add_class::<walkers::Walkers>()?;
+    module.add_class::<streams::Streams>()?;
+    module.add_class::<streams::Score>()?;
+    module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;
+    module.add_function(wrap_pyfunction!(dtw::dtw, module)?)?;
+    module.add_function(wrap_pyfunction!(ingest::write_log, module)?)?;
+    module.add_function(wrap_pyfunction!(streams::evaluate_runs, module)?)?;
+    module.add_function(wrap_pyfunction!(join::knn_join, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(main, module)?)
+}
+
+/// The Parquet reader's panics on damaged files are errors of the file, and told as such.
+fn hush_readers() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !calib_data::may_be_of_a_reader() {
+            usual(panic);
+        }
+    }));
+}

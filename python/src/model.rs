@@ -1,0 +1,353 @@
+//! Calibration models as arrays.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use calib_core::{Bounds, RowIndex, Seed, Segments, States, TransitionIndex, Transitions};
+use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_pipeline::Calibration;
+use calib_rollout::{Absent, StartSource, rollouts, start_states};
+use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
+
+use crate::{
+    array::{copied, owned, view},
+    convert, errors,
+    observer::{Watch, Watching},
+    study::PyJob,
+    walkers::Walkers,
+    work::{Needs, watched},
+};
+
+/// A model, from a folder or from arrays.
+pub(crate) enum Kept {
+    /// Its states and tables are mapped.
+    Stored(Box<Calibration>),
+    /// Everything is in memory.
+    Built { knn: Box<KnnModel>, weights: Weights },
+}
+
+impl Kept {
+    pub(crate) fn knn(&self) -> &KnnModel {
+        match self {
+            Self::Stored(model) => model.knn(),
+            Self::Built { knn, .. } => knn,
+        }
+    }
+
+    /// Normalised states; those of a representation are what distances are measured in, and not these.
+    pub(crate) fn states(&self) -> &States {
+        match self {
+            Self::Stored(model) => model.frames().states(),
+            Self::Built { knn, .. } => knn.states(),
+        }
+    }
+
+    pub(crate) fn weights(&self) -> Weights {
+        match self {
+            Self::Stored(model) => model.weights(),
+            Self::Built { weights, .. } => *weights,
+        }
+    }
+
+    /// Time of a row, in microseconds; its number where there are no times.
+    pub(crate) fn time(&self, row: usize) -> i64 {
+        match self {
+            Self::Stored(model) => model.frames().timestamps()[row].as_micros(),
+            Self::Built { .. } => row as i64,
+        }
+    }
+
+    fn stored(&self) -> Option<&Calibration> {
+        match self {
+            Self::Stored(model) => Some(model),
+            Self::Built { .. } => None,
+        }
+    }
+}
+
+/// A calibration model of neighbours.
+#[pyclass(frozen, module = "calib_rl._calib")]
+pub(crate) struct Model {
+    pub(crate) kept: Arc<Kept>,
+}
+
+impl Model {
+    fn stored(model: Calibration) -> Self {
+        Self { kept: Arc::new(Kept::Stored(Box::new(model))) }
+    }
+
+    pub(crate) fn check_member(&self, member: usize) -> PyResult<()> {
+        let members = self.kept.knn().members();
+        if member < members {
+            return Ok(());
+        }
+        Err(PyIndexError::new_err(format!("member {member}: the model has {members}, from 0 on")))
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// The model in a folder.
+    #[staticmethod]
+    fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
+        let opened =
+            watched(py, Needs::Tables, None, |_| Calibration::in_directory(Path::new(&directory)))?;
+        opened.map(Self::stored).map_err(|error| errors::of_step(py, &error))
+    }
+
+    /// The model of a study.
+    #[staticmethod]
+    fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
+        let job = &job.get().job;
+        let opened = watched(py, Needs::Tables, None, |_| Calibration::of_job(job))?;
+        opened.map(Self::stored).map_err(|error| errors::of_step(py, &error))
+    }
+
+    /// A model of normalised states, `[n, d]`, in segments of these lengths; `options` are keys of `[model]`.
+    #[staticmethod]
+    #[pyo3(signature = (states, segments, options, observer=None))]
+    fn build(
+        py: Python<'_>,
+        states: &Bound<'_, PyAny>,
+        segments: Option<Vec<usize>>,
+        options: &Bound<'_, PyDict>,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let config: ModelConfig = convert::table(options.as_any(), "model")?
+            .try_into()
+            .map_err(|error| errors::value(format!("model: {error}")))?;
+        let weights = config.weights().map_err(|error| errors::of_any(py, &error))?;
+        let (values, shape) = copied::<f32>(states, "states", &[2])?;
+        let (rows, columns) = (shape[0], shape[1]);
+        let work =
+            |watch: &Arc<Watch>| -> Result<KnnModel, Box<dyn std::error::Error + Send + Sync>> {
+                let states = States::new(values, rows, columns)?;
+                let segments = Segments::from_lengths(segments.unwrap_or_else(|| vec![rows]))?;
+                let monitor = Watching(Arc::clone(watch));
+                Ok(KnnModel::build(states, Transitions::new(segments), &config, &monitor)?)
+            };
+        let knn = watched(py, Needs::Threads, observer, work)?;
+        let knn = Box::new(knn.map_err(|error| errors::of_any(py, &*error))?);
+        Ok(Self { kept: Arc::new(Kept::Built { knn, weights }) })
+    }
+
+    /// The folder that it was opened from.
+    #[getter]
+    fn directory(&self) -> Option<PathBuf> {
+        self.kept.stored().map(|model| model.directory().to_owned())
+    }
+
+    #[getter]
+    fn members(&self) -> usize {
+        self.kept.knn().members()
+    }
+
+    #[getter]
+    fn k(&self) -> usize {
+        self.kept.knn().k()
+    }
+
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.kept.stored().map_or(0, |model| model.study().seed)
+    }
+
+    /// Seconds from one row to the next; none of a model of arrays.
+    #[getter]
+    fn period(&self) -> Option<f64> {
+        self.kept.stored().map(|model| model.period().as_secs())
+    }
+
+    /// Name, offset and scale of every column: physical = normalised × scale + offset.
+    #[getter]
+    fn columns(&self) -> Vec<(String, f64, f64)> {
+        match self.kept.stored() {
+            Some(model) => {
+                let columns = model.normaliser().columns().iter();
+                columns.map(|of| (of.name.clone(), of.bounds.offset, of.bounds.scale)).collect()
+            }
+            None => {
+                (0..self.kept.states().columns()).map(|at| (at.to_string(), 0.0, 1.0)).collect()
+            }
+        }
+    }
+
+    /// Normalised states, `float32 [n, d]`, a view.
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let states = self.kept.states();
+        let shape = [states.rows(), states.columns()];
+        view(py, &self.kept, |kept| kept.states().as_slice(), &shape)
+    }
+
+    /// Time of every row in microseconds, `int64 [n]`; none of a model of arrays.
+    fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(model) = self.kept.stored() else { return Ok(None) };
+        let times: Vec<i64> = model.frames().timestamps().iter().map(|of| of.as_micros()).collect();
+        let rows = times.len();
+        owned(py, times, &[rows]).map(Some)
+    }
+
+    /// Lengths of the segments.
+    fn segments(&self) -> Vec<usize> {
+        self.kept.knn().transitions().segments().iter().map(calib_core::Segment::len).collect()
+    }
+
+    /// Row that every transition starts from, `uint32 [t]`, a view.
+    fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let count = self.kept.knn().transitions().len();
+        view(py, &self.kept, |kept| kept.knn().transitions().sources(), &[count])
+    }
+
+    /// Neighbours of a member, `uint32 [t, k]`, a view.
+    fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
+        self.check_member(member)?;
+        let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
+        view(py, &self.kept, |kept| kept.knn().table(member).neighbors(), &shape)
+    }
+
+    /// Distances to them, `float32 [t, k]`, a view.
+    fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
+        self.check_member(member)?;
+        let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
+        view(py, &self.kept, |kept| kept.knn().table(member).distances(), &shape)
+    }
+
+    /// Rows that `count` rollouts of a member visit, `uint32 [count, steps + 1]`.
+    #[pyo3(signature = (member, count, steps, rows=None, seed=None, observer=None))]
+    #[expect(clippy::too_many_arguments, reason = "what decides about rollouts")]
+    fn rollout<'py>(
+        &self,
+        py: Python<'py>,
+        member: usize,
+        count: usize,
+        steps: usize,
+        rows: Option<Vec<usize>>,
+        seed: Option<u64>,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.check_member(member)?;
+        let known = self.kept.states().rows();
+        if let Some(row) = rows.iter().flatten().find(|row| **row >= known) {
+            return Err(PyIndexError::new_err(format!("row {row}: the model has {known} rows")));
+        }
+        let cells = count.checked_mul(steps.saturating_add(1));
+        let cells = cells.ok_or_else(|| errors::value("count × steps is too large"))?;
+        let mut visited: Vec<u32> = Vec::new();
+        visited.try_reserve_exact(cells).map_err(|_| crate::array::no_memory(4 * cells))?;
+        let kept = &self.kept;
+        let seed = Seed::new(seed.unwrap_or(self.seed())).child("rollout");
+        let work = |watch: &Arc<Watch>| {
+            let of = kept.knn().member(member);
+            let rows: Option<Vec<RowIndex>> =
+                rows.map(|rows| rows.into_iter().map(RowIndex::new).collect());
+            let source = match &rows {
+                None => StartSource::Random,
+                Some(rows) => StartSource::Rows { rows, absent: Absent::Replace },
+            };
+            let starts = start_states(&of, source, count, source.seed_of(seed, member))?;
+            let monitor = Watching(Arc::clone(watch));
+            let all = rollouts(&of, &starts, steps, kept.weights(), seed, &monitor)?;
+            visited.extend(all.iter().flat_map(calib_rollout::Rollout::rows).map(|row| row.0));
+            Ok::<_, calib_rollout::RolloutError>(visited)
+        };
+        let visited = watched(py, Needs::Threads, observer, work)?;
+        let visited = visited.map_err(|error| errors::of_any(py, &error))?;
+        owned(py, visited, &[count, steps + 1])
+    }
+
+    /// Rows of the `k` sources of a member that are nearest to each of `states`, `uint32 [q, k]`, and how far they are, `float32 [q, k]`.
+    #[pyo3(signature = (states, k, member))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        states: &Bound<'_, PyAny>,
+        k: usize,
+        member: usize,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        self.check_member(member)?;
+        let (values, shape) = copied::<f32>(states, "states", &[2])?;
+        let (count, kept) = (shape[0], &self.kept);
+        let work = |_: &Arc<Watch>| -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
+            let mut states = States::new(values, shape[0], shape[1])?;
+            if let Some(model) = kept.stored() {
+                let columns = model.frames().states().columns();
+                if columns != shape[1] {
+                    return Err(
+                        calib_knn::KnnError::Columns { expected: columns, got: shape[1] }.into()
+                    );
+                }
+                states = model.in_metric(&states)?;
+            }
+            let found = kept.knn().member(member).nearest_sources(&states, k)?;
+            let mut rows = vec![u32::MAX; count * k];
+            let mut distances = vec![f32::INFINITY; count * k];
+            for (query, near) in found.iter().enumerate() {
+                for (place, neighbor) in near.iter().enumerate() {
+                    let source = kept.knn().transitions().source(neighbor.transition);
+                    rows[query * k + place] = source.0;
+                    distances[query * k + place] = neighbor.distance;
+                }
+            }
+            Ok((rows, distances))
+        };
+        let (rows, distances) = watched(py, Needs::Threads, None, work)?
+            .map_err(|error| errors::of_any(py, &*error))?;
+        Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
+    }
+
+    /// Walkers, one for each of `members`.
+    #[pyo3(signature = (members, columns, reward, steps, physical))]
+    fn walkers(
+        &self,
+        members: Vec<usize>,
+        columns: Vec<usize>,
+        reward: usize,
+        steps: u64,
+        physical: bool,
+    ) -> PyResult<Walkers> {
+        members.iter().try_for_each(|&member| self.check_member(member))?;
+        let known = self.kept.states().columns();
+        if let Some(column) = columns.iter().chain([&reward]).find(|column| **column >= known) {
+            return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
+        }
+        let maps = self.columns();
+        let map = |column: usize| {
+            let (_, offset, scale) = maps[column];
+            (column, if physical { Bounds { offset, scale } } else { Bounds::IDENTITY })
+        };
+        let columns = columns.into_iter().map(map).collect();
+        Ok(Walkers::new(Arc::clone(&self.kept), members, columns, map(reward), steps))
+    }
+
+    /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
+    fn extremes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let states = self.kept.states();
+        let columns = states.columns();
+        let (low, high) = py.detach(|| {
+            let start = (vec![f32::INFINITY; columns], vec![f32::NEG_INFINITY; columns]);
+            states.as_slice().chunks_exact(columns.max(1)).fold(
+                start,
+                |(mut low, mut high), row| {
+                    for (at, value) in row.iter().enumerate() {
+                        low[at] = low[at].min(*value);
+                        high[at] = high[at].max(*value);
+                    }
+                    (low, high)
+                },
+            )
+        });
+        Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
+    }
+
+    /// Positions in time order of the transitions of a member, `uint32`.
+    fn transitions<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
+        self.check_member(member)?;
+        let of = self.kept.knn().member(member);
+        let all: Vec<u32> =
+            (0..of.len()).map(|at| of.nth(at)).map(|TransitionIndex(at)| at).collect();
+        let count = all.len();
+        owned(py, all, &[count])
+    }
+}

@@ -1,0 +1,131 @@
+//! What a step tells, for whoever waits for it in Python.
+
+use std::{
+    collections::VecDeque,
+    io,
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use calib_core::Monitor;
+use calib_pipeline::{
+    Observer, Remark, Shown,
+    output::{Lines, Result as Answered, harmless},
+};
+
+/// Something that was said: its kind, and the text.
+pub(crate) type Told = (&'static str, String);
+
+/// How far a task is.
+#[derive(Clone, Default, PartialEq)]
+pub(crate) struct Progress {
+    /// What is being done.
+    pub(crate) task: String,
+    /// Units that are done.
+    pub(crate) done: u64,
+    /// Units in all.
+    pub(crate) total: u64,
+}
+
+/// What work and whoever waits for it share.
+#[derive(Default)]
+pub(crate) struct Watch {
+    stop: AtomicBool,
+    state: Mutex<State>,
+    news: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    told: VecDeque<Told>,
+    progress: Progress,
+    finished: bool,
+}
+
+impl Watch {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Ask the work to stop.
+    pub(crate) fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// The work ended, however it did.
+    pub(crate) fn finish(&self) {
+        self.state().finished = true;
+        self.news.notify_all();
+    }
+
+    fn tell(&self, kind: &'static str, text: &str) {
+        self.state().told.push_back((kind, text.to_owned()));
+        self.news.notify_all();
+    }
+
+    /// Wait for something to be said, or the end, but not longer than this: what was said, how far it is, and whether it ended.
+    pub(crate) fn wait(&self, longest: Duration) -> (Vec<Told>, Progress, bool) {
+        let state = self.state();
+        let quiet = |state: &mut State| state.told.is_empty() && !state.finished;
+        let (mut state, _) = self
+            .news
+            .wait_timeout_while(state, longest, quiet)
+            .unwrap_or_else(PoisonError::into_inner);
+        (state.told.drain(..).collect(), state.progress.clone(), state.finished)
+    }
+}
+
+/// The ears of a step.
+pub(crate) struct Ears(pub(crate) Arc<Watch>);
+
+impl Observer for Ears {
+    fn remark(&self, remark: Remark<'_>) {
+        let (kind, text, lines) = match remark {
+            Remark::Talk(text) => ("talk", text, Lines::One),
+            Remark::Table(text) => ("table", text, Lines::Several),
+            Remark::Heading(text) => ("heading", text, Lines::One),
+            Remark::Warning(text) => ("warning", text, Lines::One),
+            Remark::Error(text) => ("error", text, Lines::One),
+        };
+        self.0.tell(kind, &harmless(text, lines));
+    }
+
+    fn result(&self, result: Answered<'_>) -> io::Result<()> {
+        match result {
+            Answered::Line(text) => self.0.tell("result", &harmless(text, Lines::One)),
+            Answered::Lines(text) => self.0.tell("result", &harmless(text, Lines::Several)),
+            Answered::Json(text) => self.0.tell("json", text),
+        }
+        Ok(())
+    }
+
+    fn progress(&self, _shown: Shown) -> Box<dyn Monitor> {
+        Box::new(Watching(Arc::clone(&self.0)))
+    }
+}
+
+/// A monitor of long work.
+pub(crate) struct Watching(pub(crate) Arc<Watch>);
+
+impl Monitor for Watching {
+    fn begin(&self, task: &str, total: u64) {
+        self.0.state().progress = Progress { task: task.to_owned(), done: 0, total };
+    }
+
+    fn advance(&self, units: u64) {
+        self.0.state().progress.done += units;
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        self.0.state().progress = Progress::default();
+    }
+}

@@ -1,0 +1,35 @@
+//! Simulated plants.
+
+use std::{path::PathBuf, sync::Arc};
+
+use calib_pipeline::Printer;
+use calib_study::SimulateConfig;
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::{
+    convert, errors,
+    observer::{Ears, Watch},
+    work::{Needs, watched},
+};
+
+/// Write the log of a simulated plant, a Parquet file a day; what there is now, in words.
+#[pyfunction]
+#[pyo3(signature = (directory, options, force=false, observer=None))]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    directory: PathBuf,
+    options: &Bound<'_, PyDict>,
+    force: bool,
+    observer: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let config: SimulateConfig = convert::table(options.as_any(), "simulate")?
+        .try_into()
+        .map_err(|error| errors::value(format!("simulate: {error}")))?;
+    let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
+    let work = |watch: &Arc<Watch>| {
+        let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
+        calib_pipeline::simulate_plant(&directory, plant, force, &printer)
+    };
+    let simulated = watched(py, Needs::Tables, observer, work)?;
+    simulated.map(|of| of.line()).map_err(|error| errors::of_step(py, &error))
+}

@@ -1,0 +1,183 @@
+//! Streams of a sweep, for agents in Python.
+
+use std::{path::PathBuf, sync::Arc};
+
+use calib_agent::Part;
+use calib_pipeline::{ExternalCandidate, ExternalResult, Outcome, Printer, SweepStreams};
+use calib_study::Study;
+use pyo3::{exceptions::PyIndexError, prelude::*};
+
+use crate::{
+    array::{copied, owned},
+    errors,
+    observer::{Ears, Watch},
+    study::PyJob,
+    work::{Needs, watched},
+};
+
+/// Environment, run, row that it starts from, seed, fingerprint, steps.
+type Told = (String, usize, u32, u64, String, usize);
+/// States, and their unbroken pieces.
+type States<'py> = (Bound<'py, PyAny>, Vec<(usize, usize)>);
+/// Values of a candidate as JSON, and whether it is the default.
+type Candidate = (String, bool);
+
+/// The streams of a study's sweep.
+#[pyclass(frozen, module = "calib_rl._calib")]
+pub(crate) struct Streams {
+    streams: SweepStreams,
+}
+
+/// What an agent came to on a stream.
+#[pyclass(frozen, module = "calib_rl._calib")]
+pub(crate) struct Score {
+    result: ExternalResult,
+    /// The error that counts, in units of the sensor's return.
+    #[pyo3(get)]
+    nrmse: f64,
+}
+
+#[pymethods]
+impl Streams {
+    /// Those of a study whose model was built.
+    #[staticmethod]
+    #[pyo3(signature = (job, observer=None))]
+    fn of_job(
+        py: Python<'_>,
+        job: &Bound<'_, PyJob>,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let job = &job.get().job;
+        let work = |watch: &Arc<Watch>| {
+            SweepStreams::of_job(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
+        };
+        let streams = watched(py, Needs::Tables, observer, work)?;
+        Ok(Self { streams: streams.map_err(|error| errors::of_step(py, &error))? })
+    }
+
+    /// Each stream.
+    fn runs(&self) -> Vec<Told> {
+        let runs = self.streams.runs().iter().enumerate();
+        runs.map(|(at, of)| {
+            let inputs = of.inputs.short().to_string();
+            let environment = of.environment.to_string();
+            (environment, of.run, of.start_row, of.seed.get(), inputs, self.streams.steps_of(at))
+        })
+        .collect()
+    }
+
+    /// Sensors, each with its column.
+    fn sensors(&self) -> Vec<(String, usize)> {
+        self.streams.sensors().to_vec()
+    }
+
+    #[getter]
+    fn gamma(&self) -> f64 {
+        self.streams.gamma()
+    }
+
+    /// What is scored.
+    #[getter]
+    fn part(&self) -> &'static str {
+        match self.streams.part() {
+            Part::WholeRun => "whole_run",
+            Part::AfterFirstQuarter => "after_first_quarter",
+            Part::FinalQuarter => "final_quarter",
+        }
+    }
+
+    /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
+    fn states<'py>(&self, py: Python<'py>, stream: usize) -> PyResult<States<'py>> {
+        self.check(stream)?;
+        let of = &self.streams.runs()[stream].stream;
+        let (count, width) = (of.len(), of.width());
+        let mut values = Vec::with_capacity(count * width);
+        for t in 0..count {
+            values.extend_from_slice(of.state(t));
+        }
+        let pieces = of.pieces().iter().map(|piece| (piece.start, piece.end)).collect();
+        Ok((owned(py, values, &[count, width])?, pieces))
+    }
+
+    /// What predictions of a sensor on a stream came to, one for each step.
+    fn score(
+        &self,
+        py: Python<'_>,
+        stream: usize,
+        sensor: &str,
+        candidate: usize,
+        predictions: &Bound<'_, PyAny>,
+        updates: u64,
+    ) -> PyResult<Score> {
+        self.check(stream)?;
+        let column = self.streams.sensors().iter().find(|(name, _)| name == sensor);
+        let Some((_, column)) = column else {
+            return Err(errors::value(format!("the study predicts no sensor {sensor}")));
+        };
+        let (predictions, _) = copied::<f32>(predictions, "predictions", &[1])?;
+        let outcome = self
+            .streams
+            .score(stream, *column, &predictions, updates)
+            .map_err(|error| errors::of_step(py, &error))?;
+        let rmse = outcome.scores.of(self.streams.part()).map_or(f64::NAN, |of| of.rmse);
+        let nrmse = rmse / self.streams.scale(sensor);
+        let sensor = sensor.to_owned();
+        Ok(Score { result: ExternalResult { stream, sensor, candidate, outcome }, nrmse })
+    }
+
+    /// Write what agents came to as a table of runs.
+    fn write(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        candidates: Vec<Candidate>,
+        scores: Vec<Bound<'_, Score>>,
+    ) -> PyResult<()> {
+        let candidates = candidates.into_iter().map(|(json, is_default)| {
+            let values: serde_json::Map<String, serde_json::Value> =
+                serde_json::from_str(&json).map_err(|error| errors::value(error.to_string()))?;
+            Ok(ExternalCandidate { values: values.into_iter().collect(), is_default })
+        });
+        let candidates = candidates.collect::<PyResult<Vec<_>>>()?;
+        let results: Vec<ExternalResult> =
+            scores.iter().map(|score| score.get().result.clone()).collect();
+        if let Some(bad) = results.iter().find(|of| of.candidate >= candidates.len()) {
+            return Err(errors::value(format!("there is no candidate {}", bad.candidate)));
+        }
+        let work = |_: &_| self.streams.write(&path, &candidates, &results);
+        let written = watched(py, Needs::Tables, None, work)?;
+        written.map_err(|error| errors::of_step(py, &error))
+    }
+}
+
+impl Streams {
+    fn check(&self, stream: usize) -> PyResult<()> {
+        let count = self.streams.runs().len();
+        if stream < count {
+            return Ok(());
+        }
+        Err(PyIndexError::new_err(format!("stream {stream}: there are {count}, from 0 on")))
+    }
+}
+
+/// Judge the runs of a table by a study, or by the defaults; `"done"`, or `"negative"` where the members prefer no value.
+#[pyfunction]
+#[pyo3(signature = (runs, job=None, output=None, observer=None))]
+pub(crate) fn evaluate_runs(
+    py: Python<'_>,
+    runs: PathBuf,
+    job: Option<&Bound<'_, PyJob>>,
+    output: Option<PathBuf>,
+    observer: Option<&Bound<'_, PyAny>>,
+) -> PyResult<&'static str> {
+    let study = job.map_or_else(Study::default, |job| job.get().job.study().clone());
+    let work = |watch: &Arc<Watch>| {
+        let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
+        calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &printer)
+    };
+    match watched(py, Needs::Tables, observer, work)? {
+        Ok(Outcome::Done) => Ok("done"),
+        Ok(Outcome::Negative | Outcome::Faulty) => Ok("negative"),
+        Err(error) => Err(errors::of_step(py, &error)),
+    }
+}

@@ -1,0 +1,109 @@
+//! A study that was resolved, and its steps.
+
+use std::{path::PathBuf, sync::Arc};
+
+use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError};
+use calib_study::{Existing, Policy, Writes};
+use pyo3::prelude::*;
+
+use crate::{
+    errors,
+    observer::{Ears, Watch},
+    work::{Needs, watched},
+};
+
+/// A study that was resolved.
+#[pyclass(frozen, module = "calib_rl._calib", name = "Job")]
+pub(crate) struct PyJob {
+    pub(crate) job: Job,
+}
+
+#[pymethods]
+impl PyJob {
+    /// Resolve the study in a file, or `text` as if it stood there.
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "what may be typed beside a study")]
+    #[pyo3(signature = (path, text=None, *, set=Vec::new(), profile=None, model=None, deployment=None, output=None, redo=false))]
+    fn new(
+        py: Python<'_>,
+        path: PathBuf,
+        text: Option<String>,
+        set: Vec<String>,
+        profile: Option<String>,
+        model: Option<String>,
+        deployment: Option<String>,
+        output: Option<PathBuf>,
+        redo: bool,
+    ) -> PyResult<Self> {
+        let existing = if redo { Existing::Redo } else { Existing::Keep };
+        let policy = Policy { existing, writes: Writes::Missing };
+        let request = Request { study: path, set, profile, model, deployment, output, policy };
+        let job = match text {
+            Some(text) => Job::of_text(request, text),
+            None => Job::resolve(request),
+        };
+        Ok(Self { job: job.map_err(|error| errors::of_study(py, &error))? })
+    }
+
+    /// Run a step; how it ended: `"done"`, or `"negative"` where its answer is.
+    #[pyo3(signature = (name, observer=None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<&'static str> {
+        let step = step(name)?;
+        let job = &self.job;
+        let work = |watch: &Arc<Watch>| step(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))));
+        match watched(py, Needs::Tables, observer, work)? {
+            Ok(Outcome::Done) => Ok("done"),
+            Ok(Outcome::Negative) => Ok("negative"),
+            Ok(Outcome::Faulty) => Ok("faulty"),
+            Err(error) => Err(errors::of_step(py, &error)),
+        }
+    }
+
+    /// Where the results of a step lie: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"report"`, or `"root"` for all of them.
+    fn path(&self, of: &str) -> PyResult<PathBuf> {
+        let layout = self.job.layout();
+        Ok(match of {
+            "root" => layout.root().to_owned(),
+            "study" => layout.study().to_owned(),
+            "model" => layout.model(),
+            "rollout" => layout.rollout(),
+            "sweep" => layout.sweep(),
+            "evaluate" => layout.evaluate(),
+            "report" => layout.report(),
+            other => return Err(errors::value(format!("no results are called {other}"))),
+        })
+    }
+
+    /// The study as it was resolved, as JSON.
+    fn json(&self) -> PyResult<String> {
+        serde_json::to_string(self.job.study()).map_err(|error| errors::value(error.to_string()))
+    }
+
+    /// What to type to run the same step on the command line.
+    fn command(&self, step: &str) -> String {
+        self.job.command(step)
+    }
+}
+
+type Step = fn(&Job, &Printer) -> Result<Outcome, StepError>;
+
+fn step(name: &str) -> PyResult<Step> {
+    Ok(match name {
+        "simulate" => |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done),
+        "represent" => |job, printer| calib_pipeline::represent(job, None, printer),
+        "build_model" => {
+            |job, printer| calib_pipeline::build_model(job, &BuildOptions::default(), printer)
+        }
+        "pretrain" => calib_pipeline::pretrain,
+        "rollout" => calib_pipeline::rollout,
+        "sweep" => calib_pipeline::sweep,
+        "evaluate" => calib_pipeline::evaluate,
+        "run" => calib_pipeline::run,
+        other => return Err(errors::value(format!("no step is called {other}"))),
+    })
+}

@@ -1,0 +1,200 @@
+//! Many walks through a model at once, a step of all of them a call.
+
+use std::sync::Arc;
+
+use calib_core::{Bounds, Normalised, Rng, Seed, TransitionIndex};
+use pyo3::prelude::*;
+
+use crate::{
+    array::{copied, owned},
+    errors,
+    model::Kept,
+};
+
+/// A column of the states, and the map to what is seen of it.
+type Mapped = (usize, Bounds);
+
+/// One walk.
+struct Walker {
+    member: usize,
+    at: TransitionIndex,
+    rng: Rng,
+    /// Steps since it began.
+    steps: u64,
+    /// Whether the next step begins anew.
+    over: bool,
+    /// From the state before to the recorded one that stands for it.
+    distance: f32,
+}
+
+/// Walks through members of a model. What they see is recorded rows; no action changes them.
+#[pyclass(module = "calib_rl._calib")]
+pub(crate) struct Walkers {
+    kept: Arc<Kept>,
+    walks: Vec<Walker>,
+    columns: Vec<Mapped>,
+    reward: Mapped,
+    /// Steps after which a walk is over; 0 for never.
+    most: u64,
+}
+
+type Arrays<'py> = (
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+);
+
+impl Walkers {
+    pub(crate) fn new(
+        kept: Arc<Kept>,
+        members: Vec<usize>,
+        columns: Vec<Mapped>,
+        reward: Mapped,
+        most: u64,
+    ) -> Self {
+        let walker = |(number, member): (usize, usize)| Walker {
+            member,
+            at: TransitionIndex(0),
+            rng: rng(0, number),
+            steps: 0,
+            over: true,
+            distance: 0.0,
+        };
+        let walks = members.into_iter().enumerate().map(walker).collect();
+        Self { kept, walks, columns, reward, most }
+    }
+
+    /// What walker `number` sees, at the end of `seen`; its reward, row and time.
+    fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
+        let row = self.kept.knn().transitions().next(self.walks[number].at).get();
+        let state = self.kept.states().row(row);
+        seen.extend(
+            self.columns
+                .iter()
+                .map(|(column, bounds)| bounds.physical(Normalised(state[*column])).0 as f32),
+        );
+        let (column, bounds) = self.reward;
+        (bounds.physical(Normalised(state[column])).0, row as i64, self.kept.time(row))
+    }
+
+    fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
+        let count = self.walks.len();
+        let mut seen = Vec::with_capacity(count * self.columns.len());
+        let (mut rewards, mut rows, mut times) =
+            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        for (number, begun) in begun.iter().enumerate() {
+            let (reward, row, time) = self.look(number, &mut seen);
+            rewards.push(if *begun { 0.0 } else { reward });
+            rows.push(row);
+            times.push(time);
+        }
+        let over: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
+        let distances: Vec<f32> = self.walks.iter().map(|of| of.distance).collect();
+        Ok((
+            owned(py, seen, &[count, self.columns.len()])?,
+            owned(py, rewards, &[count])?,
+            owned(py, over, &[count])?,
+            owned(py, rows, &[count])?,
+            owned(py, times, &[count])?,
+            owned(py, distances, &[count])?,
+        ))
+    }
+}
+
+/// The random numbers of walker `number`.
+fn rng(seed: u64, number: usize) -> Rng {
+    Seed::new(seed).child("environment").number(number as u64).rng()
+}
+
+impl Walker {
+    fn begin(&mut self, kept: &Kept) {
+        let member = kept.knn().member(self.member);
+        self.at = member.nth(self.rng.below(member.len()));
+        (self.steps, self.over, self.distance) = (0, false, 0.0);
+    }
+
+    fn step(&mut self, kept: &Kept, most: u64) {
+        let (neighbors, distances) = kept.knn().member(self.member).neighbors(self.at);
+        let drawn = kept.weights().draw(distances, &mut self.rng);
+        self.at = TransitionIndex(neighbors[drawn]);
+        self.distance = distances[drawn];
+        self.steps += 1;
+        self.over = most > 0 && self.steps >= most;
+    }
+}
+
+#[pymethods]
+impl Walkers {
+    /// Seed some walkers, or all: of walker i by seeds[i].
+    fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
+        if seeds.len() != self.walks.len() {
+            return Err(errors::value(format!(
+                "{} seeds for {} walkers",
+                seeds.len(),
+                self.walks.len()
+            )));
+        }
+        for (walker, seed) in self.walks.iter_mut().zip(seeds) {
+            if let Some(seed) = seed {
+                walker.rng = rng(seed, 0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Begin anew, all or those where `which` is true; what they see.
+    #[pyo3(signature = (which=None))]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        which: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Arrays<'py>> {
+        let count = self.walks.len();
+        let which = match which {
+            Some(which) => copied::<bool>(which, "which", &[1])?.0,
+            None => vec![true; count],
+        };
+        if which.len() != count {
+            return Err(errors::value(format!("{} marks for {count} walkers", which.len())));
+        }
+        for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
+            walker.begin(&self.kept);
+        }
+        self.arrays(py, &which)
+    }
+
+    /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they are over `bool [n]`, rows and times
+    /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
+    fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
+        let begun: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
+        let (kept, most) = (Arc::clone(&self.kept), self.most);
+        for walker in &mut self.walks {
+            if walker.over {
+                walker.begin(&kept);
+            } else {
+                walker.step(&kept, most);
+            }
+        }
+        self.arrays(py, &begun)
+    }
+
+    /// A step of the first walker alone: what it sees `float32 [c]`, reward, whether it is over, row, time, distance.
+    fn step_one<'py>(
+        &mut self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, f64, bool, i64, i64, f32)> {
+        let (kept, most) = (Arc::clone(&self.kept), self.most);
+        let Some(walker) = self.walks.first_mut() else {
+            return Err(errors::value("there is no walker"));
+        };
+        walker.step(&kept, most);
+        let (over, distance) = (walker.over, walker.distance);
+        let mut seen = Vec::with_capacity(self.columns.len());
+        let (reward, row, time) = self.look(0, &mut seen);
+        let width = seen.len();
+        Ok((owned(py, seen, &[width])?, reward, over, row, time, distance))
+    }
+}

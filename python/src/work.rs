@@ -1,0 +1,169 @@
+//! Long work from Python: other threads of Python run meanwhile, Ctrl-C ends it at its next safe point, and what it tells is heard
+//! by the thread that called.
+//!
+//! Python looks for signals on its main thread, and only there. So the work has a thread of its own, and the calling one waits.
+//!
+//! A process that was forked has none of its parent's threads. Where rayon's had been started before, its work gets a pool of its own;
+//! what reads or writes tables has other threads that cannot be replaced, and is refused.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    process,
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::Builder,
+    time::Duration,
+};
+
+use pyo3::{exceptions::PyRuntimeError, prelude::*};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::observer::{Progress, Watch};
+
+/// Between two looks for signals.
+const LOOK: Duration = Duration::from_millis(50);
+/// As a main thread has.
+const STACK: usize = 8 << 20;
+/// More threads than any machine gains from.
+const MANY_THREADS: usize = 1024;
+
+/// The process whose threads were started.
+static HOME: OnceLock<u32> = OnceLock::new();
+/// Whether tables were read or written there.
+static TABLES: AtomicBool = AtomicBool::new(false);
+
+/// What work needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Needs {
+    /// Processors.
+    Threads,
+    /// Tables in files as well.
+    Tables,
+}
+
+/// Use so many threads; before the first work.
+#[pyfunction]
+pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
+    if !(1..=MANY_THREADS).contains(&threads) {
+        return Err(crate::errors::value(format!(
+            "threads must be from 1 to {MANY_THREADS}, got {threads}"
+        )));
+    }
+    let built = ThreadPoolBuilder::new().num_threads(threads).build_global();
+    built.map_err(|_| {
+        PyRuntimeError::new_err(
+            "threads are at work already; call set_threads before anything else",
+        )
+    })
+}
+
+/// Whether this process was forked from one that had started threads.
+fn is_forked() -> bool {
+    let here = process::id();
+    *HOME.get_or_init(|| here) != here
+}
+
+fn check(needs: Needs) -> PyResult<()> {
+    let forked = is_forked();
+    if needs == Needs::Tables && forked && TABLES.load(Ordering::Relaxed) {
+        return Err(PyRuntimeError::new_err(
+            "this process was forked from one in which calib had read or written tables, and threads do not survive that; \
+             start it with multiprocessing.get_context(\"spawn\") or \"forkserver\"",
+        ));
+    }
+    if needs == Needs::Tables && !forked {
+        TABLES.store(true, Ordering::Relaxed);
+    }
+    Ok(())
+}
+
+/// Do `work` with threads of this process.
+fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    static OWN: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+    if !is_forked() {
+        return work();
+    }
+    let mut own = OWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let here = process::id();
+    if own.as_ref().is_none_or(|(of, _)| *of != here) {
+        match ThreadPoolBuilder::new().build() {
+            // That of a parent has nobody left who could end it.
+            Ok(pool) => std::mem::forget(own.replace((here, Arc::new(pool)))),
+            Err(_) => return work(),
+        }
+    }
+    let pool = own.as_ref().map(|(_, pool)| Arc::clone(pool));
+    drop(own);
+    match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }
+}
+
+/// Do `work` while the calling thread looks for signals and tells `observer` what it hears: `observer.told(kind, text)`,
+/// `observer.progress(task, done, total)`.
+///
+/// # Errors
+/// What `work` could not do as an exception; a signal's exception, or the observer's, which end the work.
+pub(crate) fn watched<T: Send>(
+    py: Python<'_>,
+    needs: Needs,
+    observer: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Arc<Watch>) -> T + Send,
+) -> PyResult<T> {
+    check(needs)?;
+    let watch = Arc::new(Watch::default());
+    let ended = std::thread::scope(|scope| {
+        let mine = Arc::clone(&watch);
+        let worker = Builder::new().name("calib".to_owned()).stack_size(STACK).spawn_scoped(
+            scope,
+            move || {
+                let done = catch_unwind(AssertUnwindSafe(|| pooled(|| work(&mine))));
+                mine.finish();
+                done
+            },
+        );
+        let worker = worker
+            .map_err(|error| PyRuntimeError::new_err(format!("cannot start a thread: {error}")))?;
+        let heard = listen(py, &watch, observer);
+        let done = py.detach(|| worker.join());
+        heard.map(|()| done)
+    })?;
+    match ended {
+        Ok(Ok(done)) => Ok(done),
+        Ok(Err(panic)) | Err(panic) => resume_unwind(panic),
+    }
+}
+
+/// Pass on what is said until the work has ended. The first exception asks it to stop.
+fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let mut raised = None;
+    let mut shown = Progress::default();
+    loop {
+        let (told, progress, finished) = py.detach(|| watch.wait(LOOK));
+        let hear = || -> PyResult<()> {
+            py.check_signals()?;
+            let Some(observer) = observer else { return Ok(()) };
+            for (kind, text) in told {
+                observer.call_method1("told", (kind, text))?;
+            }
+            if progress != shown {
+                let Progress { task, done, total } = &progress;
+                observer.call_method1("progress", (task, done, total))?;
+            }
+            Ok(())
+        };
+        if raised.is_none()
+            && let Err(error) = hear()
+        {
+            watch.stop();
+            raised = Some(error);
+        }
+        shown = progress;
+        if finished {
+            return raised.map_or(Ok(()), Err);
+        }
+    }
+}

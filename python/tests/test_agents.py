@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from conftest import command_line
+from numpy.typing import NDArray
+
+import calib_rl
+from calib_rl import agents
+
+
+class Td:
+    """Linear TD(0), the whole of it."""
+
+    def __init__(self, task: agents.Task, learning_rate: float, fail_at: int = -1) -> None:
+        self.gamma, self.learning_rate, self.fail_at = task.gamma, learning_rate, fail_at
+        # An agent of a step size that is too large is to diverge, and not to warn of it.
+        np.seterr(over="ignore", invalid="ignore")
+        self.weights = np.zeros(task.columns + 1)
+        self.pieces = 0
+        self.updates = 0
+
+    def begin(self) -> None:
+        self.pieces += 1
+
+    def _value(self, observation: NDArray[np.float32]) -> float:
+        return float(self.weights[:-1] @ observation + self.weights[-1])
+
+    def predict(self, observation: NDArray[np.float32]) -> float:
+        return self._value(observation)
+
+    def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
+        error = reward + self.gamma * self._value(next_observation) - self._value(observation)
+        self.weights[:-1] += self.learning_rate * error * observation
+        self.weights[-1] += self.learning_rate * error
+        self.updates += 1
+        if self.updates == self.fail_at:
+            raise ArithmeticError("an agent's own mistake")
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"weights": self.weights}
+
+
+@pytest.fixture(scope="session")
+def sweep(study: calib_rl.Study, tmp_path_factory: pytest.TempPathFactory) -> agents.Sweep:
+    return agents.Sweep(study, tmp_path_factory.mktemp("agents"), progress=False)
+
+
+@pytest.fixture(scope="session")
+def runs(sweep: agents.Sweep) -> agents.AgentRuns:
+    return sweep.run(Td, {"learning_rate": [1e-3, 1e-2, 1e-1, 1e3]}, default={"learning_rate": 1e-2}, keep_states=True)
+
+
+def test_agents_are_run_and_judged(runs: agents.AgentRuns, study: calib_rl.Study) -> None:
+    table = runs.frame()
+    assert len(table) == 4 * (5 + 2 + 2)
+    diverged = table.filter(pl.col("diverged"))
+    assert set(diverged["learning_rate"]) == {1e3} and diverged["rmse"].is_infinite().all()
+    assert set(table.filter(pl.col("is_default"))["label"]) == {"learning_rate = 0.01"}
+    verdict = runs.evaluate()
+    assert verdict.chosen["PIT300"] in {"learning_rate = 0.01", "learning_rate = 0.1"}
+    assert "PIT300" in str(verdict) and (verdict.path / "figures" / "sensitivity-PIT300.svg").is_file()
+    told = command_line("evaluate", study.path, "--runs", runs.path / "runs.parquet")
+    assert told.returncode == 0, told.stderr
+    assert verdict.advice[0][0] in told.stdout
+    without = command_line("evaluate", "--runs", runs.path / "runs.parquet", "--set", "evaluate.rule=worst_rank", "--json")
+    assert without.returncode == 0 and '"rule": "worst_rank"' in without.stdout, without.stderr
+
+
+def test_streams_are_those_of_calibs_agents(runs: agents.AgentRuns, verdict: calib_rl.Verdict) -> None:
+    keys = ["environment", "run", "start_row", "seed", "steps", "scored_steps", "mean_return", "return_std", "error_scale"]
+    ours = runs.frame().filter(~pl.col("diverged")).select(keys).unique().sort("environment", "run")
+    theirs = verdict.runs().select(keys).unique().sort("environment", "run")
+    assert ours.equals(theirs)
+
+
+def test_scores_are_those_of_the_definition(sweep: agents.Sweep, runs: agents.AgentRuns) -> None:
+    streams = sweep.streams
+    stream = next(of for of in streams.all if of.environment == "member:1")
+    states, pieces = stream.states()
+    assert pieces == [(0, len(states))]
+    column = streams.sensors["PIT300"]
+    agent = Td(agents.Task("PIT300", column, states.shape[1], 0.9, 0), 1e-2)
+    returns = np.zeros(len(states))
+    for t in reversed(range(len(states) - 1)):
+        returns[t] = states[t + 1, column] + 0.9 * returns[t + 1]
+    errors = []
+    for t in range(stream.steps):
+        errors.append(agent.predict(states[t]) - returns[t])
+        agent.update(states[t], float(states[t + 1, column]), states[t + 1])
+    part = {"whole_run": 0.0, "after_first_quarter": 0.25, "final_quarter": 0.75}[streams.part]
+    rmse = np.sqrt(np.mean(np.square(errors[round(part * stream.steps) :])))
+    row = runs.frame().filter((pl.col("environment") == "member:1") & (pl.col("learning_rate") == 1e-2))
+    assert row["rmse"][0] == pytest.approx(rmse, rel=1e-4)
+
+
+def test_runs_are_kept(sweep: agents.Sweep, runs: agents.AgentRuns, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = (runs.path / "runs.parquet").read_bytes()
+    monkeypatch.setattr(Td, "predict", lambda self, observation: pytest.fail("run again"))
+    again = sweep.run(Td, {"learning_rate": [1e-3, 1e-2, 1e-1, 1e3]}, default={"learning_rate": 1e-2})
+    assert (again.path / "runs.parquet").read_bytes() == before
+    assert len(again.states()) == 4 * 9
+    with pytest.raises(pytest.fail.Exception, match="run again"):
+        sweep.run(Td, {"learning_rate": [1e-3]}, version="2")
+
+
+def test_processes_make_no_difference(study: calib_rl.Study, runs: agents.AgentRuns, tmp_path: Path) -> None:
+    other = agents.Sweep(study, tmp_path, progress=False)
+    there = other.run(Td, {"learning_rate": [1e-3, 1e-2, 1e-1, 1e3]}, default={"learning_rate": 1e-2}, processes=2)
+    assert (there.path / "runs.parquet").read_bytes() == (runs.path / "runs.parquet").read_bytes()
+
+
+def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:
+    with pytest.raises(ArithmeticError, match="own mistake"):
+        sweep.run(Td, {"learning_rate": [1e-2], "fail_at": [50]})
+    with pytest.raises(TypeError, match="is no agent"):
+        sweep.run(lambda task: object(), [{}])  # type: ignore[arg-type, return-value]
+    with pytest.raises(ValueError, match="no values"):
+        sweep.run(Td, [])
+    with pytest.raises(calib_rl.CalibError, match="cannot be called `seed`"):
+        sweep.run(lambda task, seed: Td(task, 0.1), {"seed": [1, 2]})
+
+
+def test_tables_of_others_are_judged(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    rows = [
+        {"environment": f"member:{member}", "sensor": "A", "run": 0, "candidate": candidate, "rmse": 1 + candidate + rng.random() / 9}
+        for member in range(4)
+        for candidate in range(3)
+    ]
+    path = tmp_path / "runs.parquet"
+    pl.DataFrame(rows).write_parquet(path)
+    verdict = agents.evaluate(path)
+    assert verdict.chosen == {"A": "candidate = 0"} and not verdict.negative
+    for change, told in [
+        (pl.col("rmse") * np.nan, "rmse is NaN"),
+        (pl.lit("plant").alias("environment"), 'environment is "plant"'),
+        (pl.lit("online").alias("environment"), "another row|no run in a member"),
+        (pl.col("candidate") * 2, "has no row"),
+    ]:
+        pl.DataFrame(rows).with_columns(change).write_parquet(path)
+        with pytest.raises(calib_rl.CalibError, match=told):
+            agents.evaluate(path)
+    pl.DataFrame(rows).drop("sensor").write_parquet(path)
+    with pytest.raises(calib_rl.CalibError, match="sensor"):
+        agents.evaluate(path)
+    assert command_line("evaluate").returncode == 2
+
+
+def test_optuna_tunes_in_the_model(sweep: agents.Sweep) -> None:
+    optuna = pytest.importorskip("optuna")
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    objective = agents.optuna_objective(
+        sweep, Td, lambda trial: {"learning_rate": trial.suggest_float("learning_rate", 1e-5, 10, log=True)}
+    )
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=0), pruner=optuna.pruners.MedianPruner(n_warmup_steps=2))
+    study.optimize(objective, n_trials=15)
+    assert 1e-3 < study.best_params["learning_rate"] < 1
+    states = {trial.state.name for trial in study.trials}
+    assert "COMPLETE" in states

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import doctest
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib_rl
+
+
+@pytest.mark.parametrize("name", ["_model", "_study", "_functions", "_verdict", "gym", "agents"])
+def test_examples_of_the_documentation(name: str) -> None:
+    module = importlib.import_module(f"calib_rl.{name}")
+    failed, tried = doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert not failed and (tried or name == "_verdict")
+
+
+@pytest.mark.parametrize("index", ["auto", "join", "scan", "kd_tree"])
+@pytest.mark.parametrize("exclude_self", [False, True])
+def test_neighbour_tables_are_exact(index: calib_rl._functions.Index, exclude_self: bool) -> None:
+    points = np.random.default_rng(0).random((700, 3)).astype(np.float32)
+    neighbors, distances = calib_rl.knn_join(points, 4, exclude_self=exclude_self, index=index)
+    far = np.square(points.astype(float)[:, None] - points.astype(float)).sum(2)
+    if exclude_self:
+        np.fill_diagonal(far, np.inf)
+    expected = np.argsort(far, axis=1, kind="stable")[:, :4]
+    assert (neighbors == expected).all()
+    assert np.allclose(distances, np.sqrt(np.take_along_axis(far, expected, 1)), atol=1e-6)
+
+
+def test_neighbours_of_other_points() -> None:
+    rng = np.random.default_rng(0)
+    points, queries = rng.random((500, 5)), rng.random((30, 5))
+    neighbors, _ = calib_rl.knn_join(points, 3, queries=queries)
+    far = np.square(points.astype(np.float32).astype(float) - queries.astype(np.float32).astype(float)[:, None]).sum(2)
+    assert (neighbors == np.argsort(far, axis=1, kind="stable")[:, :3]).all()
+    with pytest.raises(ValueError, match="columns"):
+        calib_rl.knn_join(points, 3, queries=queries[:, :4])
+    with pytest.raises(ValueError, match="only 499 others"):
+        calib_rl.knn_join(points, 500, exclude_self=True)
+    with pytest.raises(ValueError, match="not finite"):
+        calib_rl.knn_join([[np.nan]], 1)
+    with pytest.raises(ValueError, match='index is "tree"'):
+        calib_rl.knn_join(points, 3, index="tree")  # type: ignore[arg-type]
+    with pytest.raises(ValueError):
+        calib_rl.knn_join(np.zeros((0, 3)), 1)
+
+
+def test_dtw_is_that_of_the_definition() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.random(40), rng.random(55)
+    cost = np.full((41, 56), np.inf)
+    cost[0, 0] = 0
+    for i in range(40):
+        for j in range(55):
+            local = abs(x[i] - y[j])
+            first = i == j == 0
+            cost[i + 1, j + 1] = local if first else min(cost[i, j] + 2 * local, cost[i, j + 1] + local, cost[i + 1, j] + local)
+    found = calib_rl.dtw(x, y, path=True)
+    assert found.distance == pytest.approx(cost[40, 55], rel=1e-12)
+    assert found.normalized == pytest.approx(found.distance / 95)
+    assert found.path is not None and found.path[0][0] == 0 and found.path[1][-1] == 54
+    assert calib_rl.dtw(x[::-1], y[::-1]) == calib_rl.dtw(x[::-1].copy(), y[::-1].tolist())
+    assert calib_rl.dtw(np.stack([x, x], 1), np.stack([y, y], 1)).distance == pytest.approx(2 * found.distance)
+    for options in [{"step_pattern": "nothing"}, {"local_distance": "far"}, {"window": "wide"}, {"ends": "loose"}]:
+        with pytest.raises(ValueError):
+            calib_rl.dtw(x, y, **options)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="query"):
+        calib_rl.dtw([], y)
+    with pytest.raises(ValueError, match="NaN|finite"):
+        calib_rl.dtw(x, [np.nan])
+
+
+def test_plants_are_simulated(tmp_path: Path) -> None:
+    told = calib_rl.simulate(tmp_path / "plant", days=0.1, channels=5, period_secs=60, seed=3)
+    assert "5 channels" in told and list((tmp_path / "plant").glob("*.parquet"))
+    with pytest.raises(ValueError, match="unknown field `dais`"):
+        calib_rl.simulate(tmp_path / "other", dais=3)
+    with pytest.raises(ValueError):
+        calib_rl.simulate(tmp_path / "other", channels=1)
+
+
+def test_threads_are_chosen_first() -> None:
+    program = "import calib_rl, numpy as np; calib_rl.set_threads(1); print(calib_rl.knn_join(np.arange(9.0)[:, None], 2)[0].sum())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == int(calib_rl.knn_join(np.arange(9.0)[:, None], 2)[0].sum())
+    with pytest.raises(ValueError, match="from 1 to"):
+        calib_rl.set_threads(0)
+
+
+def test_ctrl_c_ends_a_search() -> None:
+    points = np.random.default_rng(0).random((60_000, 60)).astype(np.float32)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    begun = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            calib_rl.knn_join(points, 10)
+            while time.monotonic() - begun < 5:
+                time.sleep(0.05)
+    finally:
+        timer.cancel()
+
+
+def test_other_threads_run_meanwhile() -> None:
+    points = np.random.default_rng(0).random((20_000, 30)).astype(np.float32)
+    done = threading.Event()
+
+    def search() -> None:
+        calib_rl.knn_join(points, 5)
+        done.set()
+
+    thread = threading.Thread(target=search)
+    thread.start()
+    ticks = 0
+    while not done.is_set():
+        ticks += 1
+        time.sleep(0.001)
+    thread.join()
+    assert ticks > 3

@@ -1,0 +1,257 @@
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import calib_rl
+
+ABSENT = np.uint32(0xFFFFFFFF)
+
+
+def random_model(rows: int = 400, columns: int = 3, **options: object) -> calib_rl.Model:
+    states = np.random.default_rng(1).random((rows, columns))
+    return calib_rl.build_model(states, **options)  # type: ignore[arg-type]
+
+
+def test_arrays_are_what_the_files_hold(model: calib_rl.Model) -> None:
+    assert model.path is not None
+    for member in range(model.members):
+        folder = model.path / "members" / str(member)
+        assert (model.neighbors(member) == np.load(folder / "neighbors.npy")).all()
+        assert (model.distances(member) == np.load(folder / "distances.npy")).all()
+    assert (model.states == np.load(model.path / "states.npy")).all()
+    assert model.states.shape[1] == len(model.columns)
+    assert model.times is not None and model.times.dtype == np.dtype("datetime64[us]")
+    assert (np.diff(model.times).astype(float) > 0).all()
+    assert sum(model.segments) == len(model.states) == len(model.times)
+    assert model.period == 60.0
+
+
+def test_views_are_read_only_and_keep_the_model(model: calib_rl.Model) -> None:
+    for view in (model.states, model.neighbors(0), model.distances(0), model.sources):
+        assert not view.flags.writeable
+        with pytest.raises(ValueError, match="read-only|readonly"):
+            view[0] = 0
+    assert model.path is not None
+    states = calib_rl.Model.open(model.path).states
+    assert np.isfinite(states).all()
+
+
+def test_neighbours_are_the_nearest() -> None:
+    model = random_model(120, members=3, neighbors=2, recurrent=False)
+    for member in range(3):
+        own = model.transitions(member)
+        sources = model.sources.astype(int)
+        for transition in own[::7]:
+            query = model.states[sources[transition] + 1]
+            far = np.square(model.states[sources[own]].astype(float) - query).sum(1)
+            expected = own[np.argsort(far, kind="stable")[:2]]
+            assert (model.neighbors(member)[transition] == expected).all()
+        lacking = np.setdiff1d(np.arange(len(sources)), own)
+        assert (model.neighbors(member)[lacking] == ABSENT).all()
+
+
+def test_rollouts_follow_the_tables(model: calib_rl.Model) -> None:
+    rows = model.rollout(3, 500, member=2, seed=5)
+    assert rows.shape == (3, 501) and rows.dtype == np.uint32
+    sources, neighbors = model.sources, model.neighbors(2)
+    leads_to = {int(source) + 1: transition for transition, source in enumerate(sources)}
+    for walk in rows:
+        for before, after in zip(walk[:-1].tolist(), walk[1:].tolist()):
+            assert after - 1 in sources[neighbors[leads_to[before]]]
+    assert (model.rollout(2, 500, member=2, seed=5) == rows[:2]).all()
+    assert (model.rollout(3, 500, member=2, seed=6) != rows).any()
+    started = model.rollout(3, 5, start=np.array([2000, 2500]))
+    assert started[:, 0].tolist() == [2000, 2500, 2000]
+    assert model.rollout(1, 5, start=[100])[0, 0] != 100, "a row of the block that member 0 lacks"
+    with pytest.raises(IndexError, match="row 99999"):
+        model.rollout(1, 5, start=[99999])
+
+
+def test_physical_values_come_back(model: calib_rl.Model, folder: Path) -> None:
+    values = model.physical(model.states[:50])
+    assert np.allclose(model.normalised(values), model.states[:50], atol=1e-6)
+    log = pl.read_parquet(sorted((folder / "plant").glob("*.parquet"))[0])
+    assert model.times is not None
+    column = model.columns.index("PIT300")
+    recorded = dict(zip(log["timestamp"].cast(pl.Int64), log["PIT300"]))
+    for time, value in zip(model.times[:50].astype(np.int64).tolist(), values[:, column]):
+        if recorded[time] is not None:
+            assert value == pytest.approx(recorded[time], rel=1e-4, abs=1e-4)
+
+
+def test_nearest_states_of_elsewhere(model: calib_rl.Model) -> None:
+    queries = model.states[[50, 1000]]
+    rows, distances = model.nearest(queries, 4, member=1)
+    assert rows.shape == distances.shape == (2, 4)
+    far = np.linalg.norm(model.states[rows].astype(float) - queries[:, None], axis=2)
+    assert np.allclose(far, distances, atol=1e-6) and (np.diff(distances) >= 0).all()
+    in_units, _ = model.nearest(model.physical(queries), 4, member=1, units="physical")
+    assert (in_units == rows).mean() > 0.7
+    with pytest.raises(calib_rl.CalibError, match="columns"):
+        model.nearest(queries[:, :2])
+    with pytest.raises(IndexError, match="member 5: the model has 5"):
+        model.nearest(queries, member=5)
+
+
+def test_frames_of_other_libraries(folder: Path, tmp_path: Path) -> None:
+    logs = pl.read_parquet(sorted((folder / "plant").glob("*.parquet")))
+    sections: dict[str, Any] = {"preprocess": {"subsample": 3}, "model": {"members": 3}}
+    pandas = logs.to_pandas()
+    models = [
+        calib_rl.build_model(data, tmp_path / name, **sections)
+        for name, data in [
+            ("polars", logs),
+            ("arrow", logs.to_arrow()),
+            ("pandas", pandas),
+            ("path", folder / "plant"),
+        ]
+    ]
+    for other in models[1:]:
+        assert other.columns == models[0].columns
+        assert (other.times == models[0].times).all()  # type: ignore[union-attr]
+        assert (other.states == models[0].states).all()
+        assert (other.neighbors(2) == models[0].neighbors(2)).all()
+    from conftest import command_line
+
+    again = command_line("build-model", tmp_path / "polars" / "study.toml")
+    assert again.returncode == 0 and "up to date" in again.stdout + again.stderr, again.stderr
+    with pytest.raises(TypeError, match="folder says"):
+        calib_rl.build_model(logs)
+    with pytest.raises(calib_rl.CalibError, match="no rows"):
+        calib_rl.build_model(logs.head(0), tmp_path / "empty")
+    with pytest.raises(TypeError, match="segments are for arrays"):
+        calib_rl.build_model(logs, tmp_path / "polars", segments=[3])
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        lambda x: x.astype(np.float64),
+        lambda x: np.asfortranarray(x),
+        lambda x: np.repeat(x, 2, axis=0)[::2],
+        lambda x: x[::-1][::-1],
+        lambda x: x.astype(">f4"),
+        lambda x: x.tolist(),
+    ],
+)
+def test_layouts_and_types_make_no_difference(of: object) -> None:
+    states = np.random.default_rng(2).random((200, 3)).astype(np.float32)
+    expected = calib_rl.build_model(states)
+    got = calib_rl.build_model(of(states))  # type: ignore[operator]
+    assert (got.states == expected.states).all() and (got.neighbors(0) == expected.neighbors(0)).all()
+
+
+def test_the_callers_array_stays_the_callers() -> None:
+    states = np.random.default_rng(2).random((200, 3)).astype(np.float32)
+    model = calib_rl.build_model(states)
+    before = model.states.copy()
+    states[:] = -1
+    assert (model.states == before).all() and states.flags.writeable
+
+
+def test_bad_arrays_are_refused() -> None:
+    good = np.random.default_rng(2).random((50, 2))
+    for bad, kind, told in [
+        (good.astype(str), TypeError, "dtype <U"),
+        (good.astype(complex), TypeError, "dtype complex128"),
+        (good.astype(object), TypeError, "dtype object"),
+        (np.array(["2020-01-01"], "M8[s]"), TypeError, "datetime64"),
+        (good[0], ValueError, "1 dimensions, expected 2"),
+        (good[None], ValueError, "3 dimensions"),
+        (np.where(good > 0.9, np.nan, good), calib_rl.CalibError, "is not finite"),
+        (good * 1e300, calib_rl.CalibError, "is not finite"),
+        (good[:3], calib_rl.CalibError, "transitions"),
+        (good[:0], calib_rl.CalibError, "segment 0 has no rows"),
+    ]:
+        with pytest.raises(kind, match=told):
+            calib_rl.build_model(bad)
+    with pytest.raises(calib_rl.CalibError, match="segment 1 has no rows"):
+        calib_rl.build_model(good, segments=[50, 0])
+    with pytest.raises(calib_rl.CalibError, match="rows"):
+        calib_rl.build_model(good, segments=[20])
+    with pytest.raises(ValueError, match="unknown field `neighbours`"):
+        calib_rl.build_model(good, neighbours=3)
+
+
+def test_out_of_memory_is_an_exception() -> None:
+    huge = np.broadcast_to(np.float32(0), (1 << 40, 16))
+    with pytest.raises(MemoryError):
+        calib_rl.build_model(huge)
+    with pytest.raises(MemoryError):
+        random_model().rollout(1 << 30, 1 << 20)
+
+
+def test_models_are_pickled_by_their_path(model: calib_rl.Model) -> None:
+    again = pickle.loads(pickle.dumps(model))
+    assert again.path == model.path and len(pickle.dumps(model)) < 500
+    assert (again.neighbors(1) == model.neighbors(1)).all()
+    with pytest.raises(TypeError, match="lies in no folder"):
+        pickle.dumps(random_model())
+
+
+def _rows(model: calib_rl.Model) -> list[int]:
+    return [int(row) for row in model.rollout(1, 50, seed=3)[0]]
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_models_go_to_other_processes(model: calib_rl.Model, method: str) -> None:
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        assert pool.map(_rows, [model, model]) == [_rows(model)] * 2
+
+
+def _in_a_fork(model: calib_rl.Model, queue: "multiprocessing.Queue[object]") -> None:
+    queue.put(_rows(model))
+    queue.put(calib_rl.knn_join(np.arange(3000.0)[:, None], 2)[0].sum())
+    try:
+        calib_rl.Model.open(model.path)  # type: ignore[arg-type]
+    except RuntimeError as error:
+        queue.put(str(error))
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_fork_has_threads_of_its_own(model: calib_rl.Model) -> None:
+    expected = _rows(model)
+    joined = calib_rl.knn_join(np.arange(3000.0)[:, None], 2)[0].sum()
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_in_a_fork, args=(model, queue))
+    process.start()
+    got = [queue.get(timeout=60) for _ in range(3)]
+    process.join(60)
+    assert got[:2] == [expected, joined]
+    assert "forked" in str(got[2]) and "spawn" in str(got[2])
+
+
+def test_threads_share_a_model(model: calib_rl.Model) -> None:
+    expected = _rows(model)
+    results: list[list[int]] = []
+    threads = [threading.Thread(target=lambda: results.append(_rows(model))) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [expected] * 8
+
+
+def test_a_damaged_model_is_refused(model: calib_rl.Model, tmp_path: Path) -> None:
+    import shutil
+
+    assert model.path is not None
+    copy = tmp_path / "model"
+    shutil.copytree(model.path, copy)
+    assert calib_rl.Model.open(copy).members == model.members
+    with open(copy / "members" / "0" / "distances.npy", "r+b") as file:
+        file.seek(500)
+        file.write(b"\x01\x02")
+    with pytest.raises(calib_rl.CalibError, match="not what was written"):
+        calib_rl.Model.open(copy)
+    with pytest.raises(calib_rl.CalibError, match="does not exist"):
+        calib_rl.Model.open(tmp_path)

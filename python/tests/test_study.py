@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+import datetime
+import filecmp
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from conftest import STUDY, command_line
+
+import calib_rl
+
+
+def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
+    assert verdict.report.is_file()
+    assert list(verdict.chosen) == ["PIT300"]
+    assert verdict.chosen["PIT300"].startswith("learning_rate = ")
+    assert "PIT300" in str(verdict) and "PIT300" in verdict._repr_html_()
+    runs = verdict.runs()
+    assert len(runs) == 3 * (5 + 2 + 2)
+    scores = verdict.scores()
+    assert set(scores["environment"]) == {*(f"member:{m}" for m in range(5)), "online", "log-replay"}
+
+
+def test_the_command_line_gives_the_same_bytes(study: calib_rl.Study, tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    done = command_line("run", "-q", tmp_path / "study.toml")
+    assert done.returncode in (0, 1), done.stderr
+    ours, theirs = study.results, tmp_path / "study-results"
+    files = sorted(path.relative_to(ours) for path in ours.rglob("*") if path.is_file())
+    assert files == sorted(path.relative_to(theirs) for path in theirs.rglob("*") if path.is_file())
+    # Times, locks, and what names the folder of the log.
+    own = {"timings.json", ".lock", "manifest.json", "dataset.json", "report.html"}
+    compared = [path for path in files if path.name not in own and path.parts[0] != "dataset"]
+    assert {"runs.parquet", "neighbors.npy", "distances.npy", "states.npy", "summary.json"} <= {path.name for path in compared}
+    different = [str(path) for path in compared if not filecmp.cmp(ours / path, theirs / path, shallow=False)]
+    assert not different
+
+
+def test_the_command_line_goes_on_where_python_stopped(study: calib_rl.Study) -> None:
+    done = command_line("sweep", study.path)
+    assert done.returncode == 0 and "up to date" in done.stdout, done.stderr
+
+
+def test_rollouts_are_those_of_the_study(study: calib_rl.Study, model: calib_rl.Model) -> None:
+    tables = study.rollout(progress=False)
+    assert "trajectories" in tables.tables()
+    written = tables.frame("trajectories").sort("member", "rollout", "step")
+    count, steps = study.config["rollout"]["rollouts"], study.config["rollout"]["steps"]
+    for member in (0, 4):
+        rows = model.rollout(count, steps, member=member)
+        of_member = written.filter(pl.col("member") == member)
+        assert rows.ravel().tolist() == of_member["row"].to_list()
+
+
+def test_a_dictionary_is_a_study(folder: Path, tmp_path: Path) -> None:
+    sections = {
+        "data": {"path": folder / "plant", "train": {"start": datetime.datetime(2022, 11, 1), "end": datetime.datetime(2022, 11, 3)}},
+        "sweep": {"sensors": ("PIT300",), "steps": np.int64(600), "grid": {"learning_rate": np.array([1e-3, 1e-2])}},
+        "agent": {"gamma": np.float64(0.9), "traces": None},
+    }
+    study = calib_rl.Study(sections, path=tmp_path / "a" / "study.toml")
+    assert study.config["sweep"]["steps"] == 600
+    assert study.config["agent"]["gamma"] == 0.9
+    assert calib_rl.Study(study.path).config == study.config
+    assert calib_rl.Study(sections, path=study.path).config == study.config
+    with pytest.raises(FileExistsError, match="another study"):
+        calib_rl.Study(sections, path=study.path, seed=3)
+    overridden = calib_rl.Study(study.path, set={"agent.gamma": 0.5, "sweep.sensors": ["A", 'b"'], "rollout.start": "recent"})
+    assert overridden.config["agent"]["gamma"] == 0.5
+    assert overridden.config["sweep"]["sensors"] == ["A", 'b"']
+    assert calib_rl.Study(study.path, set=["agent.gamma=0.25"]).config["agent"]["gamma"] == 0.25
+
+
+def test_mistakes_are_told_as_on_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text("[agent]\ngama = 0.5\n")
+    with pytest.raises(calib_rl.StudyError) as refused:
+        calib_rl.Study(path)
+    assert isinstance(refused.value, ValueError)
+    told = command_line("run", path)
+    assert told.returncode == 2
+    assert str(refused.value) in told.stderr
+    assert f"{path}:2:1" in str(refused.value)
+    path.write_text('[data]\npath = "nothing"\n[sweep]\nsensors = ["A"]\n')
+    with pytest.raises(calib_rl.CalibError) as absent:
+        calib_rl.Study(path).build_model(progress=False)
+    assert str(absent.value) in command_line("build-model", path).stderr
+    with pytest.raises(TypeError, match="sweep.steps is a object"):
+        calib_rl.Study(sweep={"steps": object()}, path=tmp_path / "b.toml")
+    with pytest.raises(TypeError, match="path says where"):
+        calib_rl.Study(sweep={"steps": 1})
+    with pytest.raises(TypeError, match="a study file is complete"):
+        calib_rl.Study(path, seed=1)
+    with pytest.raises(TypeError):
+        calib_rl.Study()
+
+
+def test_what_is_said_is_heard(study: calib_rl.Study) -> None:
+    class Ears:
+        def __init__(self) -> None:
+            self.heard: list[tuple[str, str]] = []
+
+        def told(self, kind: str, text: str) -> None:
+            self.heard.append((kind, text))
+
+        def progress(self, task: str, done: int, total: int) -> None:
+            assert done <= total
+
+    ears = Ears()
+    study.evaluate(progress=ears)
+    assert any(kind == "result" and "PIT300" in text for kind, text in ears.heard)
+
+    class Angry(Ears):
+        def told(self, kind: str, text: str) -> None:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        study.evaluate(progress=Angry())
+
+
+def test_progress_is_printed(study: calib_rl.Study, capsys: pytest.CaptureFixture[str]) -> None:
+    study.evaluate()
+    assert "PIT300" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_step_and_the_next_call_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(STUDY.replace("steps = 600", "steps = 2500").replace("member_runs = 1", "member_runs = 60"))
+    program = """
+        import os, signal, sys, threading, time
+        import calib_rl
+        study = calib_rl.Study(sys.argv[1])
+        study.simulate(progress=False)
+        study.build_model(progress=False)
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+        begun = time.monotonic()
+        try:
+            study.sweep(progress=False)
+        except KeyboardInterrupt:
+            print("interrupted", time.monotonic() - begun < 20)
+        study.sweep(progress=False)
+        print("went on")
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program), str(tmp_path / "study.toml")], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.splitlines() == ["interrupted True", "went on"], (done.stdout, done.stderr)
