@@ -22,7 +22,6 @@ use std::{
 
 use calib_pipeline::{Observer, Printer};
 use clap::Parser as _;
-use output::Voice;
 
 pub use cli::Cli;
 pub use exit::ExitStatus;
@@ -48,11 +47,14 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let terminal = output::Terminal::new(cli.global.color);
-    let journal =
-        match output::Journal::open(terminal, Voice::of(&cli.global), cli.global.log.as_deref()) {
-            Ok(journal) => Arc::new(journal),
-            Err(error) => return ExitCode::from(exit::report(&error, &terminal) as u8),
-        };
+    let journal = match output::Journal::open(
+        terminal,
+        output::Voice::of(&cli.global),
+        cli.global.log.as_deref(),
+    ) {
+        Ok(journal) => Arc::new(journal),
+        Err(error) => return exit::report(&error, &terminal) as u8,
+    };
     let observer: Arc<dyn Observer> = Arc::clone(&journal) as Arc<dyn Observer>;
     let printer = Printer::new(observer);
     // A journal keeps what is not shown.
