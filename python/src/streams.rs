@@ -177,7 +177,7 @@ pub(crate) fn evaluate_runs(
     };
     match watched(py, Needs::Tables, observer, work)? {
         Ok(Outcome::Done) => Ok("done"),
-        Ok(Outcome::Negative | Outcome::Faulty) => Ok("negative"),
+        Ok(Outcome::Negative | Outcome::Faulty | Outcome::Incomplete) => Ok("negative"),
         Err(error) => Err(errors::of_step(py, &error)),
     }
 }

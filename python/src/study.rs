@@ -60,6 +60,8 @@ impl PyJob {
             Ok(Outcome::Done) => Ok("done"),
             Ok(Outcome::Negative) => Ok("negative"),
             Ok(Outcome::Faulty) => Ok("faulty"),
+            // Of clusters alone, which have no step here.
+            Ok(Outcome::Incomplete) => Ok("incomplete"),
             Err(error) => Err(errors::of_step(py, &error)),
         }
     }
