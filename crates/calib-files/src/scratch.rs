@@ -148,8 +148,9 @@ fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
 
 /// Take the space now: a full disk must be an error here, not a fault where the array is used.
 fn reserve(file: &mut File, bytes: usize) -> io::Result<()> {
+    // The system refuses to reserve nothing.
     #[cfg(target_os = "linux")]
-    {
+    if bytes > 0 {
         use rustix::fs::{FallocateFlags, fallocate};
         match fallocate(&*file, FallocateFlags::empty(), 0, bytes as u64) {
             Ok(()) => return Ok(()),
@@ -222,6 +223,8 @@ mod tests {
         file.read(89, &mut read).expect("there");
         assert_eq!(read, [0, 1, 2, 3]);
         assert!(file.read(98, &mut read).is_err(), "there are only 100");
+        let empty = ScratchFile::<u32>::new(0, directory.path()).expect("nothing");
+        empty.read(0, &mut []).expect("nothing");
     }
 
     #[test]
