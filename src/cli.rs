@@ -1,7 +1,8 @@
 //! The command line, and nothing else: what may be typed and what it means.
 
+mod cluster;
+
 use std::{
-    num::NonZeroUsize,
     path::{Path, PathBuf},
     sync::LazyLock,
 };
@@ -15,6 +16,7 @@ use calib_pipeline::{
 use calib_study::{Existing, Job, Policy, Request, Study, StudyError, Writes};
 use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
+pub(crate) use cluster::{ClusterCommand, ClusterEngine, MissingAs};
 
 /// Headings of options.
 const OUTPUT: &str = "What is shown";
@@ -218,102 +220,6 @@ impl StudyArgs {
         let policy = Policy { existing, writes };
         Job::resolve(Request { study, set, profile, model, deployment, output, policy })
     }
-}
-
-/// What is done with a plan.
-#[derive(Debug, Subcommand)]
-pub(crate) enum ClusterCommand {
-    /// Divide what is left to do into shards, with everything that they read
-    Plan {
-        #[command(flatten)]
-        study: StudyArgs,
-        /// Which step
-        #[arg(long, value_enum, default_value_t = ClusterStep::Sweep)]
-        of: ClusterStep,
-        /// Minutes that a shard is to take on one thread
-        #[arg(long, value_name = "MINUTES", default_value_t = 30.0)]
-        task_minutes: f64,
-        /// Shards that there may be
-        #[arg(long, value_name = "N", default_value = "1000")]
-        max_tasks: NonZeroUsize,
-        /// Shards that there are to be, whatever they take
-        #[arg(long, value_name = "N")]
-        shards: Option<NonZeroUsize>,
-        /// The folder of the plan, which must hold none
-        #[arg(short = 'o', long = "plan", value_name = "PLAN")]
-        plan: PathBuf,
-    },
-    /// Make one shard of a plan; twice is no harm
-    Run {
-        /// The folder of the plan
-        plan: PathBuf,
-        /// Its number; or auto: what Slurm, Kubernetes, PBS or GNU parallel says in the environment
-        #[arg(long, value_name = "N|auto")]
-        shard: String,
-    },
-    /// Say what is done of a plan, what is not, and why
-    Status {
-        /// The folder of the plan
-        plan: PathBuf,
-        /// Only the numbers of shards that are not done
-        #[arg(long, value_name = "FORM", value_enum)]
-        missing: Option<MissingAs>,
-        /// Remove states of shards that are done, and what killed processes left half-written
-        #[arg(long)]
-        clean: bool,
-        /// Print it as JSON
-        #[arg(long, help_heading = OUTPUT)]
-        json: bool,
-    },
-    /// Bring the results of all shards together, or say what is missing and write nothing
-    Merge {
-        /// The folder of the plan
-        plan: PathBuf,
-    },
-    /// Hand a plan to a system that runs its shards
-    Submit {
-        /// The folder of the plan
-        plan: PathBuf,
-        /// What runs them
-        #[arg(long, value_enum)]
-        engine: ClusterEngine,
-        /// What the plan cannot know of the cluster: limits, options, modules (TOML)
-        #[arg(long, value_name = "FILE")]
-        config: Option<PathBuf>,
-        /// Only shards that are not done
-        #[arg(long)]
-        missing_only: bool,
-        /// Print the scripts, and stop
-        #[arg(long)]
-        dry_run: bool,
-    },
-}
-
-/// Steps that can be divided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ClusterStep {
-    /// The sweeps of all models and deployments
-    Sweep,
-}
-
-/// How numbers of shards are printed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MissingAs {
-    /// As an array of Slurm: 0,3-7
-    Slurm,
-    /// A line each
-    Lines,
-}
-
-/// What runs shards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ClusterEngine {
-    /// Slurm, by sbatch
-    Slurm,
-    /// Ray, by a Python program
-    Ray,
-    /// Kubernetes; the manifests are written, and nothing is applied
-    Kubernetes,
 }
 
 /// In the place of a study where there is none.

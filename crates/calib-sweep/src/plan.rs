@@ -182,22 +182,6 @@ impl<'a> Plan<'a> {
         Ok(self.missing(found)?.len())
     }
 
-    /// Check that nothing has to be run beside `found`.
-    ///
-    /// # Errors
-    /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
-    pub fn collected(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<(), SweepError> {
-        let missing = self.missing(found)?;
-        match missing.first() {
-            Some(example) => Err(SweepError::Incomplete {
-                missing: missing.len(),
-                planned: self.count(),
-                example: example.clone(),
-            }),
-            None => Ok(()),
-        }
-    }
-
     /// Units that have to be run beside `found`; in a race, at most.
     fn missing(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<Vec<Unit>, SweepError> {
         let mut survivors = Survivors::default();

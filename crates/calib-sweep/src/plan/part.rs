@@ -79,6 +79,22 @@ impl Plan<'_> {
         Ok(ready)
     }
 
+    /// Check that nothing has to be run beside `found`.
+    ///
+    /// # Errors
+    /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
+    pub fn collected(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<(), SweepError> {
+        let missing = self.missing(found)?;
+        match missing.first() {
+            Some(example) => Err(SweepError::Incomplete {
+                missing: missing.len(),
+                planned: self.count(),
+                example: example.clone(),
+            }),
+            None => Ok(()),
+        }
+    }
+
     /// Train those units of a pass that are not `found`, and put their results into `sink`: the same bytes as in the
     /// whole plan. A pass that is interrupted keeps its state in the sink, and goes on from it.
     ///
