@@ -33,7 +33,7 @@ def interval(values):
 
 def told(values):
     mean, half = interval(values)
-    return f"{mean:.0f} ± {half:.0f}"
+    return f"{mean:.0f}" if math.isnan(half) else f"{mean:.0f} ± {half:.0f}"
 
 
 def percentile(truth, chosen):
@@ -68,7 +68,7 @@ def cells(truth, logs, rule):
 
 def table(truth, logs, rule):
     single = best_single(truth)
-    print("| task | behaviour | steps | logs | model | fitted Q | behaviour's own | model's percentile | random − model, regret | fitted Q − model, regret |")
+    print("| task | behaviour | steps | logs | model | fitted Q | behaviour's own | model's percentile | model over random | model over fitted Q |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for task, quality, length, own in cells(truth, logs, rule):
         of = truth[task]
@@ -91,9 +91,13 @@ def table(truth, logs, rule):
     for name, keep in [("all logs", lambda log: True), ("supported", lambda log: not log["doubts"]), ("refused", lambda log: log["doubts"])]:
         own = [log for log in logs if log["rule"] == rule and keep(log)]
         if own:
-            shares = [percentile(truth[log["task"]], log["chosen"]) for log in own]
-            worst = min(shares)
-            print(f"{name}: {len(own)} logs, mean percentile {100 * sum(shares) / len(shares):.0f} %, worst {100 * worst:.0f} %")
+            of = {key: [100 * percentile(truth[log["task"]], log[key]) for log in own] for key in ["chosen", "fitted"]}
+            over = [a - b for a, b in zip(of["chosen"], of["fitted"])]
+            default = [100 * percentile(truth[log["task"]], DEFAULT) for log in own]
+            print(
+                f"{name}: {len(own)} logs, mean percentile of the model's choice {told(of['chosen'])} (worst {min(of['chosen']):.0f}), "
+                f"of fitted Q's {told(of['fitted'])}, model over fitted Q {told(over)}; calib's default {sum(default) / len(default):.0f}"
+            )
     # Regret as a share of that of a random choice, over all logs of each task.
     for task in TASKS:
         of = truth[task]

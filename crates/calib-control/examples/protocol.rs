@@ -130,7 +130,7 @@ impl Study<'_> {
         let seed = seed.number(length as u64).number(number as u64);
         let timeout = kind.timeout();
         let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
-        let mut behaviour = self.behaviour(kind, quality, truth, &candidates, &mut world, seed);
+        let mut behaviour = Self::behaviour(kind, quality, truth, &candidates, &mut world, seed);
         let behaved = behaviour.mean_return(&mut world, 100, timeout, seed.child("behaved"));
         let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
         let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
@@ -159,7 +159,6 @@ impl Study<'_> {
 
     /// The policy of this quality: learnt by the candidate that is best in the truth.
     fn behaviour(
-        &self,
         kind: TaskKind,
         quality: Quality,
         truth: &[f64],

@@ -150,7 +150,9 @@ fn evaluated(
             let at = features.at(&features.sources, number);
             let value: f64 = at.iter().map(|&feature| own[feature as usize]).sum();
             let change = step * (target.clamp(lowest, highest) - value);
-            at.iter().for_each(|&feature| own[feature as usize] += change);
+            for &feature in at {
+                own[feature as usize] += change;
+            }
         }
     }
     let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));

@@ -168,7 +168,9 @@ pub(crate) fn policy(config: &AgentConfig, values: &[f64], probabilities: &mut [
         }
     }
     let total: f64 = probabilities.iter().sum();
-    probabilities.iter_mut().for_each(|probability| *probability /= total);
+    for probability in probabilities {
+        *probability /= total;
+    }
 }
 
 #[cfg(test)]

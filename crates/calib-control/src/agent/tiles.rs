@@ -8,7 +8,8 @@
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
     tilings: usize,
-    tiles: usize,
+    /// Tiles of a column in a tiling.
+    cuts: usize,
     columns: usize,
     /// Where each column of the current tiling falls.
     at: Vec<u32>,
@@ -16,12 +17,12 @@ pub(crate) struct Tiles {
 
 impl Tiles {
     pub(crate) fn new(tilings: usize, tiles: usize, columns: usize) -> Self {
-        Self { tilings, tiles, columns, at: vec![0; columns] }
+        Self { tilings, cuts: tiles, columns, at: vec![0; columns] }
     }
 
     /// Tiles of one column in one tiling; one more than asked for, because tilings are shifted.
     fn per_column(&self) -> usize {
-        self.tiles + 1
+        self.cuts + 1
     }
 
     fn pairs(&self) -> usize {
@@ -47,7 +48,7 @@ impl Tiles {
         for tiling in 0..self.tilings {
             for (column, (at, value)) in self.at.iter_mut().zip(state).enumerate() {
                 let shift = ((1 + 2 * column) * tiling % self.tilings) as f32 / self.tilings as f32;
-                let place = (value * self.tiles as f32 + shift).max(0.0) as u32;
+                let place = (value * self.cuts as f32 + shift).max(0.0) as u32;
                 *at = place.min(per - 1);
                 features.push(base + *at);
                 base += per;

@@ -210,7 +210,9 @@ mod tests {
                 plain(&mut expected, &features, change);
                 if forget {
                     weights.forget();
-                    expected.iter_mut().for_each(|weight| weight[3] = 0.0);
+                    for weight in &mut expected {
+                        weight[3] = 0.0;
+                    }
                 }
                 // As 40 actions of one weight each.
                 let mut got = [0.0; 40];

@@ -1,6 +1,6 @@
 use anyhow::{Context as _, ensure};
 use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts};
-use calib_core::States;
+use calib_core::{RowIndex, States};
 use calib_data::DataConfig;
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_study::Job;
@@ -82,7 +82,7 @@ fn fingerprint(
 /// The states in which episodes begin.
 pub(super) fn starts(log: &Decisions, start: StartRows) -> anyhow::Result<Starts> {
     let rows: Vec<usize> = match start {
-        StartRows::Episodes => log.starts().into_iter().map(|row| row.get()).collect(),
+        StartRows::Episodes => log.starts().into_iter().map(RowIndex::get).collect(),
         StartRows::Anywhere => {
             log.transitions().sources().iter().map(|&row| row as usize).collect()
         }
