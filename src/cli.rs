@@ -143,8 +143,8 @@ impl Command {
             | Self::Rollout(args)
             | Self::Pretrain(args)
             | Self::Sweep(args)
-            | Self::Control(args) => args.json,
-            Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
+            | Self::Control(args)
+            | Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
