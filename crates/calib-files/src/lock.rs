@@ -24,7 +24,7 @@ pub enum Lock {
 /// Lock the file `path`, which is made if it is not there.
 ///
 /// # Errors
-/// As [`open_lock`].
+/// If the folder is not there or cannot be written, or a link or a folder lies in the place of the file.
 pub fn lock(path: &Path) -> Result<Lock, FileError> {
     let file = open_lock(path)?;
     if faults::have_no_locks() {
