@@ -56,7 +56,7 @@ mod tests {
     use calib_core::{RowStream, Seed, Segments, Silent, States};
 
     use super::*;
-    use crate::{AgentConfig, ValueFunction, train};
+    use crate::{AgentConfig, Checkpoint, Learner, NoKeeper, Run, ValueFunction, train_learners};
 
     fn stream() -> RowStream {
         let values = (0..120).map(|t| (t as f32 * 0.7).sin()).collect();
@@ -75,8 +75,11 @@ mod tests {
             ..AgentConfig::default()
         };
         let curve = CurveRule { windows: 7 };
-        let trained = train(&stream, 0, &[config], curve, Seed::new(1), &Silent).expect("trained");
-        // A linear agent that never learns predicts 0.
+        // A linear agent without weights that never learns predicts 0.
+        let nothing = Checkpoint { parameters: vec![0.0; 2], moments: None };
+        let learner = Learner { config: &config, cumulant: 0, start: Some(&nothing) };
+        let run = Run { stream: &stream, steps: 119, curve, seed: Seed::new(1) };
+        let trained = train_learners(run, &[learner], &NoKeeper, &Silent).expect("trained");
         let zeros = vec![0.0; 119];
         let scored = score_predictions(&stream, 0, 0.5, &zeros, 3, curve).expect("scored");
         assert_eq!((&scored.scores, &scored.curve), (&trained[0].scores, &trained[0].curve));
