@@ -56,7 +56,7 @@ class SklearnTd:
         return float(observation @ self.model.coef_ + self.model.intercept_[0])
 
     def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
-        self.model.partial_fit(observation[None], [reward + self.gamma * self.predict(next_observation)])
+        self.model.partial_fit(observation[None].astype(np.float64), [reward + self.gamma * self.predict(next_observation)])
 
     def state_dict(self) -> Mapping[str, Any]:
         return {"coef": self.model.coef_, "intercept": self.model.intercept_}
@@ -95,11 +95,12 @@ def torch_td(task: Task, learning_rate: float) -> Any:
 
 def main() -> None:
     study = calib_rl.Study(sys.argv[1])
-    for factory, values in [
+    compared: list[tuple[Any, dict[str, list[float]]]] = [
         (LinearTd, {"learning_rate": [1e-3, 1e-2, 1e-1], "trace": [0.0, 0.8]}),
         (SklearnTd, {"learning_rate": [1e-3, 1e-2, 1e-1]}),
         (torch_td, {"learning_rate": [1e-3, 1e-2, 1e-1]}),
-    ]:
+    ]
+    for factory, values in compared:
         try:
             runs = Sweep(study, study.results / "agents" / factory.__name__, progress=False).run(factory, values)
         except ImportError as missing:
