@@ -21,7 +21,7 @@ pub struct Support {
 }
 
 impl Default for Support {
-    /// A third of the steps, and ten terminals: below that the choices of the published protocol's logs were the poor ones (docs/control.md).
+    /// A third of the steps, and ten terminals. Our choice: the few logs measured so far do not tell better limits (docs/control.md).
     fn default() -> Self {
         Self { most_uncovered: 1.0 / 3.0, fewest_terminals: 10 }
     }
