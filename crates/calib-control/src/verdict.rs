@@ -16,7 +16,7 @@ const HIGHER: Direction = Direction::HigherIsBetter;
 pub struct Support {
     /// Most share of the chosen candidate's steps that the log may leave uncovered.
     pub most_uncovered: f64,
-    /// Fewest terminals of the log, where it has any at all.
+    /// Fewest terminals of the log; 0 of a task that has none.
     pub fewest_terminals: usize,
 }
 
@@ -177,7 +177,7 @@ fn doubts(
         doubts.push(Doubt::Uncovered { share });
     }
     let terminals = log.terminals();
-    if terminals > 0 && terminals < support.fewest_terminals {
+    if terminals < support.fewest_terminals {
         doubts.push(Doubt::FewTerminals { terminals });
     }
     let alike = selection.tie_set.len() == selection.worst_ranks.len();
