@@ -66,6 +66,11 @@ def cells(truth, logs, rule):
                     yield task, quality, length, own
 
 
+def refused(log):
+    """Whether calib refuses the choice; a log of these tasks without terminals is refused, too."""
+    return bool(log["doubts"]) or log["terminals"] < 10
+
+
 def table(truth, logs, rule):
     single = best_single(truth)
     print("| task | behaviour | steps | logs | model | fitted Q | behaviour's own | model's percentile | model over random | model over fitted Q |")
@@ -88,7 +93,7 @@ def table(truth, logs, rule):
         of = truth[task]
         print(f"| {task} | {max(of):.0f} | {of[single]:.0f} | {of[DEFAULT]:.0f} | {sum(of) / len(of):.0f} |")
     print()
-    for name, keep in [("all logs", lambda log: True), ("supported", lambda log: not log["doubts"]), ("refused", lambda log: log["doubts"])]:
+    for name, keep in [("all logs", lambda log: True), ("supported", lambda log: not refused(log)), ("refused", refused)]:
         own = [log for log in logs if log["rule"] == rule and keep(log)]
         if own:
             of = {key: [100 * percentile(truth[log["task"]], log[key]) for log in own] for key in ["chosen", "fitted"]}

@@ -30,7 +30,7 @@ pub struct ControlConfig {
     pub start: StartRows,
     /// Most share of the chosen candidate's steps that the log may leave uncovered, before the choice is refused.
     pub most_uncovered: f64,
-    /// Fewest terminals of a log that has any, before a choice is refused.
+    /// Fewest terminals of a log whose study names a terminal, before a choice is refused.
     pub fewest_terminals: usize,
     /// The model.
     pub model: ActionModelConfig,

@@ -97,6 +97,11 @@ impl TaskKind {
         }
     }
 
+    /// Whether episodes can end in a terminal.
+    pub const fn ends(self) -> bool {
+        !matches!(self, Self::Pendulum)
+    }
+
     /// Steps after which an episode is cut.
     pub const fn timeout(self) -> usize {
         match self {

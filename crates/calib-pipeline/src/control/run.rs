@@ -94,7 +94,7 @@ fn judged(
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
-        fewest_terminals: config.fewest_terminals,
+        fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
     };
     let default = candidates.iter().position(|of| *of == config.agent);
     let resamples = study.evaluate.resamples;

@@ -162,11 +162,12 @@ fn text(kind: TaskKind, seed: u64) -> String {
          seed = {seed}\n\n\
          [data]\npath = \"log.parquet\"\ntrain_fraction = 1.0\n\n\
          [preprocess]\noutliers = \"keep\"\n\n\
-         [control]\nactions = [\"action\"]\nreward = \"reward\"\nterminal = \"terminal\"\n\
+         [control]\nactions = [\"action\"]\nreward = \"reward\"\n{terminal}\
          timeout = {timeout}\nworst_return = {worst:?}\nsteps = 15000\n\n\
          [control.grid]\nstep_size = [0.003, 0.03, 0.3]\nbeta1 = [0.0, 0.9]\n\
          temperature = [1.0, 10.0, 100.0]\ninitial_weight = [0.0, 8.0, 16.0]\n",
         name = kind.name(),
+        terminal = if kind.ends() { "terminal = \"terminal\"\n" } else { "" },
         timeout = kind.timeout(),
         worst = kind.worst_return(),
     )
