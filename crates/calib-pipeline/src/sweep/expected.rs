@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
+use calib_agent::AgentConfig;
 use calib_core::{RowIndex, RowStream};
 use calib_study::{Job, Study};
 use calib_sweep::RunStream;
@@ -13,7 +14,7 @@ use crate::{
     output::{Printer, bytes, count, duration},
     sweep::{
         cost::{Cost, Trained},
-        plan::{Counted, SweepPlan},
+        plan::{Counted, Memory, Sizes, SweepPlan},
         setting::{candidates_of, scorable},
     },
 };
@@ -96,15 +97,19 @@ pub(crate) fn before_model(
     let steps = streams.demand.span.steps;
     let trained =
         Trained { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
+    let members = if study.is_parametric() { 1 } else { study.model.members };
+    let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
+    let passes = members * study.member_runs() + online + study.sweep.log_replay_runs;
+    let units = passes * sensors.len();
+    let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
+    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
+    let threads = rayon::current_num_threads();
+    Memory::of(&sizes, &agents, threads).check()?;
     let frames = &dataset.train;
     let states = streams.demand.span.states().min(frames.rows());
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
     let cost = Cost::over(trained, &RunStream::complete(replayed, RowIndex::new(0)), 0.0)?;
-    let members = if study.is_parametric() { 1 } else { study.model.members };
-    let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
-    let passes = members * study.member_runs() + online + study.sweep.log_replay_runs;
-    let results = (passes * sensors.len() * candidates.len()) as u64;
-    let threads = rayon::current_num_threads();
+    let results = (units * candidates.len()) as u64;
     let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
     printer.say(&expected.line());
     counted.expect(job, expected);

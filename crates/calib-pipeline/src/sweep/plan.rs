@@ -146,6 +146,35 @@ impl Memory {
         Self { data, thread, predictions, results, total, available: memory::available() }
     }
 
+    /// Whether there is as much.
+    pub(crate) fn fits(&self) -> bool {
+        self.available.is_none_or(|available| self.total <= available)
+    }
+
+    /// Refuse what would not fit.
+    ///
+    /// # Errors
+    /// If there is less memory, with what to do.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        let Some(available) = self.available.filter(|_| !self.fits()) else { return Ok(()) };
+        let shared = self.data + self.predictions + self.results;
+        let fit = available.saturating_sub(shared) / self.thread.max(1);
+        let advice = if fit > 0 {
+            format!("use --threads {fit}, or fewer or smaller values")
+        } else if self.thread > shared {
+            "sweep fewer or smaller values (hidden_units, batch_size), or set a smaller sweep.steps"
+                .to_owned()
+        } else {
+            "use a shorter data.train or a larger preprocess.subsample, or set a smaller sweep.curve_points"
+                .to_owned()
+        };
+        bail!(
+            "the sweep may take {} of memory and {} are available; {advice}",
+            bytes(self.total),
+            bytes(available)
+        )
+    }
+
     fn text(&self) -> String {
         let available = self
             .available
@@ -195,28 +224,11 @@ impl SweepPlan<'_> {
         }
         let memory = &self.memory;
         printer.say(&memory.text());
+        memory.check()?;
         if let Some(expected) = &self.expected {
             printer.say(&expected.line());
         }
-        let Some(available) = memory.available.filter(|&available| memory.total > available) else {
-            return Ok(());
-        };
-        let shared = memory.data + memory.predictions + memory.results;
-        let fit = available.saturating_sub(shared) / memory.thread.max(1);
-        let advice = if fit > 0 {
-            format!("use --threads {fit}, or fewer or smaller values")
-        } else if memory.thread > shared {
-            "sweep fewer or smaller values (hidden_units, batch_size), or set a smaller sweep.steps"
-                .to_owned()
-        } else {
-            "use a shorter data.train or a larger preprocess.subsample, or set a smaller sweep.curve_points"
-                .to_owned()
-        };
-        bail!(
-            "the sweep may take {} of memory and {} are available; {advice}",
-            bytes(memory.total),
-            bytes(available)
-        )
+        Ok(())
     }
 
     /// Every value, as a list or for machines.

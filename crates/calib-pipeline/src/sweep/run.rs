@@ -170,7 +170,7 @@ fn sweep(
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
     let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
-    if job.policy().is_dry() && missing > shared {
+    if job.policy().is_dry() && missing > shared && preview.memory.fits() {
         let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
         let passes = plan.passes(&stored)?;
         let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
