@@ -24,7 +24,7 @@ pub enum Lock {
 /// Lock the file `path`, which is made if it is not there.
 ///
 /// # Errors
-/// As [`open_lock`].
+/// If it cannot be made, or something else than a file is called so.
 pub fn lock(path: &Path) -> Result<Lock, FileError> {
     let file = open_lock(path)?;
     if faults::have_no_locks() {
