@@ -75,10 +75,10 @@ class Calib:
 
 def overhead(calib):
     calib.study(**SMALL)
-    planned, wall, told = calib.plan("plan", 100)
+    planned, wall, told = calib.plan("plan", 20)
     print(f"{told['units']} units in {told['shards']} shards: plan {planned:.1f} s of a processor ({wall:.1f} s wall, with timing some steps)")
     runs = [calib.shard("plan", number)[0] for number in range(told["shards"])]
-    again = [calib.shard("plan", number)[0] for number in range(10)]
+    again = [calib.shard("plan", number)[0] for number in range(5)]
     merged, wall, _ = calib("cluster", "merge", "plan")
     print(f"shards {sum(runs):.1f} s in all with {told['units']} runs of 60 steps; a start that finds all done {statistics.median(again):.3f} s; merge {merged:.1f} s ({wall:.1f} s wall)")
     print(f"plan, shards and merge without any credit for the runs: {(planned + sum(runs) + merged) / told['units'] * 1000:.1f} ms a unit")

@@ -33,13 +33,13 @@ command -v qemu-x86_64 >/dev/null || {
 }
 
 cd "$work"
-steps=${CALIB_STEPS:-6000}
+steps=${CALIB_STEPS:-3000}
 cat >study.toml <<STUDY
 seed = 3
 [simulate]
 days = 3
 channels = 12
-period_secs = 60
+period_secs = 20
 [data]
 path = "data"
 train_fraction = 0.7
@@ -47,7 +47,7 @@ train_fraction = 0.7
 members = 3
 [agent]
 value_function = "mlp"
-hidden_units = 32
+hidden_units = 64
 gamma = 0.9
 batch_size = 64
 [sweep]
