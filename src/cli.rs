@@ -78,7 +78,7 @@ pub(crate) enum Command {
     /// Simulate a small plant, run the whole chain, and print the verdict
     Quickstart(QuickstartArgs),
     /// Write Parquet logs of a simulated membrane-filtration pilot plant
-    Simulate(SimulateArgs),
+    Simulate(Box<SimulateArgs>),
     /// Look at a log, and write a study of it with a reason for every value
     Init(InitArgs),
     /// Show what is in a log and what preprocessing would keep
