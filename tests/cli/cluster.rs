@@ -345,7 +345,7 @@ fn a_shard_without_room_fails_is_named_and_goes_on_elsewhere() {
     let alone = alone(&place);
     let count = plan(&place, "plan", "3");
     let args = ["cluster", "run", "plan", "--shard", "1", "--threads", "1"];
-    let full = place.calib_with(&args, &[("CALIB_FAULT", "full:24")]);
+    let full = place.calib_with(&args, &[("CALIB_FAULT", "full:10")]);
     assert_eq!(full.code(), 4, "{}", full.stderr());
     assert!(full.stderr().contains("run"), "{}", full.stderr());
     let killed = place.calib_with(&args, &[("CALIB_FAULT", "kill:16")]);
