@@ -118,7 +118,7 @@ def table(truth, logs, rule):
 def svg(truth, logs, rule):
     width, height, left, top = 330, 260, 56, 34
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{3 * width + 20}" height="{height + 110}" font-family="sans-serif" font-size="11">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{3 * width + 20}" height="{height + 125}" font-family="sans-serif" font-size="11">',
         '<rect width="100%" height="100%" fill="white"/>',
     ]
     single = best_single(truth)

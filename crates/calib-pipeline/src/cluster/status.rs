@@ -179,7 +179,8 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         of: shard.units(&opened.plan),
         attempts: attempts.len(),
         predicted_secs: shard.secs,
-        secs: made.map(|made| made.secs).sum(),
+        // Of nothing the sum is -0.
+        secs: made.map(|made| made.secs).sum::<f64>() + 0.0,
         note,
         queue: None,
     }
