@@ -54,9 +54,10 @@ pub fn score_predictions(
 #[cfg(test)]
 mod tests {
     use calib_core::{RowStream, Seed, Segments, Silent, States};
+    use calib_nn::Mlp;
 
     use super::*;
-    use crate::{AgentConfig, ValueFunction, train};
+    use crate::{AgentConfig, PartScore, ValueFunction, train, values::parameter_seed};
 
     fn stream() -> RowStream {
         let values = (0..120).map(|t| (t as f32 * 0.7).sin()).collect();
@@ -76,10 +77,18 @@ mod tests {
         };
         let curve = CurveRule { windows: 7 };
         let trained = train(&stream, 0, &[config], curve, Seed::new(1), &Silent).expect("trained");
-        // A linear agent that never learns predicts 0.
-        let zeros = vec![0.0; 119];
-        let scored = score_predictions(&stream, 0, 0.5, &zeros, 3, curve).expect("scored");
-        assert_eq!((&scored.scores, &scored.curve), (&trained[0].scores, &trained[0].curve));
+        // A linear agent that never learns predicts by what it began with: a weight and a bias.
+        let began = Mlp::new(&[1, 1], parameter_seed(Seed::new(1))).parameters().to_vec();
+        let predictions: Vec<f32> =
+            (0..119).map(|t| began[0] * stream.state(t)[0] + began[1]).collect();
+        let scored = score_predictions(&stream, 0, 0.5, &predictions, 3, curve).expect("scored");
+        for part in Part::ALL {
+            let of = |run: &RunOutcome| run.scores.of(part).expect("steps");
+            let (ours, theirs) = (of(&scored), of(&trained[0]));
+            assert!((ours.rmse - theirs.rmse).abs() < 1e-6, "{ours:?} {theirs:?}");
+            assert_eq!(PartScore { rmse: theirs.rmse, ..ours }, theirs);
+        }
+        assert_eq!(scored.curve.len(), trained[0].curve.len());
         assert_eq!((scored.updates, scored.steps, scored.diverged), (3, 119, None));
         let returns: Vec<f32> =
             discounted_returns(&stream, 0, 0.5)[..119].iter().map(|of| *of as f32).collect();
