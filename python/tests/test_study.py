@@ -135,14 +135,15 @@ def test_progress_is_printed(study: calib_rl.Study, capsys: pytest.CaptureFixtur
 
 
 def test_ctrl_c_ends_a_step_and_the_next_call_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text(STUDY.replace("steps = 600", "steps = 2500").replace("member_runs = 1", "member_runs = 60"))
+    (tmp_path / "study.toml").write_text(STUDY.replace("steps = 600", "steps = 2500").replace("member_runs = 1", "member_runs = 600"))
     program = """
         import os, signal, sys, threading, time
         import calib_rl
         study = calib_rl.Study(sys.argv[1])
         study.simulate(progress=False)
         study.build_model(progress=False)
-        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
         begun = time.monotonic()
         try:
             study.sweep(progress=False)
