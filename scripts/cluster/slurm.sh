@@ -143,6 +143,8 @@ say "a flipped byte is found and made again"
 version=$("$calib" --version | awk '{print $2; exit}')
 sed "s/calib $version/calib 9.9.9/g" "$calib" >other
 chmod +x other
+# A build may keep so short a text in its code, where it cannot be edited.
+if ./other -q cluster plan study.toml --shards 1 -o others >/dev/null && grep -q 'calib 9.9.9' others/plan.json; then
 rm "$shard"
 ended=0
 ./other -q cluster run plan --shard 3 >other.out 2>&1 || ended=$?
@@ -150,6 +152,10 @@ ended=0
 [ ! -e "$shard" ] || fail "another version wrote results"
 refused 4 "shard 3: it has no results"
 say "another version is refused"
+else
+    say "another version cannot be made of this build: tests/cli/cluster.rs has one"
+fi
+rm -rf others
 
 # --- Two processors: this one, and an emulated one without AVX-512.
 sed -i "s/^steps = $steps/steps = 120/; s/_runs = [68]/_runs = 1/" study.toml

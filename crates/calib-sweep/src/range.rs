@@ -127,7 +127,9 @@ impl Span {
             ));
         }
         if whole && (from.fract() != 0.0 || to.fract() != 0.0 || from < 0.0) {
-            return Err(format!("this field takes whole numbers, got {from} and {to}"));
+            return Err(format!(
+                "this field takes whole numbers, got {from} and {to}; give whole ends"
+            ));
         }
         Ok(())
     }

@@ -113,7 +113,7 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
     let find = |key: &str, name: &str| {
         columns.iter().position(|column| column.name == name).ok_or_else(|| DataError::Shape {
             reason: format!(
-                "{} has no column {name:?}, which data.{key} names",
+                "{} has no column {name:?}, which data.{key} names; give one of its columns",
                 head.path().display()
             ),
         })
@@ -230,7 +230,7 @@ fn quality_of(
         return match &data.quality {
             Some(name) => Err(DataError::Shape {
                 reason: format!(
-                    "{} has no column {name:?}, which data.quality names",
+                    "{} has no column {name:?}, which data.quality names; give one of its columns",
                     head.path().display()
                 ),
             }),
