@@ -55,11 +55,8 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(journal) => Arc::new(journal),
         Err(error) => return exit::report(&error, &terminal) as u8,
     };
-    let observer: Arc<dyn Observer> = Arc::clone(&journal) as Arc<dyn Observer>;
-    let printer = Printer::new(observer);
-    // A journal keeps what is not shown.
-    let silent = cli.global.quiet && cli.global.log.is_none();
-    let printer = if silent { printer.quiet() } else { printer };
+    // What is not to be shown is not shown by the journal: a file of it keeps all.
+    let printer = Printer::new(Arc::clone(&journal) as Arc<dyn Observer>);
     #[cfg(unix)]
     signals::tell_of_lost_pages();
     hush_readers();

@@ -11,7 +11,6 @@ use serde::Serialize;
 use crate::{
     Contradictions, DataConfig, DataError, Shape,
     log::{Batch, Codes, Log, SHOWN},
-    names::Names,
     survey::told,
 };
 
@@ -54,17 +53,7 @@ pub fn import(
     path: &Path,
     monitor: &dyn Monitor,
 ) -> Result<Imported, DataError> {
-    let data = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
-    let log = Log::open(&data, monitor)?;
-    let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
-    include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
-    let wanted: Vec<usize> = (0..log.channels.len())
-        .filter(|&channel| {
-            let channel = &log.channels[channel];
-            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
-            channel.readable && included && exclude.matching(&channel.name).is_none()
-        })
-        .collect();
+    let (log, wanted) = Log::open_whole(data, monitor)?;
     let mut spill = Spill::new(&data.scratch)?;
     let mut words = BTreeMap::new();
     let columns = spill_columns(&log, &wanted, &mut spill, &mut words, monitor)?;

@@ -9,7 +9,6 @@ use crate::{
     DataConfig, DataError, Shape,
     channel::{Moments, Movement},
     log::{Batch, ChannelValues, Log},
-    names::Names,
     outliers::Fences,
 };
 
@@ -75,17 +74,7 @@ pub struct ChannelSketch {
 /// # Errors
 /// If the log cannot be read or contradicts itself.
 pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataError> {
-    let data = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
-    let log = Log::open(&data, monitor)?;
-    let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
-    include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
-    let wanted: Vec<usize> = (0..log.channels.len())
-        .filter(|&channel| {
-            let channel = &log.channels[channel];
-            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
-            channel.readable && included && exclude.matching(&channel.name).is_none()
-        })
-        .collect();
+    let (log, wanted) = Log::open_whole(data, monitor)?;
     let rows = log.rows.timestamps.len();
     let count = BINS.min(rows);
     let bins: Vec<Range<usize>> =

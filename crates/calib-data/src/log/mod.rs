@@ -36,7 +36,9 @@ pub(crate) use self::{
     times::{guess_unit, typical},
     values::{LARGEST, NotNumbers},
 };
-use crate::{Contradictions, DataConfig, DataError, Description, Shape, time::format_time};
+use crate::{
+    Contradictions, DataConfig, DataError, Description, Shape, names::Names, time::format_time,
+};
 
 /// Everything about the log except the values of its channels.
 pub(crate) struct Log {
@@ -97,6 +99,23 @@ impl Log {
         data.check()?;
         let (opened, utc) = open::open(data, monitor)?;
         opened.into_log(utc, data)
+    }
+
+    /// The whole log, whatever its ranges, and the channels of it that can be read and are neither excluded nor left out.
+    pub(crate) fn open_whole(
+        data: &DataConfig,
+        monitor: &dyn Monitor,
+    ) -> Result<(Self, Vec<usize>), DataError> {
+        let whole = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
+        let log = Self::open(&whole, monitor)?;
+        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+        include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+        let is_wanted = |channel: &Channel| {
+            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
+            channel.readable && included && exclude.matching(&channel.name).is_none()
+        };
+        let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
+        Ok((log, wanted))
     }
 
     /// What happens to contradictions.

@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::ensure;
-use calib_agent::{AgentConfig, training_bytes};
+use calib_agent::training_bytes;
 use calib_files::{create_directory, remove_folder, write_sealed_json};
 use calib_study::{Each, Job};
 use calib_sweep::{EnvironmentId, PassId, Plan, Unit, UnitResult};
@@ -27,6 +27,7 @@ use crate::{
     sweep::{
         Found,
         cost::{Cost, Trained},
+        plan::agents_of,
         setting::Setting,
         unit_store,
     },
@@ -261,8 +262,7 @@ impl Planning<'_> {
 fn memory(parts: &[Part], passes: &[PlannedPass]) -> u64 {
     let of = |pass: &PlannedPass| {
         let part = parts.get(pass.part)?.sweep.as_ref()?;
-        let agents: Vec<AgentConfig> =
-            part.candidates.iter().map(|candidate| candidate.agent.clone()).collect();
+        let agents = agents_of(&part.candidates);
         let (states, sensors) = (part.span.states(), part.groups[pass.group].len());
         Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
     };

@@ -4,17 +4,14 @@ use std::path::Path;
 
 use anyhow::ensure;
 use calib_core::{Period, Seed};
-use calib_files::{Fingerprint, write_json};
+use calib_files::write_json;
 use calib_report::caveats;
 use calib_study::Study;
 use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 
 use super::read::{Runs, read};
 use crate::{
-    base::{
-        artefact::{Files, TOOL},
-        outcome::Outcome,
-    },
+    base::{artefact::TOOL, outcome::Outcome},
     output::Printer,
     rollouts::figures,
     sweep::SweepManifest,
@@ -99,23 +96,7 @@ fn write(
 /// Of a sweep that calib did not make.
 fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepManifest {
     let second = Period::from_micros(1_000_000);
-    SweepManifest {
-        format: 0,
-        tool: TOOL.to_owned(),
-        key: String::new(),
-        study: study.clone(),
-        data: Fingerprint::of(b""),
-        model: String::new(),
-        period: second.unwrap_or_else(|| unreachable!("a second is positive")),
-        held_out: None,
-        span: Span { steps: study.sweep.steps, tail: 1 },
-        windows: Vec::new(),
-        scales: Vec::new(),
-        standing_still: Vec::new(),
-        left_out: None,
-        candidates,
-        units: Vec::new(),
-        notes: Vec::new(),
-        files: Files::new(),
-    }
+    let period = second.unwrap_or_else(|| unreachable!("a second is positive"));
+    let span = Span { steps: study.sweep.steps, tail: 1 };
+    SweepManifest::of_no_data(study, period, span, candidates)
 }

@@ -2,7 +2,6 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use calib_agent::AgentConfig;
 use calib_core::{RowIndex, RowStream};
 use calib_study::{Job, Study};
 use calib_sweep::RunStream;
@@ -14,7 +13,7 @@ use crate::{
     output::{Printer, bytes, count, duration},
     sweep::{
         cost::{Cost, Trained},
-        plan::{Counted, Memory, Sizes, SweepPlan},
+        plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         setting::{candidates_of, scorable},
     },
 };
@@ -102,9 +101,8 @@ pub(crate) fn before_model(
     let passes = members * study.member_runs() + online + study.sweep.log_replay_runs;
     let units = passes * sensors.len();
     let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
-    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
     let threads = rayon::current_num_threads();
-    Memory::of(&sizes, &agents, threads).check()?;
+    Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
     let frames = &dataset.train;
     let states = streams.demand.span.states().min(frames.rows());
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);

@@ -89,6 +89,11 @@ pub(crate) struct Memory {
     pub(crate) available: Option<u64>,
 }
 
+/// The agents of all values.
+pub(crate) fn agents_of(candidates: &[Candidate]) -> Vec<AgentConfig> {
+    candidates.iter().map(|candidate| candidate.agent.clone()).collect()
+}
+
 /// What the memory of a sweep depends on.
 pub(crate) struct Sizes {
     /// Recorded states: of the training range, once more of the model, and held out.

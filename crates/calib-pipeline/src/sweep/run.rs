@@ -1,6 +1,5 @@
 use std::{collections::BTreeMap, path::Path};
 
-use calib_agent::AgentConfig;
 use calib_core::Period;
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
@@ -22,7 +21,7 @@ use crate::{
         cost::{Cost, Trained},
         expected::Expected,
         notes::{failed_rollouts, saved},
-        plan::{Counted, Memory, Sizes, SweepPlan},
+        plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
         setting::{Setting, Unsettled},
         standing_still::Still,
@@ -97,13 +96,29 @@ impl SweepManifest {
     ) -> Self {
         Self {
             format: <Self as Manifest>::FORMAT,
+            data: dataset.fingerprint.clone(),
+            model,
+            held_out: HeldOut::of(dataset),
+            ..Self::of_no_data(study, dataset.period, span, candidates)
+        }
+    }
+
+    /// Of runs that calib did not make, of whose data it knows nothing.
+    pub(crate) fn of_no_data(
+        study: &Study,
+        period: Period,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            format: 0,
             tool: TOOL.to_owned(),
             key: String::new(),
             study: study.clone(),
-            data: dataset.fingerprint.clone(),
-            model,
-            period: dataset.period,
-            held_out: HeldOut::of(dataset),
+            data: Fingerprint::of(b""),
+            model: String::new(),
+            period,
+            held_out: None,
             span,
             windows: Vec::new(),
             scales: Vec::new(),
@@ -248,9 +263,8 @@ fn preview<'a>(
     [units, left, shared]: [usize; 3],
     span: Span,
 ) -> SweepPlan<'a> {
-    let agents: Vec<AgentConfig> = candidates.iter().map(|of| of.agent.clone()).collect();
     let threads = rayon::current_num_threads();
-    let memory = Memory::of(sizes, &agents, threads);
+    let memory = Memory::of(sizes, &agents_of(candidates), threads);
     SweepPlan {
         candidates,
         units,

@@ -25,15 +25,6 @@ pub(crate) fn setting(candidate: &Candidate) -> Setting {
     }
 }
 
-/// The values of the grid along an axis. A step size of 0, the agent as it was pre-trained, has no place on a
-/// logarithmic axis: values beside it are evenly spaced names.
-fn axis(grid: &[&Candidate]) -> Vec<Setting> {
-    let values: Vec<Setting> = grid.iter().map(|candidate| setting(candidate)).collect();
-    let zero = values.iter().any(|value| value.as_number() == Some(0.0));
-    let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
-    values.into_iter().map(named).collect()
-}
-
 /// The verdict on one sensor in words: what to deploy, then the reasons.
 pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
     [verdict.headline()].into_iter().chain(verdict.reasons(&Score::nrmse())).collect()
@@ -174,7 +165,6 @@ pub(crate) fn sensitivity(
     candidates: &[Candidate],
     model: &str,
 ) -> Sensitivity {
-    let grid: Vec<&Candidate> = candidates.iter().collect();
     let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
         label: label.to_owned(),
         source,
@@ -193,14 +183,14 @@ pub(crate) fn sensitivity(
         sensor: verdict.sensor.clone(),
         field: field(candidates),
         score: Score::nrmse(),
-        values: axis(&grid),
+        values: candidates.iter().map(setting).collect(),
         errors,
         worst_ranks: vec![RankCurve {
             label: format!("{model}, worst rank"),
             worst_ranks: verdict.selection.worst_ranks.clone(),
         }],
         chosen: Some(verdict.chosen),
-        default: grid.iter().position(|candidate| candidate.is_default),
+        default: candidates.iter().position(|candidate| candidate.is_default),
         dimensions: dimensions(candidates),
     }
 }

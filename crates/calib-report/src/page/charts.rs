@@ -30,7 +30,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let (mut figures, mut parts) = (Vec::new(), Vec::new());
     for (index, sensitivity) in report.sensitivities.iter().enumerate() {
         let id = format!("sensitivity-{index}");
-        if sensitivity.varied().len() > 1 {
+        if sensitivity.is_of_several() {
             figures.push(several::markup(
                 sensitivity,
                 &id,
@@ -141,7 +141,7 @@ fn shown(chart: &Chart) -> usize {
 impl Sensitivity {
     fn caption(&self) -> String {
         let Self { score, field, .. } = self;
-        let field = if self.varied().len() > 1 { "value" } else { field.as_str() };
+        let field = if self.is_of_several() { "value" } else { field.as_str() };
         if self.errors.is_empty() {
             return format!(
                 "Worst rank of each {field} of the grid over the members of each calibration model. \

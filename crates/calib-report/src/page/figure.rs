@@ -81,12 +81,26 @@ pub(super) fn still(figure: &Figure, id: &str, caption: &str) -> Markup {
                     h3 { (title) }
                     p { (caption) }
                 }
-                div.tools role="group" aria-label={ "Tools of " (title) } {
-                    @for format in ["svg", "png"] { (save(format)) }
-                }
+                (still_tools(title))
             }
-            div.plot tabindex="0" role="group" aria-label=(title) { (PreEscaped(figure.element(id))) }
+            (still_plot(figure, id))
         }
+    }
+}
+
+/// Ways to take a figure away that is only looked at.
+pub(super) fn still_tools(title: &str) -> Markup {
+    html! {
+        div.tools role="group" aria-label={ "Tools of " (title) } {
+            @for format in ["svg", "png"] { (save(format)) }
+        }
+    }
+}
+
+/// The picture of a figure that is only looked at.
+pub(super) fn still_plot(figure: &Figure, id: &str) -> Markup {
+    html! {
+        div.plot tabindex="0" role="group" aria-label=(figure.chart().title) { (PreEscaped(figure.element(id))) }
     }
 }
 

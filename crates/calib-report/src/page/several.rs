@@ -1,8 +1,8 @@
 //! A sweep of several hyperparameters: how much each matters, one plot each, and two against each other.
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::figure::legend;
+use super::figure::{legend, still_plot, still_tools};
 use super::tables::rows;
 use crate::figures::{Heat, HeatCell};
 use crate::number::number;
@@ -30,16 +30,10 @@ pub(super) fn markup(
                         "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (caption)
                     }
                 }
-                div.tools role="group" aria-label={ "Tools of " (chart.title) } {
-                    @for format in ["svg", "png"] {
-                        button.save type="button" data-format=(format) title={ "Download as " (format.to_uppercase()) } {
-                            span.hidden { "Download as " } (format.to_uppercase())
-                        }
-                    }
-                }
+                (still_tools(&chart.title))
             }
             (legend(chart))
-            div.plot tabindex="0" role="group" aria-label=(chart.title) { (PreEscaped(figure.element(id))) }
+            (still_plot(&figure, id))
             h4 { "What matters" }
             p.caption {
                 "Share of the differences between all combinations that a hyperparameter's value alone explains, by the logarithm of the \

@@ -7,15 +7,20 @@ use crate::Setting;
 use crate::chart::{Axis, Scale, extent};
 
 impl Sensitivity {
-    /// Horizontal position of each value: the number itself, or its place in the grid if any value is a name.
+    /// The values as numbers, if they can stand on a logarithmic axis: none is a name, and none is 0, such as the step size
+    /// that leaves an agent as it was pre-trained.
+    fn numbers(&self) -> Option<Vec<f64>> {
+        let placed = |value: &Setting| value.as_number().filter(|number| *number != 0.0);
+        self.values.iter().map(placed).collect()
+    }
+
+    /// Horizontal position of each value: the number itself, or else its place in the grid.
     pub(super) fn positions(&self) -> Vec<f64> {
-        let numbers: Option<Vec<f64>> = self.values.iter().map(Setting::as_number).collect();
-        numbers.unwrap_or_else(|| (0..self.values.len()).map(|place| place as f64).collect())
+        self.numbers().unwrap_or_else(|| (0..self.values.len()).map(|place| place as f64).collect())
     }
 
     pub(super) fn horizontal_axis(&self, positions: &[f64]) -> Axis {
-        let numeric = self.values.iter().all(|value| value.as_number().is_some());
-        let scale = if numeric {
+        let scale = if self.numbers().is_some() {
             Scale::log_around(positions)
         } else {
             Scale::names(self.values.iter().map(ToString::to_string).collect())

@@ -30,6 +30,11 @@ impl Sensitivity {
         if varied.len() > 1 { varied } else { Vec::new() }
     }
 
+    /// Whether several hyperparameters take more than one value.
+    pub(crate) fn is_of_several(&self) -> bool {
+        !self.varied().is_empty()
+    }
+
     /// One sensitivity for each of several hyperparameters: those combinations of the grid that differ from the choice in
     /// this one alone. Without a choice they go through the best combination of the first curve. Ranks stay those among all
     /// combinations. Empty where a single hyperparameter is swept.
@@ -77,14 +82,11 @@ impl Sensitivity {
             let worst_ranks = places.iter().map(|&place| curve.worst_ranks[place]).collect();
             RankCurve { worst_ranks, ..curve.clone() }
         });
-        // Zero has no place on a logarithmic axis.
-        let zero = values.iter().any(|value| value.as_number() == Some(0.0));
-        let named = |value: Setting| if zero { Setting::Name(value.to_string()) } else { value };
         Self {
             sensor: self.sensor.clone(),
             field,
             score: self.score.clone(),
-            values: values.into_iter().map(named).collect(),
+            values,
             errors: errors.collect(),
             worst_ranks: ranks.collect(),
             chosen: among(self.chosen),
