@@ -6,8 +6,8 @@ use std::hint::black_box;
 use calib_agent::{AgentConfig, CurveRule, train};
 use calib_core::{Period, Seed, Segments, Silent, States, Transitions};
 use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_model::{StartSource, rollout, start_states};
 use calib_plant::{Plant, PlantOptions};
-use calib_rollout::{StartSource, rollout, start_states};
 use criterion::{Criterion, criterion_group, criterion_main};
 
 const ROWS: usize = 4000;

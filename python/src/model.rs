@@ -7,8 +7,8 @@ use std::{
 
 use calib_core::{Bounds, RowIndex, Seed, Segments, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_model::{Absent, StartSource, rollouts, start_states};
 use calib_pipeline::Calibration;
-use calib_rollout::{Absent, StartSource, rollouts, start_states};
 use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
 
 use crate::{
@@ -249,8 +249,8 @@ impl Model {
             let starts = start_states(&of, source, count, source.seed_of(seed, member))?;
             let monitor = Watching(Arc::clone(watch));
             let all = rollouts(&of, &starts, steps, kept.weights(), seed, &monitor)?;
-            visited.extend(all.iter().flat_map(calib_rollout::Rollout::rows).map(|row| row.0));
-            Ok::<_, calib_rollout::RolloutError>(visited)
+            visited.extend(all.iter().flat_map(calib_model::Rollout::rows).map(|row| row.0));
+            Ok::<_, calib_model::RolloutError>(visited)
         };
         let visited = watched(py, Needs::Threads, observer, work)?;
         let visited = visited.map_err(|error| errors::of_any(py, &error))?;

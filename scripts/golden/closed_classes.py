@@ -1,7 +1,7 @@
 """Models without traps, recomputed with NumPy and SciPy: neighbours, closed classes, what is left out, and how far walks get.
 
     python3 -m pip install numpy==2.4.6 scipy==1.17.1
-    python3 scripts/golden/closed_classes.py > crates/calib-rollout/tests/golden/closed_classes.json
+    python3 scripts/golden/closed_classes.py > crates/calib-model/tests/golden/closed_classes.json
 
 Neighbours are searched by sorting all distances, closed classes are strongly connected components that no edge leaves, and traps (closed
 classes of less than a tenth of the candidates) are left out in global rounds: all at once, then everything is searched again. Of the last

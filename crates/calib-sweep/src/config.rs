@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use calib_agent::Part;
-use calib_rollout::StartKind;
+use calib_model::StartKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

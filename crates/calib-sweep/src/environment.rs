@@ -1,12 +1,10 @@
 use std::fmt;
 
-use calib_core::{RowIndex, Seed, States, Stream};
+use calib_core::{RowIndex, Stream};
 use calib_files::Fingerprint;
-use calib_knn::{Member, Weights};
-use calib_rollout::{StartState, rollout, rollout_seed};
 use serde::{Deserialize, Serialize};
 
-use crate::{Span, SweepError};
+use crate::SweepError;
 
 /// Where agents are trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -73,59 +71,4 @@ pub trait Environment: Sync {
     /// # Errors
     /// If no stream can be made, such as from a start state that the model lacks.
     fn stream(&self, run: usize) -> Result<RunStream, SweepError>;
-}
-
-/// Rollouts of one member of the calibration model, one start state a run.
-#[derive(Debug)]
-pub struct MemberEnvironment<'a> {
-    member: Member<'a>,
-    states: &'a States,
-    starts: Vec<StartState>,
-    options: RolloutOptions,
-}
-
-/// How a member is rolled out.
-#[derive(Clone, Debug)]
-pub struct RolloutOptions {
-    /// How long each rollout is.
-    pub span: Span,
-    /// How neighbours are drawn.
-    pub weights: Weights,
-    /// Root of the rollouts' seeds; run `r` of member `m` is seeded as in [`calib_rollout::rollouts`].
-    pub seed: Seed,
-    /// Fingerprint of the model, the start states and the weights.
-    pub inputs: Fingerprint,
-}
-
-impl<'a> MemberEnvironment<'a> {
-    /// `member` rolled out from each of `starts`; the agent sees `states`, the normalised states of the data.
-    pub fn new(
-        member: Member<'a>,
-        states: &'a States,
-        starts: Vec<StartState>,
-        options: RolloutOptions,
-    ) -> Self {
-        Self { member, states, starts, options }
-    }
-}
-
-impl Environment for MemberEnvironment<'_> {
-    fn id(&self) -> EnvironmentId {
-        EnvironmentId::Member(self.member.number())
-    }
-
-    fn runs(&self) -> usize {
-        self.starts.len()
-    }
-
-    fn inputs(&self, _run: usize) -> Fingerprint {
-        self.options.inputs.clone()
-    }
-
-    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
-        let RolloutOptions { span, weights, seed, .. } = &self.options;
-        let seed = rollout_seed(*seed, self.member.number(), run);
-        let rollout = rollout(&self.member, &self.starts[run], span.states() - 1, *weights, seed);
-        Ok(RunStream::complete(rollout.stream(self.states), rollout.rows()[0]))
-    }
 }

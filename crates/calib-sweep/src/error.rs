@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use calib_agent::AgentError;
-use calib_dynamics::DynamicsError;
 use calib_files::FileError;
+use calib_model::ModelError;
 use calib_stats::StatsError;
 
 use crate::{EnvironmentId, Unit};
@@ -125,9 +125,9 @@ pub enum SweepError {
         /// Why.
         source: AgentError,
     },
-    /// A parametric model could not be rolled out.
+    /// A model could not be rolled out.
     #[error(transparent)]
-    Dynamics(Arc<DynamicsError>),
+    Model(Arc<ModelError>),
     /// A unit's file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),

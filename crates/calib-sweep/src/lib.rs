@@ -2,9 +2,8 @@
 //!
 //! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid: lists and
 //!   ranges, all combinations or a random or Sobol sample of them.
-//! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of the
-//!   calibration model, [`PredictedEnvironment`] a parametric model, [`ReplayEnvironment`] replays the
-//!   log: held out (Online) or training.
+//! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of a calibration model, of
+//!   whatever kind, [`ReplayEnvironment`] replays the log: held out (Online) or training.
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
@@ -35,9 +34,9 @@ mod environment;
 mod error;
 mod error_scale;
 mod kept;
+mod member;
 mod pass;
 mod plan;
-mod predicted;
 mod race;
 mod range;
 mod replay;
@@ -54,15 +53,13 @@ pub use axis::{Axis, AxisError};
 pub use candidate::{Candidate, candidates, written};
 pub use closed::ClosedEnvironment;
 pub use config::{Beginning, SweepConfig};
-pub use environment::{
-    Environment, EnvironmentId, MemberEnvironment, NotFinite, RolloutOptions, RunStream,
-};
+pub use environment::{Environment, EnvironmentId, NotFinite, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;
+pub use member::{MemberEnvironment, RolloutOptions};
 pub use pass::Start;
 pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready};
-pub use predicted::PredictedEnvironment;
 pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;

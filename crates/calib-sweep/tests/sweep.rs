@@ -13,12 +13,15 @@ use calib_core::{
 use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
 use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
-use calib_rollout::{StartSource, start_states};
+use calib_model::{
+    CalibrationModel as _, ModelStart, NeighborModel, NetworkModel, StartRow, StartSource, Wanted,
+    start_states,
+};
 use calib_sweep::{
     Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
-    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, PredictedEnvironment,
-    ReplayEnvironment, RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError,
-    UnitResult, UnitStore, Windows, candidates, raced, verdict,
+    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
+    RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError, UnitResult,
+    UnitStore, Windows, candidates, raced, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -45,7 +48,7 @@ fn demand(span: Span) -> Demand {
 struct Study {
     train: Frames,
     held_out: Frames,
-    model: KnnModel,
+    model: NeighborModel,
     candidates: Vec<Candidate>,
 }
 
@@ -73,6 +76,7 @@ impl Study {
         )
         .expect("built");
         let candidates = candidates(&config, &agent, Seed::new(1)).expect("valid");
+        let model = NeighborModel::new(model, train.states().clone());
         Self { train, held_out: frames(1300), model, candidates }
     }
 
@@ -91,17 +95,20 @@ impl Study {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
-            .map(|member| {
-                let member = self.model.member(member);
-                let starts =
-                    start_states(&member, StartSource::Random, runs, seed).expect("starts");
+            .map(|number| {
+                let member = self.model.neighbors().expect("tables").member(number);
+                let starts = start_states(&member, StartSource::Random, runs, seed)
+                    .expect("starts")
+                    .into_iter()
+                    .map(ModelStart::State)
+                    .collect();
                 let options = RolloutOptions {
                     span: span(),
                     weights: Weights::Linear,
                     seed,
                     inputs: inputs.clone(),
                 };
-                MemberEnvironment::new(member, self.train.states(), starts, options)
+                MemberEnvironment::new(&self.model, number, self.train.states(), starts, options)
             })
             .collect();
         let windows = Windows::held_out(self.held_out.segments(), demand(span()), 2);
@@ -397,10 +404,16 @@ impl Walk for Tenfold {
 fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let study = Study::new();
     // 0.9 at its peak, 0.1 at its trough.
-    let starts = vec![RowIndex::new(6), RowIndex::new(18)];
-    let inputs = Fingerprint::of(b"model");
-    let environment =
-        PredictedEnvironment::new(&Tenfold, &study.train, starts, span(), inputs).expect("fits");
+    let start = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+    let starts = [6, 18].map(|row| ModelStart::Row(start(RowIndex::new(row)))).to_vec();
+    let model = NetworkModel::new(Box::new(Tenfold), &study.train).expect("fits");
+    let options = RolloutOptions {
+        span: span(),
+        weights: Weights::Linear,
+        seed: Seed::new(1),
+        inputs: Fingerprint::of(b"model"),
+    };
+    let environment = MemberEnvironment::new(&model, 0, study.train.states(), starts, options);
     let options =
         PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
     let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];

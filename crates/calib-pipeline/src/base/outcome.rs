@@ -4,8 +4,8 @@ use calib_agent::AgentError;
 use calib_data::DataError;
 use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
+use calib_model::{ModelError, RolloutError};
 use calib_represent::RepresentError;
-use calib_rollout::RolloutError;
 use calib_study::{Place, StudyError};
 use calib_sweep::SweepError;
 
@@ -85,6 +85,7 @@ pub(crate) fn was_interrupted(error: &anyhow::Error) -> bool {
             || matches!(cause.downcast_ref(), Some(AgentError::Interrupted))
             || matches!(cause.downcast_ref(), Some(SweepError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RepresentError::Interrupted))
+            || matches!(cause.downcast_ref(), Some(ModelError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RolloutError::Interrupted))
             || matches!(cause.downcast_ref(), Some(DynamicsError::Interrupted))
     })

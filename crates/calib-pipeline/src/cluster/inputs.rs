@@ -7,9 +7,10 @@ use std::{
 
 use anyhow::{Context as _, ensure};
 use calib_agent::{StateFile, ValueState};
-use calib_core::{Frames, Transitions};
+use calib_core::Frames;
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
-use calib_knn::{KnnModel, ModelKind};
+use calib_knn::ModelKind;
+use calib_model::CalibrationModel;
 use calib_study::Job;
 use calib_sweep::{
     ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit, UnitResult,
@@ -24,9 +25,9 @@ use crate::{
         plan_file::SweepPart,
         results::{Extent, Header, Results},
     },
-    model::{kinds::Model, train_model},
+    model::kinds,
     sweep::{
-        environments::{Described, Rolling, Sources},
+        environments::{Described, Sources, Streaming},
         setting::{Setting, agent_seed, raced},
     },
 };
@@ -109,7 +110,7 @@ pub(crate) struct Inputs<'p> {
     part: &'p SweepPart,
     opened: BTreeSet<EnvironmentId>,
     states: Option<Frames>,
-    model: Option<Model>,
+    model: Option<Box<dyn CalibrationModel>>,
     held_out: Option<Frames>,
     starts: BTreeMap<String, Start>,
     /// Results that were there when the work was planned.
@@ -150,11 +151,11 @@ impl<'p> Inputs<'p> {
         let states = self.states.as_ref();
         let sources = Sources {
             states,
-            model: self.model.as_ref(),
+            model: self.model.as_deref(),
             train: states,
             held_out: self.held_out.as_ref(),
         };
-        let rolling = Rolling::of(&self.part.study, self.part.span)?;
+        let rolling = Streaming::of(&self.part.study, self.part.span)?;
         let open = |described: &Described| -> anyhow::Result<Box<dyn Environment + '_>> {
             if self.opened.contains(&described.id()) {
                 return described.open(sources, rolling);
@@ -222,34 +223,22 @@ impl Checked<'_> {
     }
 
     /// The model with these members.
-    fn model(&self, part: &SweepPart, states: &Frames, members: &[usize]) -> anyhow::Result<Model> {
+    fn model(
+        &self,
+        part: &SweepPart,
+        states: &Frames,
+        members: &[usize],
+    ) -> anyhow::Result<Box<dyn CalibrationModel>> {
         let settings = &part.study.model;
-        if settings.kind != ModelKind::Knn {
-            let mut others = self.files.keys().filter(|name| !name.starts_with("held_out"));
-            others.try_for_each(|name| self.require(name))?;
-            let columns = states.states().columns();
-            return Ok(Model::Parametric(train_model::open(
-                self.directory,
-                settings.kind,
-                columns,
-            )?));
-        }
-        for member in members {
-            let folder = format!("members/{member}/");
-            let mut own = self.files.keys().filter(|name| name.starts_with(&folder));
-            own.try_for_each(|name| self.require(name))?;
-        }
+        let is_read = |name: &str| match settings.kind {
+            ModelKind::Knn => {
+                members.iter().any(|member| name.starts_with(&format!("members/{member}/")))
+            }
+            _ => !name.starts_with("held_out"),
+        };
+        let mut read = self.files.keys().filter(|name| is_read(name));
+        read.try_for_each(|name| self.require(name))?;
         // A rollout reads tables and rows alone; distances were measured when the tables were made.
-        let (metric, transitions) =
-            (states.states().clone(), Transitions::new(states.segments().clone()));
-        let knn = KnnModel::open_some(
-            self.directory,
-            metric,
-            transitions,
-            settings.members,
-            settings.exclusion(),
-            members,
-        )?;
-        Ok(Model::Knn(Box::new(knn)))
+        kinds::open(self.directory, settings, states, states.states().clone(), Some(members))
     }
 }

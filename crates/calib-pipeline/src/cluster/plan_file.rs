@@ -20,7 +20,7 @@ use crate::{
 const PLAN: &str = "plan.json";
 
 /// Version of a plan and of what lies beside it.
-pub(crate) const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 2;
 
 /// A plan.
 #[derive(Debug, Serialize, Deserialize)]

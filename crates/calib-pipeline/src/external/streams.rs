@@ -20,7 +20,7 @@ use crate::{
     output::Printer,
     sweep::{
         SweepManifest,
-        environments::{Environments, Rolling, Sources, open_all},
+        environments::{Environments, Sources, Streaming, open_all},
         streams::{Streams, error_scales},
         tables::external_runs,
     },
@@ -107,11 +107,11 @@ impl SweepStreams {
         let made = Environments::describe(job, &model, &dataset, &streams, printer)?;
         let sources = Sources {
             states: Some(&model.frames),
-            model: Some(&model.model),
+            model: Some(&*model.model),
             train: Some(&dataset.train),
             held_out: dataset.held_out.as_ref(),
         };
-        let rolling = Rolling::of(study, streams.demand.span)?;
+        let rolling = Streaming::of(study, streams.demand.span)?;
         let environments = open_all(&made.described, sources, rolling)?;
         let seed = Seed::new(study.seed).child("agent");
         let mut runs = Vec::new();

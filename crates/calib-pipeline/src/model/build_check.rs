@@ -8,7 +8,7 @@ use calib_study::{Job, Study};
 
 use crate::{
     base::outcome::Outcome,
-    model::{kinds::Model, model_files},
+    model::model_files,
     output::{Printer, count},
 };
 
@@ -53,7 +53,7 @@ pub(crate) fn check_against_brute_force(
 ) -> anyhow::Result<Outcome> {
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
-    let Model::Knn(knn) = &model.model else { bail!("the model has no neighbour tables") };
+    let Some(knn) = model.model.neighbors() else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");
     for (name, written) in &model.manifest.files {
         let path = paths.model().join(name);

@@ -8,7 +8,7 @@ use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
-use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+use calib_model::{JumpStatistics, StartSource, rollout, start_states};
 use calib_study::{Job, Layout, Study};
 use rayon::prelude::*;
 use serde::Serialize;

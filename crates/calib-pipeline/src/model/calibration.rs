@@ -12,10 +12,7 @@ use calib_study::{Job, Study};
 
 use crate::{
     base::outcome::StepError,
-    model::{
-        kinds::Model,
-        model_files::{self, OpenModel},
-    },
+    model::model_files::{self, OpenModel},
 };
 
 /// A calibration model of neighbours that `build-model` wrote; its states and tables are mapped.
@@ -50,7 +47,7 @@ impl Calibration {
 
     fn new(directory: &Path, opened: OpenModel) -> anyhow::Result<Self> {
         let weights = opened.manifest.study.model.weights()?;
-        if let Model::Parametric(_) = opened.model {
+        if opened.model.neighbors().is_none() {
             bail!(
                 "the model in {} is a network, which has no neighbours; set model.kind = \"knn\" and build it again",
                 directory.display()
@@ -76,10 +73,8 @@ impl Calibration {
 
     /// The ensemble. The states of it are what distances are measured in.
     pub fn knn(&self) -> &KnnModel {
-        match &self.opened.model {
-            Model::Knn(knn) => knn,
-            Model::Parametric(_) => unreachable!("refused when it was opened"),
-        }
+        let neighbors = self.opened.model.neighbors();
+        neighbors.unwrap_or_else(|| unreachable!("others are refused when they are opened"))
     }
 
     /// The columns of the states, with the maps to the units of the sensors.

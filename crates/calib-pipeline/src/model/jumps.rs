@@ -1,7 +1,7 @@
 //! Jump statistics in words.
 
 use calib_knn::ModelConfig;
-use calib_rollout::JumpStatistics;
+use calib_model::JumpStatistics;
 
 use crate::{
     model::recurrence::named,

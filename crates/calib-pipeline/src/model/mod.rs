@@ -11,4 +11,3 @@ pub(crate) mod model_files;
 pub(crate) mod recurrence;
 pub(crate) mod starts;
 pub(crate) mod train_model;
-pub(crate) mod trajectory;

@@ -3,13 +3,13 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, Normaliser, Period, States, TransitionIndex, Transitions};
+use calib_core::{Frames, Normaliser, Period, States, TransitionIndex};
 use calib_data::{Dataset, Profile, format_time, table::Table};
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
-use calib_knn::{KnnModel, ModelConfig, ModelKind, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
+use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
+use calib_model::{CalibrationModel, JumpStatistics};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
-use calib_rollout::JumpStatistics;
 use calib_study::{Job, Made, Study};
 use serde::{Deserialize, Serialize};
 
@@ -19,11 +19,7 @@ use crate::{
         frames,
         stale::Kept,
     },
-    model::{
-        kinds::Model,
-        recurrence::MemberRecurrence,
-        train_model::{self, TrainingSummary},
-    },
+    model::{kinds, recurrence::MemberRecurrence, train_model::TrainingSummary},
     represent::{self, Representation},
 };
 
@@ -155,7 +151,7 @@ fn key_of(
 pub(crate) struct OpenModel {
     pub(crate) manifest: ModelManifest,
     pub(crate) frames: Frames,
-    pub(crate) model: Model,
+    pub(crate) model: Box<dyn CalibrationModel>,
     /// What computes the representation that neighbours are searched in, where there is one and it can.
     encoder: Option<Mlp>,
 }
@@ -260,25 +256,12 @@ fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> anyhow::Res
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
     let states = frames::map_states(&directory.join(STATES)).with_context(again)?;
-    let columns = states.columns();
     let frames =
         frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
-    let transitions = Transitions::new(frames.segments().clone());
-    let settings = &manifest.study.model;
-    let (model, encoder) = match settings.kind {
-        ModelKind::Knn => {
-            let (psi, encoder) =
-                represent::of_model(directory, &manifest.files).with_context(again)?;
-            let metric = psi.unwrap_or(states);
-            let (members, exclusion) = (settings.members, settings.exclusion());
-            let knn = KnnModel::open(directory, metric, transitions, members, exclusion);
-            (Model::Knn(Box::new(knn.with_context(again)?)), encoder)
-        }
-        kind => {
-            let network = train_model::open(directory, kind, columns).with_context(again)?;
-            (Model::Parametric(network), None)
-        }
-    };
+    let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
+    let metric = psi.unwrap_or(states);
+    let model = kinds::open(directory, &manifest.study.model, &frames, metric, None);
+    let model = model.with_context(again)?;
     Ok(OpenModel { manifest, frames, model, encoder })
 }
 

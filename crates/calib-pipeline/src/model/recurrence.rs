@@ -5,8 +5,8 @@ use std::ops::Range;
 use calib_core::{Frames, Seed, TransitionIndex};
 use calib_data::format_time;
 use calib_knn::{ClosedClasses, Ends, KnnModel, Recurrence, Weights};
+use calib_model::WalkStatistics;
 use calib_report::{Cell, Table};
-use calib_rollout::WalkStatistics;
 use serde::{Deserialize, Serialize};
 
 use crate::{

@@ -1,13 +1,11 @@
 //! Start states as a study asks for them.
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, Monitor, RowIndex, Seed, States, Timestamp, Transitions};
+use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
 use calib_data::Moment;
-use calib_files::{Fingerprint, ScratchPlace};
-use calib_knn::KnnModel;
-use calib_rollout::{
-    RolloutConfig, StartKind, StartRow, StartSource, StartState, Wanted, month_of, start_rows,
-    start_states_of_all, year_of,
+use calib_files::Fingerprint;
+use calib_model::{
+    ModelStart, RolloutConfig, Search, StartKind, StartSource, Wanted, month_of, year_of,
 };
 use serde::{Deserialize, Serialize};
 
@@ -62,22 +60,10 @@ impl<'a> Starts<'a> {
     /// `count` start states for each member.
     pub(crate) fn of_members(
         &self,
-        knn: &KnnModel,
         count: usize,
-        place: &ScratchPlace,
-        monitor: &dyn Monitor,
-    ) -> anyhow::Result<Vec<Vec<StartState>>> {
-        start_states_of_all(knn, self.source()?, count, self.seed, place, monitor)
-            .context("[rollout]")
-    }
-
-    /// `count` start rows for a network.
-    pub(crate) fn of_network(&self, count: usize) -> anyhow::Result<Vec<StartRow>> {
-        let frames = &self.model.frames;
-        let transitions = Transitions::new(frames.segments().clone());
-        let source = self.source()?;
-        let seed = source.seed_of(self.seed, 0);
-        start_rows(frames.states(), &transitions, source, count, seed).context("[rollout]")
+        search: Search<'_>,
+    ) -> anyhow::Result<Vec<Vec<ModelStart>>> {
+        self.model.model.starts(self.source()?, count, self.seed, search).context("[rollout]")
     }
 
     /// What starts follow from, with the fingerprint of the deployment's states; none if they do from the model alone.

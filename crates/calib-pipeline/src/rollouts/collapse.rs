@@ -1,12 +1,13 @@
 //! Rollouts that run into a fixed point, or out of the numbers.
 
 use calib_core::States;
+use calib_model::{LeftFinite, Trajectory};
 use calib_report::{Cell, Table};
 use calib_stats::{collapse_step, median};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    model::{model_files::OpenModel, trajectory::Trajectory},
+    model::model_files::OpenModel,
     output::{Printer, count},
     rollouts::truth::Record,
 };
@@ -60,7 +61,7 @@ pub(crate) fn of(
     let mut ended = Vec::new();
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
-            if let Some((step, column)) = rollout.not_finite() {
+            if let Some(LeftFinite { step, column }) = rollout.left_finite() {
                 let column = columns[column].name.clone();
                 ended.push(EndedEarly { member, rollout: number, step, column });
             }

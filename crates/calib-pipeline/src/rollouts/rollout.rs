@@ -3,7 +3,7 @@ use std::path::Path;
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
-use calib_rollout::{JumpStatistics, RolloutConfig};
+use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
 use calib_study::{Job, Made, Study};
 use serde::{Deserialize, Serialize};
 
@@ -17,10 +17,9 @@ use crate::{
     log::partition,
     model::{
         jumps,
-        kinds::{self, Model, search_place},
+        kinds::search_place,
         model_files::{self, OpenModel},
         starts::{StartSummary, Starts, summaries},
-        trajectory::Trajectory,
     },
     output::{Printer, bytes, count, duration},
     rollouts::{
@@ -184,11 +183,7 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
     let members = model.model.members();
     let rows = (members * rollouts * (steps + 1)) as u64;
-    // Recorded rows are numbers; predictions are whole states.
-    let per_state = match model.model {
-        Model::Knn(_) => 8,
-        Model::Parametric(_) => 4 * model.frames.states().columns() as u64,
-    };
+    let per_state = model.model.state_bytes();
     let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
         "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
@@ -211,8 +206,16 @@ fn roll_out(
     claim.begin()?;
     let config = &study.rollout;
     let progress = printer.progress();
-    let place = search_place(&model.model, directory);
-    let all = kinds::roll_out(model, study, starts, &place, &progress)?;
+    let place = search_place(&*model.model, directory);
+    let search = Search { place: &place, monitor: &progress };
+    let given = starts.of_members(config.rollouts, search)?;
+    let seed = Seed::new(study.seed).child("rollout");
+    let rolling = Rolling { steps: config.steps, weights: study.model.weights()?, seed };
+    let of_member = |(member, starts): (usize, &Vec<ModelStart>)| {
+        model.model.roll_out(member, starts, &rolling, &progress)
+    };
+    let all: Vec<Vec<Trajectory>> =
+        given.iter().enumerate().map(of_member).collect::<Result<_, _>>()?;
     drop(progress);
     let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
@@ -256,11 +259,7 @@ fn roll_out(
 }
 
 fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
-    let rows = rollouts.iter().map(|of| match of {
-        Trajectory::Recorded(rollout) => Some(rollout.rows()),
-        Trajectory::Predicted { .. } => None,
-    });
-    let rows: Option<Vec<&[RowIndex]>> = rows.collect();
+    let rows: Option<Vec<&[RowIndex]>> = rollouts.iter().map(Trajectory::rows).collect();
     rows.map(JumpStatistics::of)
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use calib_core::{Frames, RowIndex, Timestamp};
-use calib_rollout::Wanted;
+use calib_model::Wanted;
 
 /// Where true trajectories are found.
 #[derive(Clone, Copy)]

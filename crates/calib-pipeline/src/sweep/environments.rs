@@ -2,21 +2,19 @@
 //! processes can open it.
 
 use anyhow::Context as _;
-use calib_core::{Frames, RowIndex, Seed};
+use calib_core::{Frames, Seed};
 use calib_data::Dataset;
 use calib_files::Fingerprint;
-use calib_knn::Weights;
-use calib_rollout::{StartState, Wanted};
+use calib_model::{CalibrationModel, ModelStart, Search, Wanted, Weights};
 use calib_study::{Job, Study};
 use calib_sweep::{
-    Environment, EnvironmentId, MemberEnvironment, PredictedEnvironment, ReplayEnvironment,
-    RolloutOptions, Span, Windows,
+    Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions, Span, Windows,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
     model::{
-        kinds::{Model, search_place},
+        kinds::search_place,
         model_files::OpenModel,
         starts::{StartSummary, Starts, summaries},
     },
@@ -28,10 +26,8 @@ use crate::{
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Described {
-    /// A member of an ensemble of neighbours.
-    Member { number: usize, starts: Vec<StartState>, inputs: Fingerprint },
-    /// A network.
-    Network { starts: Vec<RowIndex>, inputs: Fingerprint },
+    /// A member of a calibration model.
+    Member { number: usize, starts: Vec<ModelStart>, inputs: Fingerprint },
     /// What is held out.
     Online { windows: Windows, runs: usize, inputs: Fingerprint },
     /// The training range.
@@ -43,7 +39,7 @@ pub(crate) enum Described {
 pub(crate) struct Sources<'a> {
     /// States of the model.
     pub(crate) states: Option<&'a Frames>,
-    pub(crate) model: Option<&'a Model>,
+    pub(crate) model: Option<&'a dyn CalibrationModel>,
     /// What log replay replays.
     pub(crate) train: Option<&'a Frames>,
     pub(crate) held_out: Option<&'a Frames>,
@@ -51,13 +47,13 @@ pub(crate) struct Sources<'a> {
 
 /// How rollouts are made.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rolling {
+pub(crate) struct Streaming {
     pub(crate) span: Span,
     pub(crate) weights: Weights,
     pub(crate) seed: Seed,
 }
 
-impl Rolling {
+impl Streaming {
     /// As a job asks for.
     pub(crate) fn of(study: &Study, span: Span) -> anyhow::Result<Self> {
         let seed = Seed::new(study.seed).child("rollout");
@@ -70,7 +66,6 @@ impl Described {
     pub(crate) fn id(&self) -> EnvironmentId {
         match self {
             Self::Member { number, .. } => EnvironmentId::Member(*number),
-            Self::Network { .. } => EnvironmentId::Member(0),
             Self::Online { .. } => EnvironmentId::Online,
             Self::LogReplay { .. } => EnvironmentId::LogReplay,
         }
@@ -80,7 +75,6 @@ impl Described {
     pub(crate) fn inputs(&self) -> Vec<Fingerprint> {
         match self {
             Self::Member { starts, inputs, .. } => vec![inputs.clone(); starts.len()],
-            Self::Network { starts, inputs } => vec![inputs.clone(); starts.len()],
             Self::Online { windows, runs, inputs } if !windows.starts.is_empty() => {
                 (0..*runs).map(|run| windows.inputs(inputs, run)).collect()
             }
@@ -95,22 +89,15 @@ impl Described {
     pub(crate) fn open<'a>(
         &self,
         sources: Sources<'a>,
-        Rolling { span, weights, seed }: Rolling,
+        Streaming { span, weights, seed }: Streaming,
     ) -> anyhow::Result<Box<dyn Environment + 'a>> {
         let lacks = || format!("what {} is made of is not there", self.id());
         Ok(match self {
             Self::Member { number, starts, inputs } => {
                 let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
-                let Model::Knn(knn) = model else { anyhow::bail!(lacks()) };
+                let (states, starts) = (frames.states(), starts.clone());
                 let options = RolloutOptions { span, weights, seed, inputs: inputs.clone() };
-                let member = knn.member(*number);
-                Box::new(MemberEnvironment::new(member, frames.states(), starts.clone(), options))
-            }
-            Self::Network { starts, inputs } => {
-                let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
-                let Model::Parametric(network) = model else { anyhow::bail!(lacks()) };
-                let (starts, inputs) = (starts.clone(), inputs.clone());
-                Box::new(PredictedEnvironment::new(&**network, frames, starts, span, inputs)?)
+                Box::new(MemberEnvironment::new(model, *number, states, starts, options))
             }
             Self::Online { windows, runs, inputs } => {
                 let held_out = sources.held_out.with_context(lacks)?;
@@ -153,25 +140,16 @@ impl Environments {
             // Not the deployment itself: where start states are the same for several, so are the streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
         ))?);
-        let mut given: Vec<Vec<(Wanted, Option<f32>)>> = Vec::new();
-        match &model.model {
-            Model::Knn(knn) => {
-                // Beside the states that are searched: what the sweep writes need not be there yet.
-                let place = search_place(&model.model, &paths.model());
-                let progress = printer.progress();
-                let all = starts.of_members(knn, study.member_runs(), &place, &progress)?;
-                drop(progress);
-                for (number, starts) in all.into_iter().enumerate() {
-                    given.push(starts.iter().map(|start| (start.wanted, start.replaced)).collect());
-                    described.push(Described::Member { number, starts, inputs: inputs.clone() });
-                }
-            }
-            Model::Parametric(_) => {
-                let own = starts.of_network(study.member_runs())?;
-                given.push(own.iter().map(|start| (start.wanted, start.replaced)).collect());
-                let starts = own.iter().map(|start| start.row).collect();
-                described.push(Described::Network { starts, inputs });
-            }
+        // Beside the states that are searched: what the sweep writes need not be there yet.
+        let place = search_place(&*model.model, &paths.model());
+        let progress = printer.progress();
+        let search = Search { place: &place, monitor: &progress };
+        let all = starts.of_members(study.member_runs(), search)?;
+        drop(progress);
+        let given: Vec<Vec<(Wanted, Option<f32>)>> =
+            all.iter().map(|starts| starts.iter().map(ModelStart::given).collect()).collect();
+        for (number, starts) in all.into_iter().enumerate() {
+            described.push(Described::Member { number, starts, inputs: inputs.clone() });
         }
         described.extend(replayed(job, dataset, streams));
         Ok(Self { described, starts: notes(&summaries(&given)) })
@@ -196,7 +174,7 @@ fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<Described> {
 pub(crate) fn open_all<'a>(
     described: &[Described],
     sources: Sources<'a>,
-    rolling: Rolling,
+    rolling: Streaming,
 ) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
     described.iter().map(|one| one.open(sources, rolling)).collect()
 }

@@ -14,7 +14,7 @@ use crate::{
     model::model_files::{self, OpenModel},
     output::Printer,
     sweep::{
-        environments::{Environments, Rolling, Sources, open_all},
+        environments::{Environments, Sources, Streaming, open_all},
         notes::standing_still,
         standing_still::Still,
         streams::{Streams, Unscorable},
@@ -85,11 +85,11 @@ impl Setting {
     pub(crate) fn open(&self, study: &Study) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
         let sources = Sources {
             states: Some(&self.model.frames),
-            model: Some(&self.model.model),
+            model: Some(&*self.model.model),
             train: Some(&self.dataset.train),
             held_out: self.dataset.held_out.as_ref(),
         };
-        let rolling = Rolling::of(study, self.streams.demand.span)?;
+        let rolling = Streaming::of(study, self.streams.demand.span)?;
         open_all(&self.environments.described, sources, rolling)
     }
 

@@ -1,8 +1,8 @@
 use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
 use calib_core::Seed;
+use calib_model::StartKind;
 use calib_report::caveats;
-use calib_rollout::StartKind;
 use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
 use serde::Serialize;

@@ -11,7 +11,7 @@ mod tables;
 
 use calib_core::{Monitor as _, Timestamp};
 use calib_dtw::{PatternSet, Settings, StepPattern};
-use calib_rollout::Wanted;
+use calib_model::{Trajectory, Wanted};
 use calib_stats::ClusterSummary;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     STEP_PATTERNS,
     base::outcome::Interrupted,
-    model::{model_files::OpenModel, trajectory::Trajectory},
+    model::model_files::OpenModel,
     output::Printer,
     rollouts::truth::{Record, Truth, row},
 };

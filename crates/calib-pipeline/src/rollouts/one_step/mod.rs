@@ -6,20 +6,17 @@ mod tables;
 use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
-use calib_dynamics::predict;
 use calib_files::{
     Fingerprint, fingerprint_file, read_sealed_json, remove_file, write_sealed_json,
 };
+use calib_model::{Search, Unseen};
 use calib_stats::{Interval, StepErrors};
 use calib_study::{Job, Layout};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     base::artefact::{self, Below, Claim, TOOL},
-    model::{
-        kinds::{Model, search_place},
-        model_files::OpenModel,
-    },
+    model::{kinds::search_place, model_files::OpenModel},
     output::Printer,
 };
 
@@ -187,29 +184,14 @@ fn errors(
         errors.add(predicted, from, to);
         steps.add(step, members, predicted, [from, to], &of_sensors);
     };
-    match &model.model {
-        Model::Knn(knn) => {
-            let weights = job.study().model.weights()?;
-            let queries = model.in_metric(&rows_of(states, rows)?)?;
-            let place = search_place(&model.model, &job.layout().rollout());
-            let recorded = model.frames.states();
-            for expected in knn.expected_next(&queries, recorded, weights, &place, monitor)? {
-                for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate())
-                {
-                    add(predicted, row);
-                }
-            }
-        }
-        Model::Parametric(network) => {
-            monitor.begin("one-step errors", 1);
-            let all = predict(&**network, states, held_out.segments(), rows, 1, monitor)?;
-            for (prediction, row) in all.iter().zip(rows.iter().enumerate()) {
-                let predicted: Vec<f64> = match prediction.steps() {
-                    0 => vec![f64::INFINITY; columns],
-                    _ => prediction.state(1).iter().copied().map(f64::from).collect(),
-                };
-                add(&predicted, row);
-            }
+    let in_metric = model.in_metric(&rows_of(states, rows)?)?;
+    let unseen = Unseen { frames: held_out, rows, in_metric: &in_metric };
+    let place = search_place(&*model.model, &job.layout().rollout());
+    let search = Search { place: &place, monitor };
+    let weights = job.study().model.weights()?;
+    for expected in model.model.expected_next(unseen, weights, search)? {
+        for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate()) {
+            add(predicted, row);
         }
     }
     Ok((errors, steps))

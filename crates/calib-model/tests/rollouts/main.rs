@@ -6,7 +6,7 @@ use calib_core::{
     Monitor, RowIndex, Seed, Segments, Silent, States, Stream as _, TransitionIndex, Transitions,
 };
 use calib_knn::{KnnModel, ModelConfig, Weights};
-use calib_rollout::{
+use calib_model::{
     Absent, JumpStatistics, Rollout, RolloutError, Start, StartSource, StartState, Wanted, rollout,
     rollouts, start_states,
 };

@@ -2,7 +2,7 @@
 
 use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, ModelConfig, WeightsKind, Workplace};
-use calib_rollout::WalkStatistics;
+use calib_model::WalkStatistics;
 use serde::Deserialize;
 
 #[derive(Deserialize)]

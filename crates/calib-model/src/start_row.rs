@@ -1,12 +1,14 @@
 use calib_core::{RowIndex, Seed, States, TransitionIndex, Transitions};
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     RolloutError, StartSource, Wanted,
     wanted::{deployment_rows, draw, recorded_rows},
 };
 
 /// A recorded row to start from, and whether it is what was asked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StartRow {
     /// The row.
     pub row: RowIndex,

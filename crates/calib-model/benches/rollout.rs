@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_knn::{KnnModel, ModelConfig, Weights};
-use calib_rollout::{StartSource, rollout, start_states};
+use calib_model::{StartSource, rollout, start_states};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 const STEPS: usize = 100_000;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use calib_core::{Monitor, RowIndex, Seed, Silent, States, Timestamp, TransitionIndex};
 use calib_files::ScratchPlace;
 use calib_knn::{Member, ModelConfig, Neighbor, Weights};
-use calib_rollout::{
+use calib_model::{
     Absent, RolloutError, Start, StartSource, StartState, Wanted, rollout, start_states,
     start_states_of_all,
 };

@@ -1,5 +1,7 @@
-//! Start states, rollouts and replay: streams of states for an agent.
+//! Calibration models: where they start, how they are rolled out, and what is known of their walks.
 //!
+//! - [`CalibrationModel`]: what every kind of model does, whatever it is made of; [`NeighborModel`] recombines recorded
+//!   transitions, [`NetworkModel`] predicts. [`Trajectory`]: what it is rolled out to, from a [`ModelStart`].
 //! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`Wanted`]: where rollouts start: random, listed rows, recent rows, a
 //!   month of the year, or the nearest recorded states to those of another period.
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
@@ -13,7 +15,7 @@
 //! ```
 //! use calib_core::{Seed, Segments, Silent, States, Stream as _, Transitions};
 //! use calib_knn::{KnnModel, ModelConfig, Weights};
-//! use calib_rollout::{JumpStatistics, StartSource, rollout, start_states};
+//! use calib_model::{JumpStatistics, StartSource, rollout, start_states};
 //!
 //! let values = (0..200_u16).map(|row| (f32::from(row) * 0.3).sin()).collect();
 //! let states = States::new(values, 200, 1).unwrap();
@@ -28,22 +30,35 @@
 //! assert!(JumpStatistics::of([trajectory.rows()]).jump_rate > 0.1);
 //! ```
 
+mod calibration_model;
 mod config;
 mod error;
+mod model_error;
+mod model_start;
 mod month;
+mod neighbors;
+mod network;
 mod rollout;
 mod start;
 mod start_row;
 mod statistics;
+mod trajectory;
 mod walks;
 mod wanted;
 
+pub use calib_knn::Weights;
+pub use calibration_model::{CalibrationModel, Rolling, Search, Unseen};
 pub use config::{Absent, RolloutConfig, StartKind};
 pub use error::RolloutError;
+pub use model_error::ModelError;
+pub use model_start::ModelStart;
 pub use month::{month_of, year_of};
+pub use neighbors::NeighborModel;
+pub use network::NetworkModel;
 pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states, start_states_of_all};
 pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
+pub use trajectory::{LeftFinite, Trajectory};
 pub use walks::WalkStatistics;
 pub use wanted::Wanted;

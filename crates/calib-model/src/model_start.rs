@@ -1,0 +1,23 @@
+use serde::{Deserialize, Serialize};
+
+use crate::{StartRow, StartState, Wanted};
+
+/// Where a rollout of a calibration model starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelStart {
+    /// A state of a member of neighbours.
+    State(StartState),
+    /// A row, of a network, which may start anywhere.
+    Row(StartRow),
+}
+
+impl ModelStart {
+    /// What was asked for, and the distance from it to what stands for it, if something does.
+    pub fn given(&self) -> (Wanted, Option<f32>) {
+        match self {
+            Self::State(start) => (start.wanted, start.replaced),
+            Self::Row(start) => (start.wanted, start.replaced),
+        }
+    }
+}

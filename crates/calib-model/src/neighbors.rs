@@ -1,0 +1,107 @@
+use std::ops::Range;
+
+use calib_core::{Monitor, Seed, States};
+use calib_knn::{KnnModel, Weights};
+
+use crate::{
+    CalibrationModel, ModelError, ModelStart, Rolling, Search, StartSource, StartState, Trajectory,
+    Unseen, rollout, rollout_seed, rollouts, start_states_of_all,
+};
+
+/// An ensemble of neighbour tables: its rollouts visit recorded rows, and never leave the data.
+#[derive(Debug)]
+pub struct NeighborModel {
+    knn: KnnModel,
+    recorded: States,
+}
+
+impl NeighborModel {
+    /// The tables `knn` over what was recorded, which are the states that `knn` compares or what these represent.
+    pub fn new(knn: KnnModel, recorded: States) -> Self {
+        Self { knn, recorded }
+    }
+}
+
+/// The start, if it is one of a model of neighbours.
+fn searched(start: &ModelStart) -> Result<&StartState, ModelError> {
+    match start {
+        ModelStart::State(start) => Ok(start),
+        ModelStart::Row(_) => Err(ModelError::OtherStart),
+    }
+}
+
+impl CalibrationModel for NeighborModel {
+    fn members(&self) -> usize {
+        self.knn.members()
+    }
+
+    fn starts(
+        &self,
+        source: StartSource<'_>,
+        count: usize,
+        seed: Seed,
+        Search { place, monitor }: Search<'_>,
+    ) -> Result<Vec<Vec<ModelStart>>, ModelError> {
+        let all = start_states_of_all(&self.knn, source, count, seed, place, monitor)?;
+        let of_member =
+            |starts: Vec<StartState>| starts.into_iter().map(ModelStart::State).collect();
+        Ok(all.into_iter().map(of_member).collect())
+    }
+
+    fn roll_out(
+        &self,
+        member: usize,
+        starts: &[ModelStart],
+        rolling: &Rolling,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Trajectory>, ModelError> {
+        let &Rolling { steps, weights, seed } = rolling;
+        let starts: Vec<StartState> =
+            starts.iter().map(|start| searched(start).cloned()).collect::<Result<_, _>>()?;
+        let member = self.knn.member(member);
+        let all = rollouts(&member, &starts, steps, weights, seed, monitor)?;
+        Ok(all.into_iter().map(Trajectory::Recorded).collect())
+    }
+
+    fn lanes(&self) -> usize {
+        1
+    }
+
+    fn lockstep(
+        &self,
+        member: usize,
+        numbers: Range<usize>,
+        starts: &[ModelStart],
+        &Rolling { steps, weights, seed }: &Rolling,
+    ) -> Result<Vec<Trajectory>, ModelError> {
+        let member = self.knn.member(member);
+        let of = |(number, start): (usize, &ModelStart)| {
+            let seed = rollout_seed(seed, member.number(), number);
+            Ok(Trajectory::Recorded(rollout(&member, searched(start)?, steps, weights, seed)))
+        };
+        numbers.zip(starts).map(of).collect()
+    }
+
+    fn expected_next(
+        &self,
+        unseen: Unseen<'_>,
+        weights: Weights,
+        Search { place, monitor }: Search<'_>,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        let expected =
+            self.knn.expected_next(unseen.in_metric, &self.recorded, weights, place, monitor)?;
+        Ok(expected.collect())
+    }
+
+    fn state_bytes(&self) -> u64 {
+        size_of::<calib_core::RowIndex>() as u64 + size_of::<calib_core::TransitionIndex>() as u64
+    }
+
+    fn search_bytes(&self, threads: usize) -> u64 {
+        self.knn.search_need(self.knn.k(), threads).working
+    }
+
+    fn neighbors(&self) -> Option<&KnnModel> {
+        Some(&self.knn)
+    }
+}

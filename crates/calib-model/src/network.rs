@@ -1,0 +1,130 @@
+use std::{ops::Range, sync::Arc};
+
+use calib_core::{Frames, Monitor, RowIndex, Seed, Segments, Silent, States, Transitions};
+use calib_dynamics::{Dynamics, DynamicsError, LANES, Prediction, predict, predict_in_lockstep};
+use calib_knn::{KnnModel, Weights};
+
+use crate::{
+    CalibrationModel, ModelError, ModelStart, Rolling, Search, StartRow, StartSource, Trajectory,
+    Unseen, start_rows,
+};
+
+/// One network: an ensemble of one, whose rollouts are predictions that may look like nothing that was recorded.
+#[derive(Debug)]
+pub struct NetworkModel {
+    dynamics: Box<dyn Dynamics>,
+    states: States,
+    segments: Segments,
+}
+
+impl NetworkModel {
+    /// `dynamics` rolled out from rows of `frames`.
+    ///
+    /// # Errors
+    /// If it is a model of states with another number of columns.
+    pub fn new(dynamics: Box<dyn Dynamics>, frames: &Frames) -> Result<Self, ModelError> {
+        let (columns, states) = (dynamics.columns(), frames.states().columns());
+        if columns != states {
+            let reason = format!("the model has {columns} columns, the states have {states}");
+            return Err(DynamicsError::Weights { reason }.into());
+        }
+        let (states, segments) = (frames.states().clone(), frames.segments().clone());
+        Ok(Self { dynamics, states, segments })
+    }
+}
+
+/// The rows of starts, if they are those of a network.
+fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
+    let row = |start: &ModelStart| match start {
+        ModelStart::Row(start) => Ok(*start),
+        ModelStart::State(_) => Err(ModelError::OtherStart),
+    };
+    starts.iter().map(row).collect()
+}
+
+fn trajectories(predictions: Vec<Prediction>, starts: Vec<StartRow>) -> Vec<Trajectory> {
+    let of =
+        |(prediction, start)| Trajectory::Predicted { prediction: Arc::new(prediction), start };
+    predictions.into_iter().zip(starts).map(of).collect()
+}
+
+impl CalibrationModel for NetworkModel {
+    fn members(&self) -> usize {
+        1
+    }
+
+    fn starts(
+        &self,
+        source: StartSource<'_>,
+        count: usize,
+        seed: Seed,
+        _search: Search<'_>,
+    ) -> Result<Vec<Vec<ModelStart>>, ModelError> {
+        let transitions = Transitions::new(self.segments.clone());
+        let seed = source.seed_of(seed, 0);
+        let starts = start_rows(&self.states, &transitions, source, count, seed)?;
+        Ok(vec![starts.into_iter().map(ModelStart::Row).collect()])
+    }
+
+    fn roll_out(
+        &self,
+        _member: usize,
+        starts: &[ModelStart],
+        rolling: &Rolling,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Trajectory>, ModelError> {
+        let starts = rows_of(starts)?;
+        let rows: Vec<RowIndex> = starts.iter().map(|start| start.row).collect();
+        let (dynamics, states) = (&*self.dynamics, &self.states);
+        let all = predict(dynamics, states, &self.segments, &rows, rolling.steps, monitor)?;
+        Ok(trajectories(all, starts))
+    }
+
+    fn lanes(&self) -> usize {
+        LANES
+    }
+
+    fn lockstep(
+        &self,
+        _member: usize,
+        _numbers: Range<usize>,
+        starts: &[ModelStart],
+        rolling: &Rolling,
+    ) -> Result<Vec<Trajectory>, ModelError> {
+        let starts = rows_of(starts)?;
+        let rows: Vec<RowIndex> = starts.iter().map(|start| start.row).collect();
+        let (dynamics, states, steps) = (&*self.dynamics, &self.states, rolling.steps);
+        let all = predict_in_lockstep(dynamics, states, &self.segments, &rows, steps, &Silent)?;
+        Ok(trajectories(all, starts))
+    }
+
+    fn expected_next(
+        &self,
+        Unseen { frames, rows, .. }: Unseen<'_>,
+        _weights: Weights,
+        Search { monitor, .. }: Search<'_>,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        let (states, segments) = (frames.states(), frames.segments());
+        let columns = states.columns();
+        let mut expected = Vec::with_capacity(rows.len() * columns);
+        for prediction in predict(&*self.dynamics, states, segments, rows, 1, monitor)? {
+            match prediction.steps() {
+                0 => expected.extend(std::iter::repeat_n(f64::INFINITY, columns)),
+                _ => expected.extend(prediction.state(1).iter().copied().map(f64::from)),
+            }
+        }
+        Ok(vec![expected])
+    }
+
+    fn state_bytes(&self) -> u64 {
+        (size_of::<f32>() * self.states.columns()) as u64
+    }
+
+    fn search_bytes(&self, _threads: usize) -> u64 {
+        0
+    }
+
+    fn neighbors(&self) -> Option<&KnnModel> {
+        None
+    }
+}

@@ -1,0 +1,103 @@
+use std::sync::Arc;
+
+use calib_core::{RowIndex, States, Stream};
+use calib_dynamics::{Ended, PredictedStream, Prediction};
+
+use crate::{Rollout, StartRow, Wanted};
+
+/// What a model was rolled out to.
+#[derive(Clone, Debug)]
+pub enum Trajectory {
+    /// Recorded rows.
+    Recorded(Rollout),
+    /// Predicted states.
+    Predicted {
+        /// The states.
+        prediction: Arc<Prediction>,
+        /// Where it starts.
+        start: StartRow,
+    },
+}
+
+/// Where a rollout left the finite numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftFinite {
+    /// The step that is not there, counted from 1.
+    pub step: usize,
+    /// The first column of its state that is not finite.
+    pub column: usize,
+}
+
+impl Trajectory {
+    /// What it was to start from, and how far from that it starts, if another state stands for it.
+    pub fn start(&self) -> (Wanted, Option<f32>) {
+        match self {
+            Self::Recorded(rollout) => (rollout.start().wanted, rollout.start().replaced),
+            Self::Predicted { start, .. } => (start.wanted, start.replaced),
+        }
+    }
+
+    /// The recorded row that it starts at.
+    pub fn start_row(&self) -> RowIndex {
+        match self {
+            Self::Recorded(rollout) => rollout.rows()[0],
+            Self::Predicted { start, .. } => start.row,
+        }
+    }
+
+    /// Steps taken; one fewer than states.
+    pub fn steps(&self) -> usize {
+        match self {
+            Self::Recorded(rollout) => rollout.steps(),
+            Self::Predicted { prediction, .. } => prediction.steps(),
+        }
+    }
+
+    /// The recorded rows that it visits, if it visits any but its start.
+    pub fn rows(&self) -> Option<&[RowIndex]> {
+        match self {
+            Self::Recorded(rollout) => Some(rollout.rows()),
+            Self::Predicted { .. } => None,
+        }
+    }
+
+    /// The recorded row after `step` steps. Predictions are none, but for their start.
+    pub fn row(&self, step: usize) -> Option<RowIndex> {
+        match self {
+            Self::Recorded(rollout) => Some(rollout.rows()[step]),
+            Self::Predicted { prediction, .. } => (step == 0).then(|| prediction.start()),
+        }
+    }
+
+    /// One column of the first `count` states, normalised; `states` are those of the data.
+    pub fn values(&self, states: &States, column: usize, count: usize) -> Vec<f32> {
+        match self {
+            Self::Recorded(rollout) => {
+                let rows = rollout.rows()[..count].iter();
+                rows.map(|row| states.row(row.get())[column]).collect()
+            }
+            Self::Predicted { prediction, .. } => prediction.column(column).take(count).collect(),
+        }
+    }
+
+    /// Where its states would have left the finite numbers, if they would.
+    pub fn left_finite(&self) -> Option<LeftFinite> {
+        match self {
+            Self::Recorded(_) => None,
+            Self::Predicted { prediction, .. } => match prediction.ended() {
+                Ended::Complete => None,
+                Ended::NotFinite { step, column } => Some(LeftFinite { step, column }),
+            },
+        }
+    }
+
+    /// Its states for an agent; `states` are those of the data.
+    pub fn stream(&self, states: &States) -> Box<dyn Stream> {
+        match self {
+            Self::Recorded(rollout) => Box::new(rollout.stream(states)),
+            Self::Predicted { prediction, .. } => {
+                Box::new(PredictedStream::new(Arc::clone(prediction)))
+            }
+        }
+    }
+}

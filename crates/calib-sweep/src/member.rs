@@ -1,0 +1,141 @@
+use std::sync::{Arc, OnceLock};
+
+use calib_core::{Seed, States};
+use calib_files::Fingerprint;
+use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory, Weights};
+
+use crate::{Environment, EnvironmentId, NotFinite, RunStream, Span, SweepError};
+
+/// The rollouts of runs that step together, or why there are none.
+type Together = Result<Vec<Trajectory>, Arc<ModelError>>;
+
+/// Rollouts of one member of a calibration model, one start state a run.
+///
+/// A stream ends early where its states cease to be finite, and says so. Runs that step together are rolled out once and kept,
+/// because every sensor sees the same streams.
+#[derive(Debug)]
+pub struct MemberEnvironment<'a> {
+    model: &'a dyn CalibrationModel,
+    member: usize,
+    states: &'a States,
+    starts: Vec<ModelStart>,
+    options: RolloutOptions,
+    together: Vec<OnceLock<Together>>,
+}
+
+/// How a member is rolled out.
+#[derive(Clone, Debug)]
+pub struct RolloutOptions {
+    /// How long each rollout is.
+    pub span: Span,
+    /// How neighbours are drawn.
+    pub weights: Weights,
+    /// Root of the rollouts' seeds; run `r` of member `m` is seeded as in [`calib_model::rollouts`].
+    pub seed: Seed,
+    /// Fingerprint of the model, the start states and the weights.
+    pub inputs: Fingerprint,
+}
+
+impl<'a> MemberEnvironment<'a> {
+    /// Member `member` of `model`, rolled out from each of `starts`; the agent sees `states`, the normalised states of the data.
+    pub fn new(
+        model: &'a dyn CalibrationModel,
+        member: usize,
+        states: &'a States,
+        starts: Vec<ModelStart>,
+        options: RolloutOptions,
+    ) -> Self {
+        let together = (0..starts.len().div_ceil(model.lanes())).map(|_| OnceLock::new()).collect();
+        Self { model, member, states, starts, options, together }
+    }
+
+    /// On this thread alone: work that waits for what others roll out must not wait for the pool that waits for it.
+    fn roll_out(&self, lockstep: usize) -> Together {
+        let lanes = self.model.lanes();
+        let numbers = lockstep * lanes..self.starts.len().min((lockstep + 1) * lanes);
+        let RolloutOptions { span, weights, seed, .. } = self.options;
+        let rolling = Rolling { steps: span.states() - 1, weights, seed };
+        let starts = &self.starts[numbers.clone()];
+        self.model.lockstep(self.member, numbers, starts, &rolling).map_err(Arc::new)
+    }
+
+    fn stream_of(&self, trajectory: &Trajectory) -> RunStream {
+        let not_finite =
+            trajectory.left_finite().map(|left| NotFinite { step: left.step, column: left.column });
+        let start_row = trajectory.start_row();
+        RunStream { stream: trajectory.stream(self.states), start_row, not_finite }
+    }
+}
+
+impl Environment for MemberEnvironment<'_> {
+    fn id(&self) -> EnvironmentId {
+        EnvironmentId::Member(self.member)
+    }
+
+    fn runs(&self) -> usize {
+        self.starts.len()
+    }
+
+    fn inputs(&self, _run: usize) -> Fingerprint {
+        self.options.inputs.clone()
+    }
+
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
+        let lanes = self.model.lanes();
+        let failed = |error: &Arc<ModelError>| SweepError::Model(Arc::clone(error));
+        if lanes == 1 {
+            // Made again for who asks again, rather than kept for all runs.
+            let alone = self.roll_out(run);
+            return Ok(self.stream_of(&alone.as_ref().map_err(failed)?[0]));
+        }
+        let lockstep = run / lanes;
+        let together = self.together[lockstep].get_or_init(|| self.roll_out(lockstep));
+        Ok(self.stream_of(&together.as_ref().map_err(failed)?[run % lanes]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Frames, RowIndex, Segments, Silent, States, Timestamp, Transitions};
+    use calib_dynamics::{
+        DynamicsConfig, FeedForwardTrainer, Trainer as _, Transitioning, predict,
+    };
+    use calib_model::{NetworkModel, StartRow, Wanted};
+
+    use super::*;
+
+    #[test]
+    fn streams_are_the_rollouts_of_their_starts() {
+        let values = (0..300_u16).map(|row| (f32::from(row) * 0.2).sin()).collect();
+        let states = States::new(values, 300, 1).expect("finite");
+        let segments = Segments::from_lengths([300]).expect("valid");
+        let transitions = Transitions::new(segments.clone());
+        let data = Transitioning::new(&states, &transitions, 0.1).expect("enough");
+        let config = DynamicsConfig { hidden_units: 8, epochs: 2, ..DynamicsConfig::default() };
+        let mut trainer = FeedForwardTrainer::new(&data, &config, Seed::new(1));
+        trainer.epoch(&Silent).expect("finite");
+        let network = trainer.model();
+        let timestamps = (0..300).map(Timestamp::from_micros).collect();
+        let frames = Frames::new(timestamps, segments.clone(), states.clone()).expect("valid");
+        let rows: Vec<RowIndex> = (0..20).map(|run| RowIndex::new(run * 7)).collect();
+        let start = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+        let starts = rows.iter().map(|&row| ModelStart::Row(start(row))).collect();
+        let expected = predict(&network, &states, &segments, &rows, 30, &Silent).expect("it runs");
+        let model = NetworkModel::new(Box::new(network), &frames).expect("fits");
+        let options = RolloutOptions {
+            span: Span { steps: 30, tail: 1 },
+            weights: Weights::Linear,
+            seed: Seed::new(1),
+            inputs: Fingerprint::of(b"model"),
+        };
+        let environment = MemberEnvironment::new(&model, 0, &states, starts, options);
+        assert_eq!((environment.runs(), environment.id()), (20, EnvironmentId::Member(0)));
+        for run in [19, 0, 7, 19] {
+            let RunStream { stream, start_row: start, not_finite } =
+                environment.stream(run).expect("it runs");
+            assert_eq!(not_finite, None);
+            assert_eq!((stream.len(), start), (31, rows[run]));
+            assert_eq!(stream.state(30), expected[run].state(30));
+        }
+    }
+}
