@@ -18,6 +18,7 @@
 
 mod chart;
 mod downsample;
+mod environment;
 mod error;
 mod figures;
 mod number;
@@ -28,6 +29,7 @@ mod setting;
 
 pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
 pub use downsample::{min_max_in_time, min_max_indices};
+pub use environment::Environment;
 pub use error::ReportError;
 pub use figures::{
     Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,

@@ -112,6 +112,11 @@ impl Job {
         self.model.as_deref()
     }
 
+    /// What the model is called: as the study calls it, or by its kind where it has one only.
+    pub fn model_name(&self) -> &str {
+        self.model().unwrap_or_else(|| self.study().model_name())
+    }
+
     /// The deployment that is chosen, of several.
     pub fn deployment(&self) -> Option<&str> {
         self.deployment.as_deref()

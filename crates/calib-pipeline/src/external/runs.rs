@@ -51,8 +51,10 @@ pub(crate) fn run(
         );
         verdicts.push(verdict(sensor, &sweep.candidates, &results, &judging)?);
     }
-    let rows: Vec<calib_report::Verdict> =
-        verdicts.iter().map(|verdict| verdict_row(verdict, &sweep, study)).collect();
+    let rows: Vec<calib_report::Verdict> = verdicts
+        .iter()
+        .map(|verdict| verdict_row(verdict, &sweep, study, study.model_name()))
+        .collect();
     let title = study.evaluate.title.clone();
     let stem = || path.file_stem().map_or_else(String::new, |of| of.to_string_lossy().into_owned());
     let summary = Summary {

@@ -91,10 +91,10 @@ fn of_model(
     (model, deployment): (Option<&str>, Option<&str>),
 ) -> anyhow::Result<OfModel> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?)?;
+    let name = judged.job.model_name().to_owned();
     let key = &judged.manifest.model;
     let rollouts = rollout::finished(&judged.job, key)?;
     let one_step = rollouts.as_ref().and_then(|_| one_step::read(&judged.job, key));
-    let name = model.unwrap_or_else(|| judged.study().model_name()).to_owned();
     Ok(OfModel { name, judged, rollouts, one_step })
 }
 

@@ -75,19 +75,8 @@ pub(crate) struct Part {
 impl Part {
     fn new(job: &Job) -> anyhow::Result<Self> {
         let judged = judge(job)?;
-        let (study, paths, manifest) = (job.study(), job.layout(), &judged.manifest);
-        let mut report = report::assemble(&judged)?;
-        if let Some(name) = job.model() {
-            // In one report with others a model is called what the study calls it.
-            let renamed = |text: &mut String| *text = text.replace(study.model_name(), name);
-            report.verdicts.iter_mut().for_each(|verdict| renamed(&mut verdict.model));
-            report.jumps.iter_mut().for_each(|jumps| renamed(&mut jumps.model));
-            let ranks = report.sensitivities.iter_mut().flat_map(|of| &mut of.worst_ranks);
-            ranks.for_each(|curve| renamed(&mut curve.label));
-            for curves in report.learning.iter_mut().filter(|of| !learning::is_shared(of)) {
-                curves.environment = format!("{} of {name}", curves.environment);
-            }
-        }
+        let (paths, manifest) = (job.layout(), &judged.manifest);
+        let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, &manifest.model)?;
         let owned = |name: Option<&str>| name.map(str::to_owned);
         let (model, deployment) = (owned(job.model()), owned(job.deployment()));
@@ -104,9 +93,8 @@ impl Part {
             Some(_) => comparison::read(job)?,
             None => Vec::new(),
         };
-        let model_name = model.as_deref().unwrap_or(study.model_name());
         let one_step = match &rollouts {
-            Some(_) => Predicting::read(model_name, job, &manifest.model)?,
+            Some(_) => Predicting::read(job.model_name(), job, &manifest.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
@@ -118,7 +106,7 @@ impl Part {
 
     /// What its model is called.
     pub(crate) fn model_name(&self) -> &str {
-        self.model.as_deref().unwrap_or(self.judged.study().model_name())
+        self.judged.job.model_name()
     }
 
     /// What its deployment is called; nothing where there is only one.

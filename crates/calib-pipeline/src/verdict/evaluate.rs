@@ -124,8 +124,10 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
                 job.command("sweep")
             )
         })?;
-    let rows: Vec<calib_report::Verdict> =
-        verdicts.iter().map(|verdict| verdict_row(verdict, &manifest, study)).collect();
+    let rows: Vec<calib_report::Verdict> = verdicts
+        .iter()
+        .map(|verdict| verdict_row(verdict, &manifest, study, job.model_name()))
+        .collect();
     let summary = Summary {
         format: 2,
         tool: TOOL,

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use calib_report::{LearningCurve, LearningCurves};
+use calib_report::{Environment, LearningCurve, LearningCurves};
 use calib_stats::{Summary, summarise};
-use calib_study::Study;
+use calib_study::{Job, Study};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use crate::verdict::{
@@ -14,7 +14,7 @@ use crate::verdict::{
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.
 pub(crate) fn curves(
-    sensors: &[String],
+    job: &Job,
     candidates: &[Candidate],
     results: &[UnitResult],
 ) -> anyhow::Result<Vec<LearningCurves>> {
@@ -24,7 +24,7 @@ pub(crate) fn curves(
         .sort_unstable_by_key(|&environment| (environment != EnvironmentId::Online, environment));
     environments.dedup();
     let mut figures = Vec::new();
-    for sensor in sensors {
+    for sensor in &job.study().sweep.sensors {
         for &environment in &environments {
             let rows: Vec<&RunRow> = results
                 .iter()
@@ -45,7 +45,7 @@ pub(crate) fn curves(
             let figure = LearningCurves {
                 sensor: sensor.clone(),
                 field: field(candidates),
-                environment: name(environment),
+                environment: shown(environment, job.model()),
                 steps: rows.iter().map(|row| row.steps).max().unwrap_or(0),
                 curves,
             };
@@ -57,25 +57,15 @@ pub(crate) fn curves(
     Ok(figures)
 }
 
-const ONLINE: &str = "Online";
-const LOG_REPLAY: &str = "log replay";
-
-fn name(environment: EnvironmentId) -> String {
+/// An environment as the report has it; `model` is what the model is called where there are several.
+fn shown(environment: EnvironmentId, model: Option<&str>) -> Environment {
     match environment {
-        EnvironmentId::Online => ONLINE.to_owned(),
-        EnvironmentId::Member(member) => format!("member {member}"),
-        EnvironmentId::LogReplay => LOG_REPLAY.to_owned(),
+        EnvironmentId::Online => Environment::Online,
+        EnvironmentId::Member(number) => {
+            Environment::Member { number, model: model.map(str::to_owned) }
+        }
+        EnvironmentId::LogReplay => Environment::LogReplay,
     }
-}
-
-/// Whether the curves are Online.
-pub(crate) fn is_online(curves: &LearningCurves) -> bool {
-    curves.environment == ONLINE
-}
-
-/// Whether the curves are the same for all models of a study.
-pub(crate) fn is_shared(curves: &LearningCurves) -> bool {
-    [ONLINE, LOG_REPLAY].contains(&curves.environment.as_str())
 }
 
 /// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
@@ -89,13 +79,14 @@ pub(crate) fn of_several(
         if deployments.len() == 1 {
             let all = parts.iter().enumerate().flat_map(|(number, part)| {
                 let own = part.report.learning.iter();
-                own.filter(move |of| number == 0 || !is_shared(of))
+                own.filter(move |of| number == 0 || !of.environment.is_shared())
             });
             return all.filter(|of| of.sensor == *sensor).cloned().collect();
         }
         let online = deployments.iter().flat_map(|group| {
             let own = group[0].report.learning.iter();
-            let own = own.filter(|of| of.sensor == *sensor && is_online(of));
+            let own =
+                own.filter(|of| of.sensor == *sensor && of.environment == Environment::Online);
             own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
                 .collect::<Vec<_>>()
         });

@@ -51,8 +51,7 @@ fn write_all(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Resu
         figures::write(&directory, &name, &sensitivity.figure()?)?;
     }
     for curves in &report.learning {
-        let environment = curves.environment.to_lowercase().replace(' ', "-");
-        let name = format!("learning-{}-{environment}", curves.sensor);
+        let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
         figures::write(&directory, &name, &curves.figure()?)?;
     }
     for rollout in &report.rollouts {
@@ -113,6 +112,7 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
 fn assembled(judged: &Judged) -> anyhow::Result<Report> {
     let Judged { job, manifest: sweep, summary, results } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let name = job.model_name();
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
         model.has_profile(&paths.model()),
@@ -130,7 +130,7 @@ fn assembled(judged: &Judged) -> anyhow::Result<Report> {
         of.unit = descriptions.words(&of.sensor);
     }
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
-    let grids = starts.iter().flat_map(|of| figures::grids(&[(study.model_name(), of)]));
+    let grids = starts.iter().flat_map(|of| figures::grids(&[(name, of)]));
     let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
@@ -139,21 +139,19 @@ fn assembled(judged: &Judged) -> anyhow::Result<Report> {
         verdicts: summary
             .verdicts
             .iter()
-            .map(|verdict| verdict_row(verdict, sweep, study))
+            .map(|verdict| verdict_row(verdict, sweep, study, name))
             .collect(),
         warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
         sensitivities: summary
             .verdicts
             .iter()
-            .map(|verdict| {
-                verdict_rows::sensitivity(verdict, &sweep.candidates, study.model_name())
-            })
+            .map(|verdict| verdict_rows::sensitivity(verdict, &sweep.candidates, name))
             .collect(),
-        learning: learning::curves(&study.sweep.sensors, &sweep.candidates, results)?,
+        learning: learning::curves(job, &sweep.candidates, results)?,
         recorded: kept,
         rollouts: shown,
         rollout_grids: grids.collect(),
-        jumps: jumps(&model),
+        jumps: jumps(name, &model),
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(job, &commands(&[study]), sweep)?,
@@ -169,7 +167,7 @@ fn tables(
     rollouts: Option<&RolloutManifest>,
 ) -> anyhow::Result<Vec<Table>> {
     let (study, paths) = (job.study(), job.layout());
-    let name = study.model_name();
+    let name = job.model_name();
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
@@ -242,13 +240,13 @@ pub(crate) fn rollout_figures(
     Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
 }
 
-fn jumps(model: &ModelManifest) -> Vec<JumpStatistics> {
+fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
     let members = model.members.iter().enumerate();
     members
         .filter_map(|(member, summary)| {
             let jumps = summary.jumps.as_ref()?;
             Some(JumpStatistics {
-                model: model.study.model_name().to_owned(),
+                model: name.to_owned(),
                 member,
                 steps: jumps.steps as u64,
                 jump_rate: jumps.jump_rate,

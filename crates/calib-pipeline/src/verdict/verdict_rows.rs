@@ -35,6 +35,7 @@ pub(crate) fn verdict_row(
     verdict: &SensorVerdict,
     sweep: &SweepManifest,
     study: &Study,
+    model: &str,
 ) -> Verdict {
     let candidates = &sweep.candidates;
     let of = |index: usize| setting(&candidates[index]);
@@ -47,7 +48,7 @@ pub(crate) fn verdict_row(
     Verdict {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
-        model: study.model_name().to_owned(),
+        model: model.to_owned(),
         chosen: of(verdict.chosen),
         grade: match verdict.grade {
             calib_sweep::Grade::Good => Grade::Good,

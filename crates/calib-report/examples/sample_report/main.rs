@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn error::Error>> {
     fs::write(folder.join("sensitivity.svg"), panels.svg())?;
     fs::write(folder.join("sensitivity.png"), panels.png()?)?;
     for curves in sample::learning() {
-        let name = format!("learning-{}-{}", curves.sensor, curves.environment.replace(' ', "-"));
+        let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
         let figure = curves.figure()?;
         fs::write(folder.join(format!("{name}.svg")), figure.svg())?;
         fs::write(folder.join(format!("{name}.png")), figure.png()?)?;

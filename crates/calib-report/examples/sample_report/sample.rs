@@ -1,10 +1,11 @@
 //! Made-up numbers that look like those of a study.
 
 use calib_report::{
-    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, ErrorCurve,
-    ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse, RankCurve,
-    Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure, RolloutGrid,
-    RolloutRow, Samples, Score, Sensitivity, Setting, Table, Told, TopK, Trajectory, Verdict, Way,
+    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Environment,
+    ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse,
+    RankCurve, Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure,
+    RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Setting, Table, Told, TopK, Trajectory,
+    Verdict, Way,
 };
 use calib_stats::{
     Direction, Estimate, Losses, Selection, Summary, kendall_tau_b, select, spearman, summarise,
@@ -278,11 +279,12 @@ pub(crate) fn rollouts() -> Vec<RolloutFigure> {
 
 /// Learning curves of nine rates Online and in two members; the largest diverges.
 pub(crate) fn learning() -> Vec<LearningCurves> {
-    ["Online (held-out)", "member 0", "member 1"]
+    let member = |number| Environment::Member { number, model: None };
+    [Environment::Online, member(0), member(1)]
         .map(|environment| LearningCurves {
             sensor: "PIT300".to_owned(),
             field: "learning_rate".to_owned(),
-            environment: environment.to_owned(),
+            environment,
             steps: 30_000,
             curves: RATES
                 .map(|rate: f64| {

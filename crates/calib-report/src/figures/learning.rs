@@ -3,7 +3,7 @@
 use calib_stats::Summary;
 
 use crate::chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side, extent};
-use crate::{Figure, ReportError, Setting};
+use crate::{Environment, Figure, ReportError, Setting};
 
 /// One figure of learning curves, for one sensor in one environment.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,8 +12,8 @@ pub struct LearningCurves {
     pub sensor: String,
     /// The swept hyperparameter, as in the study file.
     pub field: String,
-    /// Where the agents learned: "Online (held-out)", "member 2".
-    pub environment: String,
+    /// Where the agents learned.
+    pub environment: Environment,
     /// Steps of a run.
     pub steps: usize,
     /// One curve a value, in the order of the grid.
