@@ -10,11 +10,11 @@ use std::{
 use calib_core::Monitor;
 use calib_pipeline::{
     Observer, Remark, Shown, Stopwatch,
-    output::{Lines, Result, harmless},
+    output::{Lines, Result, Stage, harmless},
 };
 use jiff::Timestamp;
 
-use super::Terminal;
+use super::{Terminal, progress::ProgressMonitor};
 use crate::cli::GlobalArgs;
 
 /// How much a terminal shows.
@@ -43,6 +43,7 @@ pub(crate) struct Journal {
     terminal: Terminal,
     voice: Voice,
     started: Stopwatch,
+    stage: Mutex<Option<Stage>>,
     file: Option<Mutex<File>>,
 }
 
@@ -56,7 +57,8 @@ impl Journal {
     ) -> anyhow::Result<Self> {
         let file = path.map(calib_files::open_to_append).transpose()?;
         let started = Stopwatch::start();
-        Ok(Self { terminal, voice, started, file: file.map(Mutex::new) })
+        let (stage, file) = (Mutex::new(None), file.map(Mutex::new));
+        Ok(Self { terminal, voice, started, stage, file })
     }
 
     /// Keep `text`, each of its lines with the time and what it is.
@@ -103,8 +105,13 @@ impl Observer for Journal {
         self.terminal.result(result)
     }
 
+    fn stage(&self, stage: Stage) {
+        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = Some(stage);
+    }
+
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
         let shown = if self.voice == Voice::Quiet { Shown::No } else { shown };
-        self.terminal.progress(shown)
+        let stage = *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        Box::new(ProgressMonitor::new(shown, stage))
     }
 }

@@ -71,7 +71,7 @@ impl Observer for Terminal {
     }
 
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
-        Box::new(ProgressMonitor::new(shown))
+        Box::new(ProgressMonitor::new(shown, None))
     }
 }
 

@@ -13,6 +13,7 @@ use crate::{
         outcome::{Outcome, was_interrupted},
         torch::NoLibtorch,
     },
+    course::Course,
     each::each_part,
     log::{
         plant_of_study::PlantOfStudy,
@@ -67,7 +68,8 @@ impl Step {
         }
     }
 
-    fn run(self, job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<Outcome> {
+    fn run(self, job: &Job, going: &Going<'_>) -> anyhow::Result<Outcome> {
+        let Going { plan, course, counted, talk: printer } = going;
         match self {
             // What is made before rollouts is the same for all deployments.
             Self::Represent => represent::run(&job.before_deployment()?, None, printer),
@@ -77,11 +79,20 @@ impl Step {
             Self::Rollout => {
                 each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
             }
-            Self::Sweep => {
-                each_part(Each::Deployment, job, printer, |job| sweep::run(job, counted, printer))
-            }
+            Self::Sweep => each_part(Each::Deployment, job, printer, |job| {
+                course.sweep(plan, job);
+                sweep::run(job, counted, printer)
+            }),
         }
     }
+}
+
+/// What every step of a run knows of the whole.
+struct Going<'a> {
+    plan: &'a Plan,
+    course: &'a Course<'a>,
+    counted: &'a Counted,
+    talk: &'a Printer,
 }
 
 /// One of the models that a study compares, or its only one.
@@ -105,24 +116,28 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
     // Only the verdict is the result; the steps before it just report.
     let talk = &printer.talking();
     let mut ended = Ended(Outcome::Done);
-    let mut plan = Plan::of(job, &models.iter().map(|model| &model.job).collect::<Vec<_>>())?;
+    let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
+    let mut plan = Plan::of(job, &jobs)?;
     talk.say_all(&plan.lines());
-    if let Some(plant) = PlantOfStudy::of(job)?
-        && !simulate(plant, job, talk)?
+    let plant = PlantOfStudy::of(job)?;
+    let course = Course::new(talk, stages(&models, plant.as_ref(), extent, job), &plan, &jobs)?;
+    if let Some(plant) = plant
+        && !simulate(plant, job, &course, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         tell(&plan, job, printer)?;
         return Ok(Outcome::Done);
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
-    if report::commands(&[models[0].job.study()]).contains(&"pretrain") {
-        talk.heading("pretrain");
+    if is_pretrained(&models) {
+        course.stage("pretrain");
         ended.and(pretrain::run(&job.before_deployment()?, talk)?);
     }
     let counted = Counted::default();
+    let going = Going { plan: &plan, course: &course, counted: &counted, talk };
     for step in STEPS {
         for model in &mut models {
-            ended.and(model.take(step, extent, &counted, talk)?);
+            ended.and(model.take(step, extent, &going)?);
         }
     }
     plan.expect(&counted.expected());
@@ -132,13 +147,41 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
         ended.and(Outcome::Negative);
     }
     if extent == Extent::Report {
-        ended.and(judge(job, &models, &left_out, printer)?);
+        ended.and(judge(job, &models, &left_out, &course, printer)?);
         for reason in &left_out {
             printer.error(reason);
         }
     }
     printer.say(&format!("done in {}", duration(clock.elapsed())));
     Ok(ended.0)
+}
+
+/// Whether agents are pre-trained, which is done once for all models.
+fn is_pretrained(models: &[Model]) -> bool {
+    report::commands(&[models[0].job.study()]).contains(&"pretrain")
+}
+
+/// How many stages a run has that goes to `extent`.
+fn stages(models: &[Model], plant: Option<&PlantOfStudy>, extent: Extent, job: &Job) -> usize {
+    let steps = models.iter().flat_map(|model| {
+        let study = model.job.study();
+        STEPS.into_iter().filter(move |step| step.is_wanted(study, extent))
+    });
+    let once = [
+        plant.is_some_and(|plant| is_made(plant, job)),
+        is_pretrained(models),
+        extent == Extent::Report,
+    ];
+    steps.count() + once.into_iter().filter(|wanted| *wanted).count()
+}
+
+/// Whether the log of a simulated plant is made, and not there already.
+fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
+    match plant.found {
+        Found::NotSimulated => false,
+        Found::Whole => job.policy().redoes(),
+        Found::Unfinished | Found::Another => true,
+    }
 }
 
 /// The plan, for machines that asked for it.
@@ -151,9 +194,10 @@ fn judge(
     job: &Job,
     models: &[Model],
     left_out: &[String],
+    course: &Course<'_>,
     printer: &Printer,
 ) -> anyhow::Result<Outcome> {
-    printer.heading("evaluate");
+    course.stage("evaluate");
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(Each::Deployment));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
@@ -189,27 +233,30 @@ fn models(job: &Job) -> anyhow::Result<Vec<Model>> {
 }
 
 /// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.
-fn simulate(plant: PlantOfStudy, job: &Job, talk: &Printer) -> anyhow::Result<bool> {
+fn simulate(
+    plant: PlantOfStudy,
+    job: &Job,
+    course: &Course<'_>,
+    talk: &Printer,
+) -> anyhow::Result<bool> {
     let shown = plant.directory.display().to_string();
-    match plant.found {
-        Found::NotSimulated => {
-            talk.say(&format!(
-                "{shown} holds logs that calib did not simulate: [simulate] is not used"
-            ));
-        }
-        Found::Whole if !job.policy().redoes() => {}
-        Found::Whole | Found::Unfinished | Found::Another => {
-            talk.heading("simulate");
-            if job.policy().is_dry() {
-                let takes = sentence(&Plant::new(plant.options.clone())?);
-                talk.say(&format!("dry run: would write {takes}, to {shown}"));
-                return Ok(plant.found == Found::Whole);
-            }
-            let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
-            talk.result(&simulated.line())?;
-            simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
-        }
+    if plant.found == Found::NotSimulated {
+        talk.say(&format!(
+            "{shown} holds logs that calib did not simulate: [simulate] is not used"
+        ));
     }
+    if !is_made(&plant, job) {
+        return Ok(true);
+    }
+    course.stage("simulate");
+    if job.policy().is_dry() {
+        let takes = sentence(&Plant::new(plant.options.clone())?);
+        talk.say(&format!("dry run: would write {takes}, to {shown}"));
+        return Ok(plant.found == Found::Whole);
+    }
+    let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
+    talk.result(&simulated.line())?;
+    simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
     Ok(true)
 }
 
@@ -220,21 +267,20 @@ fn remaining(models: &[Model]) -> Vec<&'static str> {
 
 impl Model {
     /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
-    fn take(
-        &mut self,
-        step: Step,
-        extent: Extent,
-        counted: &Counted,
-        talk: &Printer,
-    ) -> anyhow::Result<Outcome> {
-        if self.left_out.is_some() || !step.is_wanted(self.job.study(), extent) {
+    fn take(&mut self, step: Step, extent: Extent, going: &Going<'_>) -> anyhow::Result<Outcome> {
+        let Going { course, counted, talk, .. } = going;
+        if !step.is_wanted(self.job.study(), extent) {
+            return Ok(Outcome::Done);
+        }
+        if self.left_out.is_some() {
+            course.skip(1);
             return Ok(Outcome::Done);
         }
         let command = step.command();
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
-        talk.heading(&format!("{command}{of_model}"));
-        match step.run(&self.job, counted, talk) {
+        course.stage(&format!("{command}{of_model}"));
+        match step.run(&self.job, going) {
             Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
                 let name = self.name.as_deref().unwrap_or_default();
                 let told = format!("model {name} is left out: {reason}");

@@ -24,6 +24,7 @@ mod chain;
 mod check;
 mod cluster;
 mod control;
+mod course;
 mod each;
 mod external;
 mod log;

@@ -116,6 +116,16 @@ impl Plan {
         });
     }
 
+    /// Whether a step of this part is to be done.
+    pub(crate) fn is_to_do(&self, step: &str, part: &Job) -> bool {
+        let is_meant = |planned: &&Planned| {
+            planned.step == step
+                && planned.model.as_deref() == part.model()
+                && planned.deployment.as_deref() == part.deployment()
+        };
+        self.steps.iter().find(is_meant).is_some_and(|planned| planned.state == State::ToDo)
+    }
+
     /// Say what sweeps will take.
     pub(crate) fn expect(&mut self, all: &[OfPart]) {
         for OfPart { model, deployment, expected } in all {

@@ -7,5 +7,5 @@ mod printer;
 
 pub use format::{bytes, count, counted, duration, percent, significant, span, table};
 pub use harmless::{Lines, harmless, harmless_json};
-pub use observer::{Answer, Observer, Remark, Result, Shown, Unobserved};
+pub use observer::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
 pub use printer::Printer;

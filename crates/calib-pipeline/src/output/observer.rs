@@ -46,6 +46,17 @@ pub enum Shown {
     No,
 }
 
+/// How far a run of several stages is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stage {
+    /// The stage that was begun, counted from 1.
+    pub number: usize,
+    /// Stages in all.
+    pub of: usize,
+    /// The work after that of this one as a multiple of it, where that is known.
+    pub later: Option<f64>,
+}
+
 /// Whoever watches a step: a terminal, a notebook, a log. Texts hold names and words of logs as they are, with whatever
 /// a terminal would obey.
 pub trait Observer: Send + Sync {
@@ -57,6 +68,9 @@ pub trait Observer: Send + Sync {
     /// # Errors
     /// If it cannot be passed on; the step then ends.
     fn result(&self, result: Result<'_>) -> io::Result<()>;
+
+    /// Hear how far a run of several stages is; what is watched from now on is work of this part of it.
+    fn stage(&self, _stage: Stage) {}
 
     /// Watch long work, and stop it.
     fn progress(&self, shown: Shown) -> Box<dyn Monitor>;

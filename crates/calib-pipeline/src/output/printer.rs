@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use calib_core::Monitor;
 use serde::Serialize;
 
-use super::{Answer, Observer, Remark, Result, Shown, Unobserved};
+use super::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
 #[derive(Clone)]
@@ -156,6 +156,11 @@ impl Printer {
     /// What begins.
     pub fn heading(&self, text: &str) {
         self.remark(Remark::Heading(text));
+    }
+
+    /// How far a run of several stages is.
+    pub fn stage(&self, stage: Stage) {
+        self.observer.stage(stage);
     }
 
     /// Progress of long work.

@@ -1,0 +1,70 @@
+//! How far the whole run of a study is.
+
+use std::cell::Cell;
+
+use calib_study::{Each, Job, Study};
+
+use crate::{
+    output::{Printer, Stage},
+    plan::Plan,
+};
+
+/// The stages of a run, counted, and the sweeps that are still to come: almost all of the work.
+pub(crate) struct Course<'a> {
+    talk: &'a Printer,
+    stages: usize,
+    begun: Cell<usize>,
+    /// Passes over streams of all sweeps that were not begun.
+    later: Cell<f64>,
+}
+
+impl<'a> Course<'a> {
+    /// A run with so many `stages`, whose sweeps are those of `models`.
+    pub(crate) fn new(
+        talk: &'a Printer,
+        stages: usize,
+        plan: &Plan,
+        models: &[&Job],
+    ) -> anyhow::Result<Self> {
+        let mut later = 0.0;
+        for model in models {
+            let parts = model.parts(Each::Deployment)?;
+            let left = parts.iter().filter(|part| plan.is_to_do("sweep", part));
+            later += left.map(|part| passes(part.study())).sum::<f64>();
+        }
+        Ok(Self { talk, stages, begun: Cell::new(0), later: Cell::new(later) })
+    }
+
+    /// The next stage begins.
+    pub(crate) fn stage(&self, name: &str) {
+        self.begun.set(self.begun.get() + 1);
+        self.tell(None);
+        self.talk.heading(&format!("[{}/{}] {name}", self.begun.get(), self.stages));
+    }
+
+    /// So many stages will not be.
+    pub(crate) fn skip(&self, stages: usize) {
+        self.begun.set(self.begun.get() + stages);
+    }
+
+    /// The sweep of a part begins, if it is not done.
+    pub(crate) fn sweep(&self, plan: &Plan, part: &Job) {
+        if plan.is_to_do("sweep", part) {
+            let own = passes(part.study());
+            let later = (self.later.get() - own).max(0.0);
+            self.later.set(later);
+            self.tell(Some(later / own.max(1.0)));
+        }
+    }
+
+    fn tell(&self, later: Option<f64>) {
+        self.talk.stage(Stage { number: self.begun.get(), of: self.stages, later });
+    }
+}
+
+/// Passes over streams that a sweep makes, as far as the study tells.
+fn passes(study: &Study) -> f64 {
+    let members = if study.is_parametric() { 1 } else { study.model.members };
+    let online = if study.data.held_out.is_some() { study.sweep.online_runs } else { 0 };
+    (members * study.member_runs() + online + study.sweep.log_replay_runs) as f64
+}

@@ -1,0 +1,42 @@
+//! Where agents learned.
+
+use std::fmt;
+
+/// An environment of a sweep.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Environment {
+    /// Held-out data, replayed.
+    Online,
+    /// Training data, replayed.
+    LogReplay,
+    /// A member of a calibration model.
+    Member {
+        /// Its place in the ensemble.
+        number: usize,
+        /// What the model is called, where there are several.
+        model: Option<String>,
+    },
+}
+
+impl Environment {
+    /// Whether it is the same for all models of a study.
+    pub const fn is_shared(&self) -> bool {
+        !matches!(self, Self::Member { .. })
+    }
+
+    /// Its part of the names of files.
+    pub fn file_name(&self) -> String {
+        self.to_string().to_lowercase().replace(' ', "-")
+    }
+}
+
+impl fmt::Display for Environment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Online => f.write_str("Online"),
+            Self::LogReplay => f.write_str("log replay"),
+            Self::Member { number, model: None } => write!(f, "member {number}"),
+            Self::Member { number, model: Some(model) } => write!(f, "member {number} of {model}"),
+        }
+    }
+}
