@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, write_tensors};
+use calib_files::{FileError, Tensor, Tensors, Unfinished};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -11,10 +11,7 @@ use crate::{Checkpoint, ValueState};
 
 /// The state of unfinished training, in one file (safetensors; what is no array is JSON in its metadata).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StateFile {
-    path: PathBuf,
-    key: String,
-}
+pub struct StateFile(Unfinished);
 
 /// What does not fit into arrays.
 #[derive(Serialize, Deserialize)]
@@ -29,21 +26,18 @@ const PARTS: [&str; 4] = ["parameters", "mean", "square", "target"];
 impl StateFile {
     /// The file at `path` of the training that `key` stands for.
     pub fn new(path: PathBuf, key: String) -> Self {
-        Self { path, key }
+        Self(Unfinished::new(path, key))
     }
 
     /// Where it is.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.0.path()
     }
 
     /// Progress and value functions as they were written last. A file that is missing, damaged or of other
     /// training is no state.
     pub fn read<P: DeserializeOwned>(&self) -> Option<(P, Vec<(usize, ValueState)>)> {
-        let mut file = read_sealed_tensors(&self.path).ok()?;
-        if file.metadata.get("key") != Some(&self.key) {
-            return None;
-        }
+        let mut file = self.0.read()?;
         let progress = serde_json::from_str(file.metadata.get("progress")?).ok()?;
         let scalars: Vec<Scalars> = serde_json::from_str(file.metadata.get("scalars")?).ok()?;
         let mut arrays: BTreeMap<String, Vec<f32>> =
@@ -83,17 +77,16 @@ impl StateFile {
             }
         }
         let metadata = BTreeMap::from([
-            ("key".to_owned(), self.key.clone()),
             ("progress".to_owned(), serde_json::json!(progress).to_string()),
             ("scalars".to_owned(), serde_json::json!(scalars).to_string()),
         ]);
-        write_tensors(&self.path, &Tensors { tensors, metadata })
+        self.0.write(Tensors { tensors, metadata })
     }
 
     /// The training is finished.
     pub fn remove(&self) {
         // A file that stays is not looked at again by other training.
-        let _ = calib_files::remove_file(&self.path);
+        let _ = self.0.remove();
     }
 }
 

@@ -9,6 +9,7 @@
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
 //! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
+//! Work that may be killed puts aside what it needs to go on ([`Unfinished`]).
 //! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
 //!
 //! ```
@@ -42,6 +43,7 @@ mod sealed;
 mod spill;
 mod stamp;
 mod tensors;
+mod unfinished;
 mod writer;
 
 pub use array::{Array, read_array};
@@ -63,4 +65,5 @@ pub use sealed::{read_sealed_json, write_sealed_json};
 pub use spill::Spill;
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
+pub use unfinished::Unfinished;
 pub use writer::{host_name, is_temporary};

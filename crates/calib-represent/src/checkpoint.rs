@@ -1,6 +1,6 @@
-use std::{collections::BTreeMap, io, path::PathBuf};
+use std::collections::BTreeMap;
 
-use calib_files::{FileError, Tensor, Tensors, read_sealed_tensors, remove_file, write_tensors};
+use calib_files::{Tensor, Tensors, Unfinished};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize};
 
@@ -9,8 +9,6 @@ use crate::{Point, RepresentError, Stepper};
 /// What a checkpoint holds beside parameters and moments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Progress {
-    /// What the training follows from; a checkpoint of another key is not gone on from.
-    key: String,
     /// Updates so far.
     done: usize,
     /// Loss of the first update.
@@ -27,29 +25,9 @@ pub(crate) struct Progress {
 
 const PROGRESS: &str = "progress";
 
-/// Where a training that may be killed keeps what it needs to go on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Checkpoint {
-    /// A safetensors file; it need not exist.
-    pub path: PathBuf,
-    /// Names everything that the training follows from: data, hyperparameters, seed. A file that was written
-    /// under another key is not gone on from, and replaced.
-    pub key: String,
-}
-
-impl Checkpoint {
-    /// Remove the file, once the training's results are kept elsewhere.
-    ///
-    /// # Errors
-    /// If the system refuses.
-    pub fn remove(&self) -> Result<(), RepresentError> {
-        Ok(remove_file(&self.path)?)
-    }
-}
-
-/// Write all that `training` needs to go on.
+/// Put aside all that `training` needs to go on.
 pub(crate) fn write(
-    Checkpoint { path, key }: &Checkpoint,
+    unfinished: &Unfinished,
     training: &dyn Stepper,
     progress: &Progress,
 ) -> Result<(), RepresentError> {
@@ -59,36 +37,27 @@ pub(crate) fn write(
         Tensor::flat("parameters", training.encoder()?.parameters().to_vec()),
         Tensor::flat("square", square),
     ];
-    let progress = Progress { key: key.clone(), done: training.done(), powers, ..progress.clone() };
-    let text = serde_json::to_string(&progress).map_err(io::Error::from);
-    let text = text.map_err(|source| FileError::io("write", path, source))?;
-    let metadata = BTreeMap::from([(PROGRESS.to_owned(), text)]);
-    Ok(write_tensors(path, &Tensors { tensors, metadata })?)
+    let progress = Progress { done: training.done(), powers, ..progress.clone() };
+    let metadata = BTreeMap::from([(PROGRESS.to_owned(), serde_json::json!(progress).to_string())]);
+    Ok(unfinished.write(Tensors { tensors, metadata })?)
 }
 
-/// Put `training` where the checkpoint at `path` stopped. `None` if there is no file.
+/// Put `training` where it stopped; none if nothing of it was put aside.
 pub(crate) fn read(
-    Checkpoint { path, key }: &Checkpoint,
+    unfinished: &Unfinished,
     training: &mut dyn Stepper,
 ) -> Result<Option<Progress>, RepresentError> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let refuse = |reason: String| RepresentError::Checkpoint { path: path.clone(), reason };
-    let content = read_sealed_tensors(path)?;
-    let text = content.metadata.get(PROGRESS).ok_or_else(|| refuse("no progress".to_owned()))?;
-    let progress: Progress =
-        serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;
-    if progress.key != *key {
-        // Of another study or other data: training begins anew and replaces it.
-        return Ok(None);
-    }
     let expected = training.encoder()?.parameter_count();
-    let values = |name: &str| {
-        let found = content.get(name).filter(|tensor| tensor.values.len() == expected);
-        found.map(|tensor| tensor.values.clone()).ok_or_else(|| refuse(format!("`{name}`")))
+    let found = || {
+        let content = unfinished.read()?;
+        let progress: Progress = serde_json::from_str(content.metadata.get(PROGRESS)?).ok()?;
+        let values = |name: &str| {
+            let found = content.get(name).filter(|tensor| tensor.values.len() == expected);
+            found.map(|tensor| tensor.values.clone())
+        };
+        Some((progress, values("parameters")?, values("mean")?, values("square")?))
     };
-    let (parameters, mean, square) = (values("parameters")?, values("mean")?, values("square")?);
+    let Some((progress, parameters, mean, square)) = found() else { return Ok(None) };
     training.restore(&parameters, Moments { mean, square, powers: progress.powers }, progress.done);
     Ok(Some(progress))
 }

@@ -19,14 +19,6 @@ pub enum RepresentError {
         /// States of that part.
         rows: usize,
     },
-    /// A checkpoint of another training.
-    #[error("{path} is not a checkpoint of this training: {reason}; delete it to start again")]
-    Checkpoint {
-        /// The file.
-        path: std::path::PathBuf,
-        /// What does not fit.
-        reason: String,
-    },
     /// Weights that are no encoder.
     #[error("{path} holds no encoder: {reason}")]
     Encoder {

@@ -49,7 +49,6 @@ mod stepper;
 mod train;
 mod training;
 
-pub use checkpoint::Checkpoint;
 pub use config::{ConfigError, LaplacianConfig, LossConfig, LossForm};
 pub use eigen::symmetric_eigenvalues;
 pub use encoder::{encode, read_encoder, write_encoder};

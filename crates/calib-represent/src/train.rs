@@ -1,11 +1,12 @@
 use std::fmt;
 
 use calib_core::{Monitor, Seed, Segments, States};
+use calib_files::Unfinished;
 use calib_nn::Mlp;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Checkpoint, LaplacianConfig, RepresentError, Scores, Split, Stepper, Training,
+    LaplacianConfig, RepresentError, Scores, Split, Stepper, Training,
     checkpoint::{self, Progress},
     encoder::encode_here,
     score,
@@ -94,7 +95,7 @@ pub struct Trained {
 pub fn train(
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: Option<&Checkpoint>,
+    checkpoint: Option<&Unfinished>,
     monitor: &dyn Monitor,
 ) -> Result<Trained, RepresentError> {
     let Task { states, segments, split, seed } = task;
@@ -110,7 +111,7 @@ pub fn train_with(
     training: &mut dyn Stepper,
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: Option<&Checkpoint>,
+    checkpoint: Option<&Unfinished>,
     monitor: &dyn Monitor,
 ) -> Result<Trained, RepresentError> {
     let Task { states, segments, split, seed } = task;

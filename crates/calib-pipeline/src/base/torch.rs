@@ -3,9 +3,9 @@
 use anyhow::{bail, ensure};
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
-use calib_files::Tensors;
+use calib_files::{Tensors, Unfinished};
 use calib_knn::ModelKind;
-use calib_represent::{Checkpoint, LaplacianConfig, Task, Trained};
+use calib_represent::{LaplacianConfig, Task, Trained};
 
 use crate::base::options::Device;
 
@@ -71,7 +71,7 @@ pub(crate) fn trainer(
 pub(crate) fn represent(
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: &Checkpoint,
+    checkpoint: &Unfinished,
     device: Device,
     monitor: &dyn Monitor,
 ) -> anyhow::Result<Trained> {
@@ -84,7 +84,7 @@ pub(crate) fn represent(
 pub(crate) fn represent(
     _config: &LaplacianConfig,
     _task: Task<'_>,
-    _checkpoint: &Checkpoint,
+    _checkpoint: &Unfinished,
     _device: Device,
     _monitor: &dyn Monitor,
 ) -> anyhow::Result<Trained> {

@@ -15,7 +15,7 @@ use calib_dynamics::{
     Transitioning,
 };
 use calib_files::{
-    Fingerprint, fingerprint_file, read_regular, read_sealed_tensors, read_tensors, remove_file,
+    Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
     write_atomically, write_json, write_tensors,
 };
 use calib_knn::ModelKind;
@@ -197,7 +197,7 @@ pub(crate) fn train(
     let fraction = config.validation_fraction;
     let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
     let seed = Seed::new(study.seed).child("dynamics");
-    let checkpoint = Checkpoint { path: directory.join(CHECKPOINT), key };
+    let checkpoint = Unfinished::new(directory.join(CHECKPOINT), key.to_owned());
     let found = checkpoint.read();
     let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
         (ModelKind::Nn, None) => {
@@ -227,7 +227,7 @@ pub(crate) fn train(
 fn run_epochs(
     trainer: &mut dyn Trainer,
     config: &DynamicsConfig,
-    checkpoint: &Checkpoint<'_>,
+    checkpoint: &Unfinished,
     printer: &Printer,
 ) -> anyhow::Result<()> {
     let progress = printer.progress();
@@ -240,7 +240,7 @@ fn run_epochs(
         // Checkpoints take at most a few percent of the time.
         if since_checkpoint.elapsed() > cost * 30 {
             let clock = Stopwatch::start();
-            checkpoint.write(trainer)?;
+            checkpoint.write(trainer.checkpoint()?)?;
             cost = clock.elapsed();
             since_checkpoint = Stopwatch::start();
         }
@@ -263,26 +263,6 @@ fn summary(
         validation_loss: kept.validation,
         persistence_loss: data.persistence_loss(),
     })
-}
-
-/// Training that was put aside.
-struct Checkpoint<'a> {
-    path: PathBuf,
-    /// Fingerprint of what the model follows from; a checkpoint with another one is of another model.
-    key: &'a str,
-}
-
-impl Checkpoint<'_> {
-    fn read(&self) -> Option<calib_files::Tensors> {
-        let found = read_sealed_tensors(&self.path).ok()?;
-        (found.metadata.get("key").map(String::as_str) == Some(self.key)).then_some(found)
-    }
-
-    fn write(&self, trainer: &dyn Trainer) -> anyhow::Result<()> {
-        let mut content = trainer.checkpoint()?;
-        content.metadata.insert("key".to_owned(), self.key.to_owned());
-        Ok(write_tensors(&self.path, &content)?)
-    }
 }
 
 /// Forget training that was put aside.

@@ -5,11 +5,11 @@ use std::{collections::BTreeMap, path::Path};
 use calib_core::{Monitor as _, Seed};
 use calib_data::Dataset;
 use calib_files::{
-    Fingerprint, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
+    Fingerprint, Unfinished, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
 };
 use calib_nn::Mlp;
 use calib_represent::{
-    Checkpoint, Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
+    Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
     write_encoder,
 };
 use calib_study::Study;
@@ -86,8 +86,8 @@ pub(super) fn train(
 }
 
 /// Where the training of a candidate is put aside.
-fn checkpoint(directory: &Path, key: &str) -> Checkpoint {
-    Checkpoint { path: directory.join("checkpoint.safetensors"), key: key.to_owned() }
+fn checkpoint(directory: &Path, key: &str) -> Unfinished {
+    Unfinished::new(directory.join("checkpoint.safetensors"), key.to_owned())
 }
 
 /// Forget every candidate and every training that was put aside.

@@ -1,0 +1,88 @@
+use std::path::{Path, PathBuf};
+
+use crate::{FileError, Tensors, read_sealed_tensors, remove_file, write_tensors};
+
+/// The text in the file that names its work.
+const KEY: &str = "key";
+
+/// Where work that may be killed puts aside what it needs to go on: arrays, and texts beside them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unfinished {
+    path: PathBuf,
+    key: String,
+}
+
+impl Unfinished {
+    /// The safetensors file at `path`, which need not exist, of the work that `key` stands for: it names everything that
+    /// the work follows from.
+    pub fn new(path: PathBuf, key: String) -> Self {
+        Self { path, key }
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What was put aside last. A file that is missing, damaged or of other work is nothing: the work begins anew, and
+    /// replaces it.
+    pub fn read(&self) -> Option<Tensors> {
+        let mut content = read_sealed_tensors(&self.path).ok()?;
+        (content.metadata.remove(KEY)? == self.key).then_some(content)
+    }
+
+    /// Put `content` aside in place of what was there.
+    ///
+    /// # Errors
+    /// If the file cannot be written, or has a text that is named "key".
+    pub fn write(&self, mut content: Tensors) -> Result<(), FileError> {
+        if content.metadata.insert(KEY.to_owned(), self.key.clone()).is_some() {
+            let reason = format!("the text '{KEY}' names the work");
+            return Err(FileError::Tensors { path: self.path.clone(), reason });
+        }
+        write_tensors(&self.path, &content)
+    }
+
+    /// The work is finished, and its results are kept elsewhere.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn remove(&self) -> Result<(), FileError> {
+        remove_file(&self.path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::Tensor;
+
+    #[test]
+    fn what_was_put_aside_comes_back_and_only_to_the_same_work() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let of = |key: &str| Unfinished::new(directory.path().join("a/state"), key.to_owned());
+        let mut content = Tensors {
+            tensors: vec![Tensor::flat("weights", vec![0.5, -0.0])],
+            ..Tensors::default()
+        };
+        content.metadata.insert("done".to_owned(), "7".to_owned());
+        assert_eq!(of("a").read(), None);
+        of("a").write(content.clone()).expect("written");
+        assert_eq!(of("a").read(), Some(content.clone()));
+        assert_eq!(of("b").read(), None);
+        // Damage is nothing, and is replaced.
+        let mut bytes = fs::read(of("a").path()).expect("there");
+        *bytes.last_mut().expect("not empty") ^= 1;
+        fs::write(of("a").path(), bytes).expect("written");
+        assert_eq!(of("a").read(), None);
+        of("a").write(content.clone()).expect("replaced");
+        assert_eq!(of("a").read(), Some(content.clone()));
+        content.metadata.insert(KEY.to_owned(), "c".to_owned());
+        assert!(of("a").write(content).is_err());
+        of("a").remove().expect("removed");
+        of("a").remove().expect("nothing is left to remove");
+        assert_eq!(of("a").read(), None);
+    }
+}
