@@ -94,7 +94,7 @@ pub(crate) enum Command {
     /// Roll the model out and compare with the recorded trajectory
     Rollout(StudyArgs),
     /// Pre-train one agent a sensor on a part of the log, for `sweep` to start from
-    Pretrain(StudyArgs),
+    Pretrain(PretrainArgs),
     /// Train agents for every value of the grid in the model, Online and on the replayed log
     Sweep(StudyArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
@@ -141,11 +141,11 @@ impl Command {
         let json = match self {
             Self::Run(args)
             | Self::Rollout(args)
-            | Self::Pretrain(args)
             | Self::Sweep(args)
             | Self::Control(args)
             | Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,
+            Self::Pretrain(args) => args.study.json,
             Self::BuildModel(args) => args.study.json,
             Self::Quickstart(args) => args.json,
             Self::Simulate(args) => args.json,
@@ -217,7 +217,7 @@ impl StudyArgs {
         let Self { study, set, profile, model, deployment, output, force, dry_run, json: _ } = self;
         let existing = if force { Existing::Redo } else { Existing::Keep };
         let writes = if dry_run { Writes::Nothing } else { Writes::Missing };
-        let policy = Policy { existing, writes };
+        let policy = Policy { existing, writes, ..Policy::default() };
         Job::resolve(Request { study, set, profile, model, deployment, output, policy })
     }
 }
@@ -271,6 +271,9 @@ pub(crate) struct ValidityArgs {
     /// Judge the sweeps that there are; run nothing
     #[arg(long)]
     pub(crate) judge_only: bool,
+    /// Run only this share of the plants, where others run the rest, such as 0/8 or auto/8; then run it without
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["judge_only", "dry_run", "json"])]
+    pub(crate) share: Option<String>,
     /// Say which plants there are and what is left to run, and stop
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -294,9 +297,21 @@ pub(crate) enum Device {
 pub(crate) struct RepresentArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
+    /// Train only this share of the grid, where others train the rest, such as 0/8 or auto/8; then run it without
+    #[arg(long, value_name = "I/N")]
+    pub(crate) share: Option<String>,
     /// Train through libtorch, on this device (default: natively)
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PretrainArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Train only this share of the sensors, where others train the rest, such as 0/8 or auto/8; then run it without
+    #[arg(long, value_name = "I/N")]
+    pub(crate) share: Option<String>,
 }
 
 #[derive(Debug, Args)]
@@ -670,9 +685,10 @@ impl From<ValidityArgs> for ValidityOptions {
             (false, true) => ValidityExtent::Judge,
             (false, false) => ValidityExtent::Run,
         };
-        Self { studies, set, draw, output, resamples, seed, extent }
+        Self { studies, set, draw, output, resamples, seed, extent, share: None }
     }
 }
+
 impl From<InitArgs> for ProposeOptions {
     fn from(args: InitArgs) -> Self {
         let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;

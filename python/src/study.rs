@@ -36,7 +36,7 @@ impl PyJob {
         redo: bool,
     ) -> PyResult<Self> {
         let existing = if redo { Existing::Redo } else { Existing::Keep };
-        let policy = Policy { existing, writes: Writes::Missing };
+        let policy = Policy { existing, writes: Writes::Missing, share: None };
         let request = Request { study: path, set, profile, model, deployment, output, policy };
         let job = match text {
             Some(text) => Job::of_text(request, text),

@@ -9,13 +9,14 @@ mod inspect;
 mod inspect_channels;
 mod quickstart;
 mod series;
+mod share;
 mod simulate;
 
 use anyhow::{Context as _, ensure};
-use calib_pipeline::{Logs, Outcome, Printer};
+use calib_pipeline::{Logs, Outcome, Printer, ValidityOptions};
 
 use crate::{
-    cli::{BuildModelArgs, Cli, Command, EvaluateArgs, RepresentArgs},
+    cli::{BuildModelArgs, Cli, Command, EvaluateArgs, PretrainArgs, RepresentArgs},
     output::watch_for_interrupts,
 };
 
@@ -46,14 +47,18 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(args) => calib_pipeline::run(&args.job()?, printer)?,
-        Command::Represent(RepresentArgs { study, device }) => {
-            calib_pipeline::represent(&study.job()?, device.map(Into::into), printer)?
+        Command::Represent(RepresentArgs { study, share, device }) => {
+            let job = share::shared(study.job()?, share.as_deref())?;
+            calib_pipeline::represent(&job, device.map(Into::into), printer)?
         }
         Command::BuildModel(BuildModelArgs { study, options }) => {
             calib_pipeline::build_model(&study.job()?, &options.into(), printer)?
         }
         Command::Rollout(args) => calib_pipeline::rollout(&args.job()?, printer)?,
-        Command::Pretrain(args) => calib_pipeline::pretrain(&args.job()?, printer)?,
+        Command::Pretrain(PretrainArgs { study, share }) => {
+            let job = share::shared(study.job()?, share.as_deref())?;
+            calib_pipeline::pretrain(&job, printer)?
+        }
         Command::Sweep(args) => calib_pipeline::sweep(&args.job()?, printer)?,
         Command::Evaluate(EvaluateArgs { study, runs: None }) => {
             calib_pipeline::evaluate(&study.job()?, printer)?
@@ -68,7 +73,12 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
             calib_pipeline::check(&args.directory, logs, printer)?
         }
         Command::Cluster { command } => cluster::run(command, printer)?,
-        Command::Validity(args) => calib_pipeline::validity(&args.into(), printer)?,
+        Command::Validity(args) => {
+            let of = |typed: &String| share::share(typed, |name| std::env::var(name).ok());
+            let share = args.share.as_ref().map(of).transpose()?;
+            let options = ValidityOptions { share, ..args.into() };
+            calib_pipeline::validity(&options, printer)?
+        }
         Command::Dtw(args) => dtw::run(&args, printer)?,
         Command::Explain { key, .. } => explain::run(key.as_deref(), printer)?,
         Command::Completions { shell } => generate::completions(shell, printer)?,

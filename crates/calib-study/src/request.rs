@@ -1,5 +1,7 @@
 use std::path::PathBuf;
 
+use crate::Share;
+
 /// What is asked for: a study file, and what is given beside it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Request {
@@ -33,6 +35,8 @@ pub struct Policy {
     pub existing: Existing,
     /// About those that are missing.
     pub writes: Writes,
+    /// What of them is made here, where others make the rest.
+    pub share: Option<Share>,
 }
 
 /// What is done about results that are there.

@@ -2,3 +2,4 @@
 
 pub(crate) mod pretrain;
 pub(crate) mod pretrain_files;
+mod shares;

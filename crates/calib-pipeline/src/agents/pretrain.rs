@@ -11,7 +11,10 @@ use calib_study::{Job, Study};
 use serde::Serialize;
 
 use crate::{
-    agents::pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
+    agents::{
+        pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
+        shares::{self, OfShares},
+    },
     base::{
         artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
         clock::Stopwatch,
@@ -24,10 +27,10 @@ use crate::{
 };
 
 /// A sensor to pre-train for, and the key of its agent.
-struct Wanted {
-    sensor: String,
-    column: usize,
-    key: String,
+pub(super) struct Wanted {
+    pub(super) sensor: String,
+    pub(super) column: usize,
+    pub(super) key: String,
 }
 
 /// Pre-train one agent a sensor.
@@ -40,14 +43,24 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let directory = paths.pretrain();
     let mut done =
         if job.policy().redoes() { BTreeMap::new() } else { finished(&directory, &wanted) };
-    let missing: Vec<&Wanted> =
-        wanted.iter().filter(|wanted| !done.contains_key(&wanted.sensor)).collect();
+    let of_shares = if job.policy().redoes() {
+        OfShares::default()
+    } else {
+        shares::finished(&directory, &wanted, &done)
+    };
+    let is_missing =
+        |wanted: &Wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor);
+    let missing: Vec<&Wanted> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
     announce(study, &parts, &wanted, missing.len(), printer)?;
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
+    if let Some(share) = job.policy().share {
+        return shares::run(share, job, &parts, (&wanted, &missing), printer);
+    }
     if missing.is_empty()
+        && of_shares.is_empty()
         && let Some(kept) = up_to_date(&directory, study, &parts)
     {
         finish(job, &kept, 0, clock, printer)?;
@@ -61,10 +74,11 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         claim.begin()?;
         file.remove();
     }
-    let trained = missing.len();
+    let trained = missing.len() + of_shares.len();
     let pretrained = train(study, &parts, &missing, &file, printer)?;
     claim.begin()?;
-    let mut diverged = BTreeMap::new();
+    let mut diverged = of_shares.diverged;
+    done.extend(of_shares.agents);
     for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
         let pretrained = match pretrained {
             Ok(pretrained) => pretrained,
@@ -95,12 +109,13 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let curves = pretrain_files::curves(&manifest.agents);
     artefact::write_table(curves, &directory.join(CURVES))?;
     manifest.files = artefact::fingerprints(&directory, [CURVES])?;
-    if trained > 0 {
+    if !missing.is_empty() {
         let wall_secs = clock.elapsed().as_secs_f64();
-        write_json(&directory.join("timings.json"), &Timings { agents: trained, wall_secs })?;
+        write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
     }
     claim.complete(&manifest)?;
     file.remove();
+    shares::remove(&directory)?;
     finish(job, &manifest, trained, clock, printer)?;
     Ok(tell_of_diverged(study, &manifest, printer))
 }
@@ -235,13 +250,16 @@ fn announce(
     }
 }
 
-fn train(
+pub(super) fn train(
     study: &Study,
     parts: &Parts,
     missing: &[&Wanted],
     file: &StateFile,
     printer: &Printer,
 ) -> anyhow::Result<Vec<Result<Pretrained, PretrainingDiverged>>> {
+    if missing.is_empty() {
+        return Ok(Vec::new());
+    }
     let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
     let stream = RowStream::replay(frames.states().clone(), frames.segments());
     let config: AgentConfig = study.pretrain.agent(&study.agent);

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use calib_knn::IndexKind;
+use calib_study::Share;
 
 /// Where networks are trained through libtorch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +69,8 @@ pub struct ValidityOptions {
     pub seed: u64,
     /// Whether what is missing is run.
     pub extent: ValidityExtent,
+    /// Which of the plants are run here, where others run the rest; nothing is judged then.
+    pub share: Option<Share>,
 }
 
 /// How far a judgement of several studies goes.

@@ -1,6 +1,9 @@
 //! Training of a grid of representations, several side by side, each on one core.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use calib_core::{Monitor as _, Seed};
 use calib_data::Dataset;
@@ -12,7 +15,7 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
     write_encoder,
 };
-use calib_study::Study;
+use calib_study::{Share, Study};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -45,18 +48,56 @@ const RECORD: &str = "training.json";
 pub(super) fn train(
     study: &Study,
     dataset: &Dataset,
-    (split, seed, device): (&Split, Seed, Option<Device>),
+    task: (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
-    let (states, segments) = (dataset.train.states(), dataset.train.segments());
-    let task = Task { states, segments, split, seed };
+    let grid = keyed(study, dataset)?;
+    train_missing(&grid, dataset, task, directory, printer)?;
+    grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
+}
+
+/// Train what is missing of a share of the grid; how many candidates it has.
+pub(super) fn train_share(
+    study: &Study,
+    dataset: &Dataset,
+    task: (&Split, Seed, Option<Device>),
+    directory: &Path,
+    share: Share,
+    printer: &Printer,
+) -> anyhow::Result<usize> {
+    let grid = keyed(study, dataset)?.into_iter().enumerate();
+    let own: Vec<Keyed> =
+        grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
+    train_missing(&own, dataset, task, directory, printer)?;
+    Ok(own.len())
+}
+
+/// A candidate, and the fingerprint of what it follows from.
+type Keyed = (String, LaplacianConfig);
+
+fn keyed(study: &Study, dataset: &Dataset) -> anyhow::Result<Vec<Keyed>> {
     let keyed = |config: LaplacianConfig| {
         Ok((artefact::key(&(TRAINING, &dataset.fingerprint, &config, study.seed))?, config))
     };
-    let grid = study.representation.candidates().into_iter().map(keyed);
-    let grid = grid.collect::<anyhow::Result<Vec<(String, LaplacianConfig)>>>()?;
-    let at = |key: &str| directory.join(CANDIDATES).join(short(key));
+    study.representation.candidates().into_iter().map(keyed).collect()
+}
+
+/// Where a candidate is.
+fn place(directory: &Path, key: &str) -> PathBuf {
+    directory.join(CANDIDATES).join(short(key))
+}
+
+fn train_missing(
+    grid: &[Keyed],
+    dataset: &Dataset,
+    (split, seed, device): (&Split, Seed, Option<Device>),
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let (states, segments) = (dataset.train.states(), dataset.train.segments());
+    let task = Task { states, segments, split, seed };
+    let at = |key: &str| place(directory, key);
     let (there, missing): (Vec<_>, Vec<_>) =
         grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
     // Who was killed between the record and the end of a training has left what it would have gone on from.
@@ -80,9 +121,7 @@ pub(super) fn train(
         };
         write_sealed_json(&directory.join(RECORD), &record)?;
         Ok(checkpoint.remove()?)
-    })?;
-    drop(progress);
-    grid.iter().map(|(key, _)| finished(&at(key), key)).collect()
+    })
 }
 
 /// Where the training of a candidate is put aside.

@@ -15,7 +15,7 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
     score, select, write_encoder,
 };
-use calib_study::{Job, Layout, Made, Study};
+use calib_study::{Job, Layout, Made, Share, Study};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -29,7 +29,7 @@ use crate::{
         torch,
     },
     log::partition,
-    output::{Printer, bytes, count, duration},
+    output::{Printer, bytes, count, counted, duration},
 };
 
 pub(crate) use table::report_table;
@@ -99,6 +99,9 @@ pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyho
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
+    if let Some(share) = job.policy().share {
+        return train_share(job, device, &dataset, share, printer);
+    }
     let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
     let (manifest, verb) = match existing {
         Some(manifest) => (manifest, "up to date:"),
@@ -118,6 +121,40 @@ pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyho
     printer.warn(NONE_QUALIFIES);
     Ok(Outcome::Negative)
 }
+
+/// Train the share of the grid that this process has. Every candidate is a directory of its own, so that shares have nothing in
+/// common that one could claim.
+fn train_share(
+    job: &Job,
+    device: Option<Device>,
+    dataset: &Dataset,
+    share: Share,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let (study, directory) = (job.study(), job.layout().representation());
+    if study.representation.kind == RepresentationKind::Import {
+        printer.say("an imported representation is not trained: there is nothing to share");
+        return Ok(Outcome::Done);
+    }
+    if device.is_none() {
+        memory::require(needed_bytes(study, dataset), "training the representations", LESS)?;
+    }
+    let split = Split::in_time(dataset.train.segments())?;
+    let seed = Seed::new(study.seed).child("representation");
+    let task = (&split, seed, device);
+    let trained = grid::train_share(study, dataset, task, &directory, share, printer)?;
+    printer.result(&format!(
+        "share {share}: {} trained, of {} in all",
+        counted(trained, "representation"),
+        study.representation.candidates().len()
+    ))?;
+    printer.next(&[job.command("represent")]);
+    Ok(Outcome::Done)
+}
+
+/// What to do where memory does not suffice.
+const LESS: &str =
+    "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
 
 /// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
 fn find(
@@ -234,8 +271,7 @@ fn make(
         (vec![candidate], chosen, chosen.map(|_| psi))
     } else {
         if device.is_none() {
-            let remedy = "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
-            memory::require(needed_bytes(study, dataset), "training the representations", remedy)?;
+            memory::require(needed_bytes(study, dataset), "training the representations", LESS)?;
         }
         let task = (&split, seed, device);
         let trained = grid::train(study, dataset, task, &directory, printer)?;

@@ -21,7 +21,7 @@ use std::{
 use anyhow::bail;
 use calib_agent::Part;
 use calib_core::Seed;
-use calib_study::shell_words;
+use calib_study::{Share, shell_words};
 use calib_validity::{Options, Pair, Validity, judge};
 use serde::Serialize;
 
@@ -33,7 +33,7 @@ use crate::{
         outcome::Outcome,
     },
     chain::Extent,
-    output::{Printer, duration},
+    output::{Printer, counted, duration},
 };
 use gather::{Gathered, Reason, gather};
 use studies::{Listed, Listing};
@@ -112,6 +112,9 @@ pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<O
         printer.say(&format!("dry run: would write {}", directory.display()));
         return Ok(Outcome::Done);
     }
+    if let Some(share) = args.share {
+        return run_share(share, &listing, args, printer);
+    }
     let judgement = judgement(all(&listing, args, printer)?, &listing, args)?;
     let _claim = Claim::new(&directory, Below::Ours)?;
     files::write(&directory, &judgement)?;
@@ -124,6 +127,24 @@ pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<O
         printer.result(&format!("report: {}", directory.join("report.html").display()))?;
     }
     Ok(Outcome::Done)
+}
+
+/// Run what is missing of the plants of a share; nothing is judged.
+fn run_share(
+    share: Share,
+    listing: &Listing,
+    args: &ValidityOptions,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let all = all(listing, args, printer)?;
+    let own = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
+    printer.result(&format!(
+        "share {share}: {} of {} run, {} left out; when all shares are, the same command without --share judges them",
+        counted(own - all.left_out.len(), "plant"),
+        counted(own, "plant"),
+        all.left_out.len(),
+    ))?;
+    Ok(if all.left_out.is_empty() { Outcome::Done } else { Outcome::Negative })
 }
 
 impl Judgement {
@@ -173,7 +194,8 @@ fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> anyhow::
     let mut all = All::default();
     let count = listing.studies.len();
     let mut ran = 0;
-    for (number, study) in listing.studies.iter().enumerate() {
+    let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
+    for (number, study) in listing.studies.iter().enumerate().filter(|(place, _)| is_own(place)) {
         let task = Task::of(study.study(), study.study().sweep.steps).text();
         printer.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
         let left = args.extent != ValidityExtent::Judge

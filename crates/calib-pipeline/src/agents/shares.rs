@@ -1,0 +1,134 @@
+//! Agents that several processes pre-train, each for some of the sensors, and what they have made.
+
+use std::{collections::BTreeMap, path::Path};
+
+use calib_agent::{PretrainingDiverged, StateFile};
+use calib_files::{file_name, read_sealed_json, remove_folder, write_sealed_json};
+use calib_study::{Job, Share};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    agents::{
+        pretrain::{Wanted, train},
+        pretrain_files::{PretrainedAgent, write_agent},
+    },
+    base::{artefact, outcome::Outcome},
+    log::partition::Parts,
+    output::{Printer, counted},
+};
+
+/// Where shares say what they have made, below the directory of the agents; gone when all of them are put together.
+const SHARES: &str = "shares";
+
+/// What became of a sensor.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Ended {
+    Trained(Box<PretrainedAgent>),
+    Diverged { key: String, epoch: usize },
+}
+
+/// What shares have made.
+#[derive(Default)]
+pub(super) struct OfShares {
+    pub(super) agents: BTreeMap<String, PretrainedAgent>,
+    /// The epoch in which the agent of a sensor diverged.
+    pub(super) diverged: BTreeMap<String, usize>,
+}
+
+impl OfShares {
+    pub(super) fn has(&self, sensor: &str) -> bool {
+        self.agents.contains_key(sensor) || self.diverged.contains_key(sensor)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.agents.len() + self.diverged.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What shares have made of what is `wanted` and not `done`. What is damaged or of other training is nothing.
+pub(super) fn finished(
+    directory: &Path,
+    wanted: &[Wanted],
+    done: &BTreeMap<String, PretrainedAgent>,
+) -> OfShares {
+    let mut found = OfShares::default();
+    for Wanted { sensor, key, .. } in wanted.iter().filter(|of| !done.contains_key(&of.sensor)) {
+        match read_sealed_json(&record(directory, sensor)) {
+            Ok(Ended::Trained(agent))
+                if agent.key == *key && artefact::are_whole(directory, &agent.files) =>
+            {
+                found.agents.insert(sensor.clone(), *agent);
+            }
+            Ok(Ended::Diverged { key: own, epoch }) if own == *key => {
+                found.diverged.insert(sensor.clone(), epoch);
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Pre-train agents for the sensors of a share that are `missing`. Every agent has files of its own, so that shares have
+/// nothing in common that one could claim.
+pub(super) fn run(
+    share: Share,
+    job: &Job,
+    parts: &Parts,
+    (wanted, missing): (&[Wanted], &[&Wanted]),
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let (study, directory) = (job.study(), job.layout().pretrain());
+    let own: Vec<&str> = wanted
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| share.has(*place))
+        .map(|(_, wanted)| wanted.sensor.as_str())
+        .collect();
+    let left: Vec<&Wanted> =
+        missing.iter().filter(|of| own.contains(&of.sensor.as_str())).copied().collect();
+    let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
+    // Called by what it follows from: other shares keep theirs beside it.
+    let key = artefact::key(&keys)?;
+    let name = format!("{}.unfinished.safetensors", &key[..16]);
+    let file = StateFile::new(directory.join(SHARES).join(name), key);
+    let width = parts.dataset.train.states().columns();
+    for (Wanted { sensor, column, key }, ended) in
+        left.iter().zip(train(study, parts, &left, &file, printer)?)
+    {
+        let ended = match ended {
+            Ok(pretrained) => {
+                let config = study.pretrain.agent(&study.agent);
+                let of = (sensor.as_str(), *column);
+                let agent = write_agent(&directory, of, key.clone(), config, width, pretrained)?;
+                Ended::Trained(Box::new(agent))
+            }
+            Err(PretrainingDiverged { epoch }) => {
+                printer.warn(&format!("pre-training for {sensor} diverged in epoch {epoch}"));
+                Ended::Diverged { key: key.clone(), epoch }
+            }
+        };
+        write_sealed_json(&record(&directory, sensor), &ended)?;
+    }
+    file.remove();
+    printer.result(&format!(
+        "share {share}: {} pre-trained, of {} in all",
+        counted(own.len(), "agent"),
+        wanted.len()
+    ))?;
+    printer.next(&[job.command("pretrain")]);
+    Ok(Outcome::Done)
+}
+
+/// All of it is in the manifest.
+pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
+    Ok(remove_folder(&directory.join(SHARES))?)
+}
+
+fn record(directory: &Path, sensor: &str) -> std::path::PathBuf {
+    directory.join(SHARES).join(format!("{}.json", file_name(sensor)))
+}

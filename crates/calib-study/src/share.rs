@@ -1,0 +1,44 @@
+use std::fmt;
+
+/// The share of one of several processes, here or on other machines, that divide among them what is to be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    number: usize,
+    of: usize,
+}
+
+impl Share {
+    /// Share `number`, counted from 0, of so many; none if there is no such share.
+    pub fn new(number: usize, of: usize) -> Option<Self> {
+        (number < of).then_some(Self { number, of })
+    }
+
+    /// Whether it has the piece of work with this number.
+    pub fn has(self, piece: usize) -> bool {
+        piece % self.of == self.number
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_piece_is_in_one_share() {
+        for of in 1..6 {
+            let shares: Vec<Share> = (0..of).filter_map(|number| Share::new(number, of)).collect();
+            assert_eq!(shares.len(), of);
+            for piece in 0..20 {
+                assert_eq!(shares.iter().filter(|share| share.has(piece)).count(), 1);
+            }
+        }
+        assert_eq!(Share::new(3, 3), None);
+        assert_eq!(Share::new(0, 0), None);
+    }
+}

@@ -1,0 +1,103 @@
+//! Which share of the work a process has, as it was typed or as a system that runs many of them says.
+
+use anyhow::{Context as _, ensure};
+use calib_study::{Job, Policy, Share};
+
+/// What systems call the number of a task, and what the first one is.
+const NUMBERS: [(&str, usize); 5] = [
+    ("SLURM_ARRAY_TASK_ID", 0),
+    ("JOB_COMPLETION_INDEX", 0),
+    ("PBS_ARRAY_INDEX", 0),
+    ("PBS_ARRAYID", 0),
+    ("PARALLEL_SEQ", 1),
+];
+
+/// A number that was given for `option`, or "auto" for what the system says in the environment.
+pub(super) fn number(
+    option: &str,
+    typed: &str,
+    environment: impl Fn(&str) -> Option<String>,
+) -> anyhow::Result<usize> {
+    if typed != "auto" {
+        return typed
+            .parse()
+            .with_context(|| format!("{option} must be a number or auto, got '{typed}'"));
+    }
+    let found = NUMBERS.iter().find_map(|&(name, first)| Some((name, first, environment(name)?)));
+    let (name, first, value) = found.with_context(|| {
+        let names: Vec<&str> = NUMBERS.iter().map(|(name, _)| *name).collect();
+        format!("{option} auto: none of {} is in the environment; give a number", names.join(", "))
+    })?;
+    let number: Option<usize> = value.trim().parse().ok();
+    number.and_then(|number| number.checked_sub(first)).with_context(|| {
+        format!("{option} auto: {name} is '{value}', expected a number from {first} on")
+    })
+}
+
+/// "3/8", or "auto/8".
+pub(super) fn share(
+    typed: &str,
+    environment: impl Fn(&str) -> Option<String>,
+) -> anyhow::Result<Share> {
+    let form = || {
+        format!(
+            "--share must be a share and how many there are, such as 0/8 or auto/8, got '{typed}'"
+        )
+    };
+    let (own, of) = typed.split_once('/').with_context(form)?;
+    let of: usize = of.parse().ok().filter(|of| *of > 0).with_context(form)?;
+    let number = number("--share", own, environment)?;
+    Share::new(number, of)
+        .with_context(|| format!("there is no share {number} of {of}: they are counted from 0"))
+}
+
+/// The job, of which only a share is to be done where one was asked for.
+pub(super) fn shared(job: Job, typed: Option<&str>) -> anyhow::Result<Job> {
+    let Some(typed) = typed else { return Ok(job) };
+    let policy = job.policy();
+    ensure!(
+        !policy.redoes(),
+        "--force makes everything again, also what other shares have made; remove the results, and run the shares without it"
+    );
+    let share = share(typed, |name| std::env::var(name).ok())?;
+    Ok(job.under(Policy { share: Some(share), ..policy }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(name: &'static str, value: &'static str) -> impl Fn(&str) -> Option<String> {
+        move |asked: &str| (asked == name).then(|| value.to_owned())
+    }
+
+    #[test]
+    fn systems_say_which_task_it_is() {
+        let nothing = |_: &str| None;
+        let of = "--shard";
+        assert_eq!(number(of, "17", nothing).expect("typed"), 17);
+        assert_eq!(number(of, "auto", with("SLURM_ARRAY_TASK_ID", "3")).expect("an array"), 3);
+        assert_eq!(number(of, "auto", with("JOB_COMPLETION_INDEX", "0")).expect("a job"), 0);
+        // GNU parallel counts from 1.
+        assert_eq!(number(of, "auto", with("PARALLEL_SEQ", "1")).expect("parallel"), 0);
+        for refused in [
+            number(of, "auto", nothing),
+            number(of, "auto", with("PARALLEL_SEQ", "0")),
+            number(of, "auto", with("SLURM_ARRAY_TASK_ID", "1-3")),
+            number(of, "-1", nothing),
+        ] {
+            assert!(refused.is_err());
+        }
+    }
+
+    #[test]
+    fn shares_are_typed_or_found() {
+        let nothing = |_: &str| None;
+        assert_eq!(share("3/8", nothing).expect("typed"), Share::new(3, 8).expect("valid"));
+        let found = share("auto/8", with("PARALLEL_SEQ", "8")).expect("found");
+        assert_eq!(found, Share::new(7, 8).expect("valid"));
+        for refused in ["8/8", "3", "a/8", "3/0", "3/", "/8", "-1/8", "auto/8", "0/a"] {
+            assert!(share(refused, nothing).is_err(), "{refused}");
+        }
+    }
+}
