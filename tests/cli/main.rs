@@ -25,6 +25,7 @@ mod recorded;
 mod recurrent;
 mod represent;
 mod said;
+mod shares;
 mod studies;
 mod sweeps;
 mod trust;

@@ -81,6 +81,10 @@ fn a_folder_of_studies_is_run_and_judged() {
     let words: Vec<&str> = line.split_whitespace().collect();
     assert_eq!(words, ["north", "adam", "linear", "0.8", "280", "16", "2", "to", "be", "run"]);
     assert!(dry.contains("2 of 2 plants are to be run"), "{dry}");
+    let share = place.calib(&["validity", "plants", "--share", "1/2"]).succeeds();
+    assert!(share.contains("share 1/2: 1 of 1 plant run"), "{share}");
+    let dry = place.calib(&["validity", "plants", "--dry-run"]).succeeds();
+    assert!(dry.contains("1 of 2 plants are to be run"), "{dry}");
     assert!(!place.path().join("plants/validity-results").exists());
 
     let judged = place.calib(&["validity", "plants", "--resamples", "200", "--json", "-q"]);

@@ -139,10 +139,9 @@ fn run_share(
     let all = all(listing, args, printer)?;
     let own = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
     printer.result(&format!(
-        "share {share}: {} of {} run, {} left out; when all shares are, the same command without --share judges them",
-        counted(own - all.left_out.len(), "plant"),
+        "share {share}: {} of {} run; when all shares are, the same command without --share judges them",
+        own - all.left_out.len(),
         counted(own, "plant"),
-        all.left_out.len(),
     ))?;
     Ok(if all.left_out.is_empty() { Outcome::Done } else { Outcome::Negative })
 }

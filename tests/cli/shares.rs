@@ -1,0 +1,81 @@
+//! Work that several processes divide among them: the bytes of one.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use crate::{harness::Place, represent::LAPLACIAN};
+
+/// Everything but what says how long it took.
+fn results(place: &Place, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut content = place.content(folder);
+    content.retain(|path, _| !path.ends_with("timings.json"));
+    content
+}
+
+#[test]
+fn a_grid_of_representations_in_shares_is_that_of_one_process() {
+    let place = || {
+        let place = Place::with_study();
+        place.edit_study("[model]", LAPLACIAN);
+        place.edit_study("[1e-3, 3e-3]", "[1e-3, 2e-3, 3e-3]");
+        place
+    };
+    let (alone, shared) = (place(), place());
+    alone.calib(&["represent", "study.toml"]).succeeds();
+    let share = |of: &str| shared.calib(&["represent", "study.toml", "--share", of]);
+    // In any order, and one twice; of one nothing is left to do.
+    assert!(share("1/2").succeeds().contains("share 1/2: 1 representation trained, of 3"));
+    let early = shared.calib(&["build-model", "study.toml"]).fails(2);
+    assert!(early.contains("represent"), "{early}");
+    share("0/2").succeeds();
+    share("1/2").succeeds();
+    let put_together = shared.calib(&["represent", "study.toml"]).succeeds();
+    assert!(put_together.contains("wrote"), "{put_together}");
+    let folder = "study-results/representation";
+    assert!(results(&alone, folder) == results(&shared, folder));
+    for (wrong, said) in [("2/2", "there is no share 2 of 2"), ("one", "such as 0/8 or auto/8")] {
+        let told = share(wrong).fails(2);
+        assert!(told.contains(said), "{told}");
+    }
+    let forced = shared.calib(&["represent", "study.toml", "--share", "0/2", "--force"]).fails(2);
+    assert!(forced.contains("--force makes everything again"), "{forced}");
+}
+
+#[test]
+fn agents_that_shares_pre_train_are_those_of_one_process() {
+    let place = || {
+        let place = Place::with_study();
+        place.edit_study(
+            "[sweep]",
+            "[pretrain]\nepochs = 6\nlearning_rate = 1e-3\nfraction = 0.4\n\n[sweep]",
+        );
+        place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
+        place
+    };
+    let (alone, shared) = (place(), place());
+    alone.calib(&["pretrain", "study.toml"]).succeeds();
+    let share = |of: &str| shared.calib(&["pretrain", "study.toml", "--share", of]);
+    assert!(share("0/2").succeeds().contains("share 0/2: 2 agents pre-trained, of 3"));
+    // What a share has made counts, whoever goes on.
+    let again = share("0/2");
+    assert!(again.stderr().contains("1 of 3 agents left"), "{}", again.stderr());
+    share("1/2").succeeds();
+    let put_together = shared.calib(&["pretrain", "study.toml"]);
+    assert!(put_together.stderr().contains("0 of 3 agents left"), "{}", put_together.stderr());
+    assert!(put_together.succeeds().contains("wrote"));
+    let folder = "study-results/pretrain";
+    assert!(results(&alone, folder) == results(&shared, folder));
+    assert!(shared.calib(&["pretrain", "study.toml"]).succeeds().contains("up to date"));
+}
+
+#[test]
+fn what_a_share_has_made_is_not_believed_when_it_is_damaged() {
+    let place = Place::with_study();
+    place.edit_study("[sweep]", "[pretrain]\nepochs = 2\nfraction = 0.4\n\n[sweep]");
+    place.calib(&["pretrain", "study.toml", "--share", "0/1"]).succeeds();
+    let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
+    let mut bytes = std::fs::read(&weights).expect("written");
+    *bytes.last_mut().expect("not empty") ^= 1;
+    std::fs::write(&weights, bytes).expect("written");
+    let again = place.calib(&["pretrain", "study.toml", "--dry-run"]);
+    assert!(again.stderr().contains("1 of 2 agents left"), "{}", again.stderr());
+}
