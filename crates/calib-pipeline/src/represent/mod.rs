@@ -215,10 +215,10 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len());
     printer.say(&format!(
-        "{} rows x {columns} columns; {} representations of up to {widest} dimensions, {} steps in all, \
+        "{} rows x {columns} columns; {} of up to {widest} dimensions, {} steps in all, \
          {at_once} at a time; expecting {} of memory",
         count(rows),
-        candidates.len(),
+        counted(candidates.len(), "representation"),
         count(steps),
         bytes(needed_bytes(study, dataset)),
     ));
