@@ -26,9 +26,10 @@ def main():
     read = json.loads((plan / "plan.json").read_text())
     memory = 2 << 30
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "memory": memory, "include_dashboard": False})
+    # The driver is connected to the head: another node is there to be lost.
+    ray.init(address=cluster.address, logging_level="ERROR")
     lost = cluster.add_node(num_cpus=1, memory=memory)
     cluster.wait_for_nodes()
-    ray.init(address=cluster.address, logging_level="ERROR")
 
     def lose():
         while len(list((plan / "shards").glob("*.units"))) < len(read["shards"]) // 3:
@@ -41,7 +42,10 @@ def main():
     options = Namespace(plan=plan, calib=calib, ship=True, threads=1, attempts=10)
     failed = calib_ray.run_plan(ray, options, read)
     loser.join()
-    nodes = sum(node["Alive"] for node in ray.nodes())
+    # The cluster's head hears of a loss after some seconds; by then all may be done.
+    until = time.monotonic() + 60
+    while (nodes := sum(node["Alive"] for node in ray.nodes())) != 1 and time.monotonic() < until:
+        time.sleep(0.2)
     ray.shutdown()
     cluster.shutdown()
     assert nodes == 1, f"{nodes} nodes are alive"
