@@ -21,6 +21,12 @@ const PATH_HEIGHT: usize = 16;
 /// How often a bounded distance is compared with the bound on its way, about.
 const LOOKS: usize = 8;
 
+/// Columns between two looks whether to stop: some milliseconds.
+const COLUMNS_PER_LOOK: usize = 1 << 13;
+
+/// Whether nobody waits for the result any more.
+pub(crate) type Stop<'a> = Option<&'a dyn Fn() -> bool>;
+
 /// What a sweep is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
@@ -58,6 +64,9 @@ pub(crate) struct Sweep<'a> {
     pub(crate) reference: Series<'a>,
     pub(crate) settings: Settings,
     pub(crate) patterns: Vec<Track>,
+    stop: Stop<'a>,
+    /// Whether it was stopped: what it has come to means nothing then.
+    pub(crate) is_stopped: bool,
     height: usize,
     local: LocalDispatch,
     local_halo: usize,
@@ -95,6 +104,7 @@ impl<'a> Sweep<'a> {
         query: Series<'a>,
         reference: Series<'a>,
         purpose: Purpose,
+        stop: Stop<'a>,
     ) -> Self {
         let reaches = patterns.iter().map(StepPattern::reach);
         let (halo, reach) = reaches.fold((1, 1), |(a, b), (c, d)| (a.max(c), b.max(d)));
@@ -133,6 +143,8 @@ impl<'a> Sweep<'a> {
             query,
             reference,
             settings,
+            stop,
+            is_stopped: false,
             height,
             local: local_dispatch(set, settings.local_distance, query.channels()),
             local_halo: halo,
@@ -187,6 +199,9 @@ impl<'a> Sweep<'a> {
         limit: usize,
         mut visit: impl FnMut(usize, &[Track]),
     ) {
+        if self.is_stopped {
+            return;
+        }
         let strip = self.strip(number);
         let m = self.reference.len();
         let window = self.settings.window;
@@ -207,6 +222,10 @@ impl<'a> Sweep<'a> {
         let margin = LANES - 1;
         let mut reference: Vec<&[f64; LANES]> = Vec::with_capacity(self.reversed.len());
         for time in start..columns.end + strip.last_lane() {
+            if time.is_multiple_of(COLUMNS_PER_LOOK) && self.stop.is_some_and(|stop| stop()) {
+                self.is_stopped = true;
+                return;
+            }
             reference.clear();
             reference.extend(
                 self.reversed
