@@ -1,4 +1,4 @@
-"""Agents of three more libraries in a calibration model: River, scikit-learn's SGDRegressor, and JAX. Those that are not installed are skipped.
+"""Agents of two more libraries in a calibration model: River and JAX. Those that are not installed are skipped.
 
 python more_agents.py STUDY          # such as the one of first_verdict.py
 """
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from own_agents import SklearnTd
 
 import calib_rl
 from calib_rl.agents import Sweep, Task
@@ -92,7 +91,7 @@ def _compiled() -> tuple[Any, Any]:
 
 def main() -> None:
     study = calib_rl.Study(sys.argv[1])
-    for factory in (SklearnTd, river_td, jax_td):
+    for factory in (river_td, jax_td):
         try:
             runs = Sweep(study, study.results / "agents" / factory.__name__, progress=False).run(
                 factory, {"learning_rate": [1e-3, 1e-2, 1e-1]}

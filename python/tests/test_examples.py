@@ -33,7 +33,7 @@ def test_agents_of_three_libraries_are_judged(study: calib_rl.Study) -> None:
 
 def test_examples_of_libraries_that_may_be_missing(study: calib_rl.Study) -> None:
     told = run("more_agents.py", study.path).splitlines()
-    assert [line.split(":")[0] for line in told] == ["SklearnTd", "river_td", "jax_td"]
+    assert [line.split(":")[0] for line in told] == ["river_td", "jax_td"]
     for line in told:
         assert "PIT300" in line or ("skipped" in line and "No module" in line), line
 
