@@ -1,8 +1,6 @@
 //! Programs of `sh`, which is where Unix is.
 #![cfg(unix)]
 
-use std::error::Error as _;
-
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 
 use super::*;
@@ -31,7 +29,7 @@ fn program(script: &str, timeout: f64) -> ExternalAgents {
 }
 
 fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, String> {
-    let values = (0..12).map(f32::from).collect();
+    let values = (0..12_u8).map(f32::from).collect();
     let states = States::new(values, 12, 1).expect("valid");
     let stream = RowStream::replay(states, &Segments::from_lengths([7, 5]).expect("valid"));
     let agent = AgentConfig::default();
