@@ -86,6 +86,12 @@ fn columns(count: usize, rows: usize) -> Columns {
     vec![vec![Pack::splat(0.0); rows].into_boxed_slice(); count]
 }
 
+/// The column of each lane at a time.
+#[inline]
+fn columns_at(time: usize) -> Pack {
+    Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
+}
+
 /// What lies above the first strip, for a pattern of this halo.
 pub(crate) fn entry(settings: Settings, halo: usize, reference: usize) -> Boundary {
     if settings.ends.open_begin() {
@@ -207,9 +213,7 @@ impl<'a> Sweep<'a> {
         let window = self.settings.window;
         let columns = strip.columns(window, m, limit);
         if columns.is_empty() {
-            for pattern in &mut self.patterns {
-                pattern.input.reset(0..0);
-            }
+            self.patterns.iter_mut().for_each(|pattern| pattern.input.reset(0..0));
             return;
         }
         // Branches may come from a little further left than the first open cell.
@@ -244,11 +248,7 @@ impl<'a> Sweep<'a> {
             }
             let seeds = number == 0 && time == 0 && !open_begin;
             let use_mask = windowed || seeds;
-            let at = if use_mask {
-                Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
-            } else {
-                Pack::splat(0.0)
-            };
+            let at = if use_mask { columns_at(time) } else { Pack::splat(0.0) };
             for pattern in &mut self.patterns {
                 pattern.cumulated.rotate_right(1);
                 let mut input = ColumnInput {
