@@ -24,7 +24,7 @@ def river_td(task: Task, learning_rate: float) -> Any:
 
     class RiverTd:
         def __init__(self) -> None:
-            self.model = linear_model.LinearRegression(optimizer=optim.SGD(learning_rate), intercept_lr=learning_rate)
+            self.model = linear_model.LinearRegression(optim.SGD(learning_rate), intercept_lr=learning_rate)
 
         @staticmethod
         def named(observation: Floats) -> dict[int, float]:
