@@ -70,7 +70,7 @@ class Verdict:
     def __init__(self, path: Path, sweep: Path, report: Path, outcome: str = "done") -> None:
         self.path = path
         self.report = report
-        self.negative = outcome == "negative"
+        self.negative: bool = outcome == "negative"
         self._sweep = sweep
         summary = path / "summary.json"
         self.summary: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {}

@@ -3,7 +3,8 @@
 An agent learns to predict the discounted sum of a sensor's future, ``G_t = Σ_k γᵏ o_{t+k+1}``, from the states that it sees. It is any
 object with the three methods of `Agent`. `Sweep` runs it in every member of the calibration model, on the held-out log (Online) and on the
 replayed log, over the very streams that calib's own agents learn from, with the same seed for all values of a run; and writes a table that
-``calib evaluate --runs`` judges.
+``calib evaluate --runs`` judges. `serve` makes a program of an agent, for studies with ``agent.kind = "external"``: the command line then
+runs it as its own.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ import math
 import multiprocessing
 import os
 import pickle
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import IO, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +78,12 @@ class Stream:
     def __init__(self, native: _calib.Streams, position: int, told: tuple[str, int, int, int, str, int]) -> None:
         self._native = native
         self.position = position
-        self.environment, self.run, self.start_row, self.seed, self.inputs, self.steps = told
+        self.environment: str = told[0]
+        self.run: int = told[1]
+        self.start_row: int = told[2]
+        self.seed: int = told[3]
+        self.inputs: str = told[4]
+        self.steps: int = told[5]
 
     def states(self) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
         """Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges."""
@@ -97,10 +104,10 @@ class Streams:
     def __init__(self, study: Study, *, progress: bool | Observer = False) -> None:
         self.study = study
         self._native = _calib.Streams.of_job(study._job, observer(progress))
-        self.all = [Stream(self._native, position, told) for position, told in enumerate(self._native.runs())]
-        self.sensors = dict(self._native.sensors())
-        self.gamma = self._native.gamma
-        self.part = self._native.part
+        self.all: list[Stream] = [Stream(self._native, position, told) for position, told in enumerate(self._native.runs())]
+        self.sensors: dict[str, int] = dict(self._native.sensors())
+        self.gamma: float = self._native.gamma
+        self.part: str = self._native.part
 
     def task(self, stream: Stream, sensor: str, columns: int) -> Task:
         """What an agent of this stream is to predict."""
@@ -180,10 +187,10 @@ class Sweep:
         self, study: Study, folder: str | os.PathLike[str] | None = None, *, progress: bool | Observer = True
     ) -> None:
         self.study = study
-        self.folder = Path(folder) if folder is not None else study.results / "agents"
+        self.folder: Path = Path(folder) if folder is not None else study.results / "agents"
         self._observer = observer(progress)
         study.build_model(progress=False)
-        self.streams = Streams(study)
+        self.streams: Streams = Streams(study)
 
     def run(
         self,
@@ -319,14 +326,6 @@ class AgentRuns(Runs):
         super().__init__(path)
         self._study = study
 
-    def curves(self) -> Any:
-        """Not kept of agents of your own.
-
-        Raises:
-            LookupError: Always.
-        """
-        raise LookupError("learning curves are kept of calib's own agents alone")
-
     def states(self) -> list[Path]:
         """Pickles of what agents had learnt, if they were kept."""
         return sorted((self.path / "units").glob("*.state.pickle"))
@@ -348,7 +347,7 @@ def evaluate(
     Args:
         runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``; see docs/formats.md for the others.
         study: How to judge; the defaults without it.
-        folder: Where the summary and figures go; ``evaluate`` beside the table without it.
+        folder: Where the summary, figures and ``report.html`` go; ``evaluate`` beside the table without it.
         progress: Whether to print what is done, or an observer.
 
     Raises:
@@ -358,7 +357,7 @@ def evaluate(
     folder = Path(folder) if folder is not None else runs.parent / "evaluate"
     job = None if study is None else study._job
     outcome = _calib.evaluate_runs(os.fspath(runs), job, os.fspath(folder), observer(progress))
-    return Verdict(folder, runs.parent, folder / "summary.json", outcome)
+    return Verdict(folder, runs.parent, folder / "report.html", outcome)
 
 
 def optuna_objective(
@@ -404,3 +403,74 @@ def optuna_objective(
         return math.exp(total / len(counted))
 
     return objective
+
+
+def serve(factory: Factory) -> None:
+    """Be the program of a study with ``agent.kind = "external"``: answer on standard output what comes on standard input, until it ends.
+
+    What the agents print goes to standard error. An exception of an agent is told to calib, which then ends with it.
+
+    Args:
+        factory: Makes an agent: ``factory(task, **parameters)``, with the parameters of ``[agent.parameters]`` and ``[sweep.grid]``.
+    """
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    # What was printed before, and has not been written yet, goes there too.
+    sys.stdout.flush()
+    try:
+        _answer_all(factory, sys.stdin.buffer, answers)
+    except Exception as error:
+        _answer(answers, {"error": f"{type(error).__name__}: {error}"})
+        raise
+
+
+def _answer(answers: IO[bytes], what: dict[str, Any]) -> None:
+    answers.write(json.dumps(what, allow_nan=False).encode() + b"\n")
+    answers.flush()
+
+
+def _answer_all(factory: Factory, questions: IO[bytes], answers: IO[bytes]) -> None:
+    served: _Served | None = None
+    while line := questions.readline():
+        question = json.loads(line)
+        if "begin" in question:
+            told = question["begin"]
+            task = Task(*(told[name] for name in Task._fields))
+            agent = factory(task, **told["parameters"])
+            if not isinstance(agent, Agent):
+                raise TypeError(f"{type(agent).__name__} is no agent: it needs the methods predict, update and state_dict")
+            served = _Served(agent, task)
+            _answer(answers, {"ready": 1})
+        elif served is not None:
+            size = question["states"] * served.task.columns
+            states = np.frombuffer(questions.read(4 * size), "<f4").reshape(-1, served.task.columns)
+            predictions = served.predictions(states, question["begins"], question["ends"])
+            _answer(answers, {"predictions": predictions, "updates": served.updates})
+
+
+class _Served:
+    """An agent, and the state that it saw last."""
+
+    def __init__(self, agent: Agent, task: Task) -> None:
+        self.agent, self.task, self.updates = agent, task, 0
+        self._before: NDArray[np.float32] | None = None
+
+    def predictions(self, states: NDArray[np.float32], begins: bool, ends: bool) -> list[float | None]:
+        """One a state; the last is null where it is not finite. At the end of a piece none is asked of the agent."""
+        if begins:
+            self._before = None
+            if begin := getattr(self.agent, "begin", None):
+                begin()
+        predictions: list[float | None] = []
+        for place, state in enumerate(states):
+            if self._before is not None:
+                self.agent.update(self._before, float(state[self.task.column]), state)
+                self.updates += 1
+            self._before = state
+            if ends and place + 1 == len(states):
+                return [*predictions, 0.0]
+            prediction = float(self.agent.predict(state))
+            if not abs(prediction) <= float(np.finfo(np.float32).max):
+                return [*predictions, None]
+            predictions.append(prediction)
+        return predictions

@@ -49,7 +49,7 @@ class SklearnTd:
         from sklearn.linear_model import SGDRegressor
 
         self.gamma = task.gamma
-        self.model = SGDRegressor(learning_rate="constant", eta0=learning_rate, alpha=0.0, random_state=task.seed % 2**32)
+        self.model: Any = SGDRegressor(learning_rate="constant", eta0=learning_rate, alpha=0.0, random_state=task.seed % 2**32)
         self.model.partial_fit(np.zeros((1, task.columns)), [0.0])
 
     def predict(self, observation: NDArray[np.float32]) -> float:

@@ -1,11 +1,15 @@
 //! Dynamic time warping.
 
+use std::sync::Arc;
+
+use calib_core::Monitor as _;
 use calib_dtw::{Dtw, Ends, LocalDistance, Series, Settings, StepPattern, Window};
 use pyo3::prelude::*;
 
 use crate::{
     array::{copied, owned},
     errors,
+    observer::{Watch, Watching},
     work::{Needs, watched},
 };
 
@@ -35,15 +39,17 @@ pub(crate) fn dtw<'py>(
     let series = [(query, "query"), (reference, "reference")];
     let [query, reference] = series.map(|(of, name)| copied::<f64>(of, name, &[1, 2]));
     let (query, reference) = (query?, reference?);
-    let work = |_: &_| {
+    let work = |watch: &Arc<Watch>| {
+        let monitor = Watching(Arc::clone(watch));
+        let stop = || monitor.interrupted();
         let channels = |shape: &[usize]| shape.get(1).copied().unwrap_or(1);
         let query = Series::with_channels(&query.0, channels(&query.1))?;
         let reference = Series::with_channels(&reference.0, channels(&reference.1))?;
         if path {
-            let aligned = dtw.align(query, reference)?;
+            let aligned = dtw.align_until(query, reference, &stop)?;
             Ok((aligned.distance, Some(aligned.path)))
         } else {
-            dtw.distance(query, reference).map(|distance| (distance, None))
+            dtw.distance_until(query, reference, &stop).map(|distance| (distance, None))
         }
     };
     let (distance, path) = watched(py, Needs::Threads, None, work)?

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import inspect
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
-from conftest import command_line
+from conftest import STUDY, command_line
 from numpy.typing import NDArray
 
 import calib_rl
@@ -123,6 +126,95 @@ def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:
         sweep.run(Td, [])
     with pytest.raises(calib_rl.CalibError, match="cannot be called `seed`"):
         sweep.run(lambda task, seed: Td(task, 0.1), {"seed": [1, 2]})
+
+
+EXTERNAL = """
+[agent]
+kind = "external"
+command = [{python!r}, "agent.py"]
+gamma = 0.9
+states_per_message = {states}
+
+[agent.parameters]
+learning_rate = 1e-2
+
+[sweep.grid]
+learning_rate = [1e-3, 1e-2, 1e-1, 1e3]
+"""
+
+AGENT = """
+from calib_rl.agents import serve
+{td}
+
+class Talking(Td):
+    def begin(self) -> None:
+        print("what an agent prints disturbs nobody")
+        super().begin()
+
+serve(Talking)
+"""
+
+
+def external(folder: Path, study: calib_rl.Study, states: int) -> Path:
+    """The tests' study with the tests' agent as a program of its own."""
+    header = "from typing import Any\nimport numpy as np\nfrom numpy.typing import NDArray\nfrom calib_rl import agents\n"
+    folder.mkdir(exist_ok=True)
+    (folder / "agent.py").write_text(AGENT.format(td=header + inspect.getsource(Td)))
+    text = STUDY[: STUDY.index("[agent]")] + STUDY[STUDY.index("[rollout]") : STUDY.index("[sweep.grid]")]
+    text = text.replace('"plant"', json.dumps(str(study.path.parent / "plant")))
+    text = text[text.index("[data]") :] + EXTERNAL.format(python=sys.executable, states=states)
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize("states", [1, 100])
+def test_a_program_is_swept_as_calibs_own_agents(
+    study: calib_rl.Study, runs: agents.AgentRuns, tmp_path: Path, states: int
+) -> None:
+    path = external(tmp_path, study, states)
+    done = command_line("run", path)
+    assert done.returncode in (0, 1), done.stderr
+    keys = ["environment", "run", "learning_rate"]
+    same = ["seed", "start_row", "steps", "updates", "diverged", "rmse", "nrmse", "rmse_whole_run"]
+    results = tmp_path / "study-results"
+    theirs = pl.read_parquet(results / "sweep" / "runs.parquet").sort(keys)
+    assert theirs.select(keys + same).equals(runs.frame().sort(keys).select(keys + same))
+    assert (results / "report.html").is_file()
+    curves = pl.read_parquet(results / "sweep" / "curves.parquet")
+    assert curves.sort("environment", "run", "label", "step").equals(runs.curves().sort("environment", "run", "label", "step"))
+    assert "up to date" in command_line("sweep", path).stdout
+    with open(tmp_path / "agent.py", "a") as program:
+        program.write("\n# another version\n")
+    again = command_line("sweep", path, "--dry-run")
+    assert "all units are left to run" in again.stdout + again.stderr
+
+
+def test_a_program_that_fails_is_told(study: calib_rl.Study, tmp_path: Path) -> None:
+    path = external(tmp_path, study, 1024)
+    program = tmp_path / "agent.py"
+    good = program.read_text()
+    command_line("build-model", path)
+    for edit, told in [
+        (good.replace("serve(Talking)", "raise SystemExit(7)"), "exit status: 7"),
+        (good.replace("self.updates += 1\n", "raise ArithmeticError('own mistake')\n"), "ArithmeticError: own mistake"),
+        (good.replace("learning_rate: float,", "rate: float,"), "unexpected keyword argument"),
+        (good.replace("serve(Talking)", "import os; os.write(1, b'hello\\n'); serve(Talking)"), '"hello": expected one line'),
+    ]:
+        program.write_text(edit)
+        done = command_line("sweep", path)
+        assert done.returncode == 2, done.stderr
+        assert told in done.stderr and "agent.py" in done.stderr, done.stderr
+    program.write_text(good.replace("serve(Talking)", "import time; time.sleep(30)"))
+    done = command_line("sweep", path, "--set", "agent.timeout_secs=0.5")
+    assert "has not answered" in done.stderr and "agent.py" in done.stderr, done.stderr
+
+
+def test_curves_and_a_report_of_ones_own_agents(runs: agents.AgentRuns) -> None:
+    curves = runs.curves()
+    assert {"environment", "sensor", "run", "candidate", "label", "step", "rmse"} == set(curves.columns)
+    assert curves["rmse"].is_finite().all() and curves["step"].max() == 600
+    page = runs.evaluate().report.read_text(encoding="utf-8")
+    assert "learning_rate" in page and "PIT300" in page and "<svg" in page
 
 
 def test_tables_of_others_are_judged(tmp_path: Path) -> None:

@@ -31,6 +31,29 @@ def test_agents_of_three_libraries_are_judged(study: calib_rl.Study) -> None:
         assert f"{name}: " in told and "PIT300" in told
 
 
+def test_examples_of_libraries_that_may_be_missing(study: calib_rl.Study) -> None:
+    told = run("more_agents.py", study.path).splitlines()
+    assert [line.split(":")[0] for line in told] == ["river_td", "jax_td"]
+    for line in told:
+        assert "PIT300" in line or ("skipped" in line and "No module" in line), line
+
+
+def test_ray_tunes_an_example_or_says_that_it_is_missing(study: calib_rl.Study) -> None:
+    told = run("tune_with_ray.py", study.path, 2)
+    assert "PIT300" in told or "skipped, No module named 'ray'" in told
+
+
+def test_the_notebook_goes_from_a_frame_to_a_verdict() -> None:
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(EXAMPLES / "frame_to_verdict.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "it is kept without outputs"
+    nbclient.NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
+    shown = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert sum("image/svg+xml" in data for data in shown) == 2
+    assert any("PIT300" in data.get("text/html", "") and "Report" in data["text/html"] for data in shown if "text/html" in data)
+
+
 def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
     pytest.importorskip("optuna")
     told = run("tune_with_optuna.py", study.path)

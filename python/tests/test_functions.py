@@ -113,6 +113,37 @@ def test_ctrl_c_ends_a_search() -> None:
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.parametrize("path", [False, True])
+def test_ctrl_c_ends_a_warping(path: bool) -> None:
+    # Minutes of work, if nobody ended it.
+    series = np.random.default_rng(0).random(2_000_000)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    begun = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            calib_rl.dtw(series, series[::-1], path=path)
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+    assert time.monotonic() - begun < 30
+
+
+def test_searches_take_any_layout_and_refuse_what_is_none() -> None:
+    points = np.random.default_rng(0).random((300, 4)).astype(np.float32)
+    expected = calib_rl.knn_join(points, 3)[0]
+    for same in (np.asfortranarray(points), np.repeat(points, 2, axis=1)[:, ::2], points.astype(">f4"), points[::-1][::-1]):
+        assert (calib_rl.knn_join(same, 3)[0] == expected).all()
+    for bad in (points.astype(str), points.astype(complex), points.astype(object)):
+        with pytest.raises(TypeError, match="dtype"):
+            calib_rl.knn_join(bad, 3)
+    with pytest.raises(MemoryError):
+        calib_rl.knn_join(np.broadcast_to(np.float32(0), (1 << 40, 16)), 3)
+    with pytest.raises(MemoryError):
+        calib_rl.dtw(np.broadcast_to(0.0, (1 << 45,)), [1.0])
+
+
 def test_other_threads_run_meanwhile() -> None:
     points = np.random.default_rng(0).random((20_000, 30)).astype(np.float32)
     done = threading.Event()

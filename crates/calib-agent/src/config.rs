@@ -1,8 +1,13 @@
-use std::fmt::Display;
+use std::{collections::BTreeMap, fmt::Display};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+
+mod external;
+
+pub use external::AgentKind;
+use external::{STATES_PER_MESSAGE, TIMEOUT_SECS};
 
 /// How the value of a state is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -55,10 +60,34 @@ pub enum ReplayKind {
     None,
 }
 
-/// Hyperparameters of a TD(0) agent. Every field has a default, and all but `traces` are scalars.
+/// Hyperparameters of a TD(0) agent, or of one of another program. Every field has a default; all but `traces`, and what is of programs, are
+/// scalars. What is of programs is left out where it is the default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
+    /// `"td"` (default): calib's own agents. `"external"`: those of a program, which reads states and answers with predictions; of the other
+    /// keys, those that have a meaning then are `gamma`, `command`, `parameters`, `states_per_message` and `timeout_secs`.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_kind")]
+    #[schemars(extend("default" = "td"))]
+    pub kind: AgentKind,
+    /// With `kind = "external"`: the program and its arguments, such as `["python3", "agent.py"]`. It is started in the folder of the study,
+    /// once for each run and sensor.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("default" = []))]
+    pub command: Vec<String>,
+    /// With `kind = "external"`: hyperparameters by name, with their defaults; `[sweep.grid]` varies them.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("default" = {}))]
+    pub parameters: BTreeMap<String, Value>,
+    /// With `kind = "external"`: the most states of a message, from 1 to 1048576. Default 1024. With 1, no state is sent before the prediction
+    /// at the one before it has come.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_message")]
+    #[schemars(extend("default" = 1024))]
+    pub states_per_message: usize,
+    /// With `kind = "external"`: seconds that calib waits for an answer, above 0 and at most 1e6. Default 60. Results do not follow from it.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_timeout")]
+    #[schemars(extend("default" = 60.0))]
+    pub timeout_secs: f64,
     /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a
     /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` with each
     /// unbroken piece of the stream.
@@ -104,6 +133,11 @@ pub struct AgentConfig {
 impl Default for AgentConfig {
     fn default() -> Self {
         Self {
+            kind: AgentKind::Td,
+            command: Vec::new(),
+            parameters: BTreeMap::new(),
+            states_per_message: STATES_PER_MESSAGE,
+            timeout_secs: TIMEOUT_SECS,
             traces: Vec::new(),
             value_function: ValueFunction::Mlp,
             hidden_layers: 2,
@@ -143,6 +177,7 @@ impl AgentConfig {
     /// # Errors
     /// The first field that is outside.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.check_kind()?;
         let mlp = self.value_function == ValueFunction::Mlp;
         let uniform = self.replay == ReplayKind::Uniform;
         let single = |value: f64| (1e-45..=1e38).contains(&value);
@@ -202,8 +237,12 @@ impl AgentConfig {
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
     }
 
-    /// Every field by its name in a study, also one that is left out where it is the default.
+    /// Every hyperparameter by its name in a study, also one that is left out where it is the default: of a program, `gamma` and its own.
     pub fn fields(&self) -> Map<String, Value> {
+        if self.is_external() {
+            let gamma = [("gamma".to_owned(), Value::from(self.gamma))];
+            return self.parameters.clone().into_iter().chain(gamma).collect();
+        }
         match (serde_json::to_value(self), serde_json::to_value(self.precision)) {
             (Ok(Value::Object(mut fields)), Ok(precision)) => {
                 fields.insert("precision".to_owned(), precision);

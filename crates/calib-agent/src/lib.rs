@@ -67,7 +67,9 @@ mod train;
 mod validation;
 mod values;
 
-pub use config::{AgentConfig, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction};
+pub use config::{
+    AgentConfig, AgentKind, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction,
+};
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
 pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};

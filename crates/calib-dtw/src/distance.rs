@@ -1,7 +1,7 @@
 //! Distances of one pair, for one or several patterns.
 
 use crate::kernel::dispatch::InstructionSet;
-use crate::kernel::sweep::{Purpose, Sweep, Track, entry};
+use crate::kernel::sweep::{Purpose, Stop, Sweep, Track, entry};
 use crate::{Branch, DtwError, Ends, NoPath, Normalisation, Role, Series, Settings, StepPattern};
 
 /// A warping distance.
@@ -76,6 +76,8 @@ pub(crate) enum Outcome {
     /// Every path is longer than the bound.
     Above,
     NoPath,
+    /// Nobody waits for it any more.
+    Stopped,
 }
 
 /// Distances of a checked pair; gives up when every pattern is certain to exceed `bound`.
@@ -86,10 +88,11 @@ pub(crate) fn distances(
     query: Series<'_>,
     reference: Series<'_>,
     bound: f64,
+    stop: Stop<'_>,
 ) -> Vec<Outcome> {
     let m = reference.len();
     let purpose = if bound < f64::INFINITY { Purpose::Bounded } else { Purpose::Distance };
-    let mut sweep = Sweep::new(set, patterns, settings, query, reference, purpose);
+    let mut sweep = Sweep::new(set, patterns, settings, query, reference, purpose, stop);
     for track in &mut sweep.patterns {
         track.input = entry(settings, track.halo, m);
     }
@@ -101,6 +104,9 @@ pub(crate) fn distances(
         }
     }
     let best = finish(&mut sweep, patterns).into_iter();
+    if sweep.is_stopped {
+        return patterns.iter().map(|_| Outcome::Stopped).collect();
+    }
     best.map(|best| match best {
         Some(distance) if distance.raw > bound => Outcome::Above,
         Some(distance) => Outcome::Found(distance),
@@ -145,7 +151,7 @@ pub(crate) fn found(
 ) -> Result<Distance, NoPath> {
     match outcome {
         Outcome::Found(distance) => Ok(*distance),
-        Outcome::Above | Outcome::NoPath => {
+        Outcome::Above | Outcome::NoPath | Outcome::Stopped => {
             Err(NoPath::new(pattern, settings.window, query, reference))
         }
     }

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use crate::distance::{Outcome, check, distances, found};
 use crate::kernel::dispatch::InstructionSet;
-use crate::path::align;
+use crate::kernel::sweep::Stop;
+use crate::path::{Aligned, align};
 use crate::{
     Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
 };
@@ -107,11 +108,12 @@ impl Dtw {
         query: Series<'_>,
         reference: Series<'_>,
         bound: f64,
+        stop: Stop<'_>,
     ) -> Result<Outcome, DtwError> {
         self.check(query, reference)?;
         let patterns = std::slice::from_ref(&self.pattern);
         let mut outcomes =
-            distances(self.instruction_set, patterns, self.settings, query, reference, bound);
+            distances(self.instruction_set, patterns, self.settings, query, reference, bound, stop);
         Ok(outcomes.pop().unwrap_or(Outcome::NoPath))
     }
 
@@ -129,8 +131,24 @@ impl Dtw {
         query: impl Into<Series<'a>>,
         reference: impl Into<Series<'a>>,
     ) -> Result<Distance, DtwError> {
+        self.distance_until(query, reference, &|| false)
+    }
+
+    /// The same as [`Dtw::distance`], unless `stop` says meanwhile that nobody waits for it any more. It is asked every few milliseconds.
+    ///
+    /// # Errors
+    /// As [`Dtw::distance`], and [`DtwError::Stopped`].
+    pub fn distance_until<'a>(
+        &self,
+        query: impl Into<Series<'a>>,
+        reference: impl Into<Series<'a>>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Distance, DtwError> {
         let (query, reference) = (query.into(), reference.into());
-        let outcome = self.outcome(query, reference, f64::INFINITY)?;
+        let outcome = self.outcome(query, reference, f64::INFINITY, Some(stop))?;
+        if matches!(outcome, Outcome::Stopped) {
+            return Err(DtwError::Stopped);
+        }
         let (n, m) = (query.len(), reference.len());
         Ok(found(&outcome, &self.pattern, self.settings, n, m)?)
     }
@@ -147,10 +165,10 @@ impl Dtw {
         bound: f64,
     ) -> Result<Option<Distance>, DtwError> {
         let (query, reference) = (query.into(), reference.into());
-        match self.outcome(query, reference, bound)? {
+        match self.outcome(query, reference, bound, None)? {
             Outcome::Found(distance) => Ok(Some(distance)),
             Outcome::Above => Ok(None),
-            Outcome::NoPath => Err(self.no_path(query, reference).into()),
+            Outcome::NoPath | Outcome::Stopped => Err(self.no_path(query, reference).into()),
         }
     }
 
@@ -170,10 +188,58 @@ impl Dtw {
         query: impl Into<Series<'a>>,
         reference: impl Into<Series<'a>>,
     ) -> Result<Alignment, DtwError> {
+        self.align_until(query, reference, &|| false)
+    }
+
+    /// The same as [`Dtw::align`], unless `stop` says meanwhile that nobody waits for it any more. It is asked every few milliseconds.
+    ///
+    /// # Errors
+    /// As [`Dtw::distance`], and [`DtwError::Stopped`].
+    pub fn align_until<'a>(
+        &self,
+        query: impl Into<Series<'a>>,
+        reference: impl Into<Series<'a>>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Alignment, DtwError> {
         let (query, reference) = (query.into(), reference.into());
         self.check(query, reference)?;
         let (set, pattern) = (self.instruction_set, &self.pattern);
-        align(set, pattern, self.settings, query, reference)
-            .ok_or_else(|| self.no_path(query, reference).into())
+        match align(set, pattern, self.settings, query, reference, Some(stop)) {
+            Aligned::Found(alignment) => Ok(alignment),
+            Aligned::NoPath => Err(self.no_path(query, reference).into()),
+            Aligned::Stopped => Err(DtwError::Stopped),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    #[test]
+    fn what_nobody_waits_for_ends_wherever_it_is() {
+        let wave = |phase: f64| (0..3000).map(move |t| (f64::from(t) * 0.01 + phase).sin());
+        let (query, reference): (Vec<f64>, Vec<f64>) = (wave(0.0).collect(), wave(0.3).collect());
+        let dtw = Dtw::new(StepPattern::symmetric2());
+        let expected = dtw.align(&query, &reference).expect("a path");
+        // How often it is asked in all, and then a stop at each of these.
+        for stops_at in 1.. {
+            let asked = Cell::new(0);
+            let stop = || {
+                asked.set(asked.get() + 1);
+                asked.get() == stops_at
+            };
+            match dtw.align_until(&query, &reference, &stop) {
+                Err(DtwError::Stopped) => assert_eq!(asked.get(), stops_at, "never asked again"),
+                other => {
+                    assert_eq!(other, Ok(expected));
+                    assert!(stops_at > 6, "every strip is one to stop at");
+                    break;
+                }
+            }
+        }
+        assert_eq!(dtw.distance_until(&query, &reference, &|| true), Err(DtwError::Stopped));
     }
 }

@@ -76,6 +76,9 @@ pub enum DtwError {
     /// No path is admissible.
     #[error(transparent)]
     NoPath(#[from] NoPath),
+    /// Nobody waits for the result any more.
+    #[error("stopped")]
+    Stopped,
     /// The processor lacks the instruction set asked for.
     #[error("this processor does not have the {instruction_set} instructions")]
     Unsupported {

@@ -13,22 +13,31 @@ use crate::kernel::boundary::Boundary;
 use crate::kernel::dispatch::InstructionSet;
 use crate::kernel::lanes::{LANES, Pack};
 use crate::kernel::strip::Strip;
-use crate::kernel::sweep::{Purpose, Sweep, Track, entry};
+use crate::kernel::sweep::{Purpose, Stop, Sweep, Track, entry};
 use crate::{Branch, Series, Settings, StepPattern};
 
 /// Most parts a group of strips is split into.
 const MOST_PARTS: usize = 16;
 
-/// The best path of a checked pair; `None` if there is none.
+/// What became of a path.
+pub(crate) enum Aligned {
+    Found(Alignment),
+    NoPath,
+    /// Nobody waits for it any more.
+    Stopped,
+}
+
+/// The best path of a checked pair.
 pub(crate) fn align(
     set: InstructionSet,
     pattern: &StepPattern,
     settings: Settings,
     query: Series<'_>,
     reference: Series<'_>,
-) -> Option<Alignment> {
+    stop: Stop<'_>,
+) -> Aligned {
     let patterns = std::slice::from_ref(pattern);
-    let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Path);
+    let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Path, stop);
     let strips = sweep.strips();
     sweep.patterns[0].input = entry(settings, sweep.patterns[0].halo, reference.len());
     let mut borders = Borders::new(0..strips, sweep.patterns[0].input.clone());
@@ -36,7 +45,11 @@ pub(crate) fn align(
         sweep.run(number, reference.len(), |_, _| {});
         borders.offer(number, &sweep.patterns[0].input);
     }
-    let distance = crate::distance::finish(&mut sweep, patterns).pop()??;
+    let distance = crate::distance::finish(&mut sweep, patterns).pop().flatten();
+    if sweep.is_stopped {
+        return Aligned::Stopped;
+    }
+    let Some(distance) = distance else { return Aligned::NoPath };
     let mut tracer = Tracer {
         branches: pattern.branches(),
         reach: pattern.reach(),
@@ -46,9 +59,12 @@ pub(crate) fn align(
         cells: Vec::new(),
     };
     tracer.through(borders);
+    if tracer.sweep.is_stopped {
+        return Aligned::Stopped;
+    }
     tracer.backwards.reverse();
     let path = tracer.backwards;
-    Some(Alignment { distance, path })
+    Aligned::Found(Alignment { distance, path })
 }
 
 /// The rows above every part of a group of strips.
@@ -153,6 +169,9 @@ impl Tracer<'_> {
                 self.sweep.run(number, j + 1, |_, _| {});
                 borders.offer(number, &self.sweep.patterns[0].input);
             }
+            if self.sweep.is_stopped {
+                return;
+            }
             self.through(borders);
         }
     }
@@ -164,6 +183,11 @@ impl Tracer<'_> {
             let mut kept = Kept::new(strip, self.reach.1, std::mem::take(&mut self.cells));
             self.sweep.patterns[0].input = above.clone();
             self.sweep.run(number, j + 1, |time, tracks| kept.keep(time, &tracks[0]));
+            if self.sweep.is_stopped {
+                // What is known of the strip is not what the path stands on.
+                self.at = None;
+                return;
+            }
             while let Some((i, j)) = self.at.filter(|(i, _)| *i >= strip.first)
                 && kept.covers(i, j, self.reach)
             {

@@ -62,7 +62,7 @@ impl PatternSet {
         let set = InstructionSet::best();
         let (n, m) = (query.len(), reference.len());
         let outcomes = self.patterns.chunks(together).flat_map(|patterns| {
-            distances(set, patterns, self.settings, query, reference, f64::INFINITY)
+            distances(set, patterns, self.settings, query, reference, f64::INFINITY, None)
         });
         Ok(outcomes
             .zip(&self.patterns)

@@ -31,6 +31,7 @@ mod log;
 mod model;
 pub mod output;
 mod plan;
+mod program;
 mod propose;
 mod represent;
 mod rollouts;

@@ -143,7 +143,7 @@ pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<Simulat
 }
 
 /// Judge runs that something else made, of a table that [`SweepStreams::write`](crate::SweepStreams::write) wrote or that has its columns,
-/// by the `[evaluate]` of a study; with `output`, write `summary.json` and figures there.
+/// by the `[evaluate]` of a study; with `output`, write `summary.json`, figures and `report.html` there.
 ///
 /// # Errors
 /// As [`run`]; also if the table lacks a column, or a value of it is none.

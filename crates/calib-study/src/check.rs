@@ -21,6 +21,10 @@ impl Study {
         self.dynamics.check().map_err(|of| Problem::from(of).within("dynamics"))?;
         self.agent.check().map_err(|of| Problem::from(of).within("agent"))?;
         self.pretrain.check()?;
+        require!(
+            !(self.agent.is_external() && self.pretrain.is_on()),
+            "agent.kind = \"external\" is a program whose agents calib cannot pre-train; leave [pretrain] out"
+        );
         if let Some(control) = &self.control {
             control.check().map_err(|of| Problem::from(of).within("control"))?;
         }

@@ -189,6 +189,7 @@ impl Inputs {
         self.modelled(study);
         self.held_out(study);
         self.add("agent", &study.agent);
+        self.remove(&["agent.timeout_secs"]);
         self.add("sweep", &study.sweep);
         // As `rollout.start` here, whichever of both says so.
         self.remove(&["sweep.start"]);

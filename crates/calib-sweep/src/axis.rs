@@ -119,7 +119,8 @@ impl Axis {
         let fields = agent.fields();
         let Some(own) = fields.get(field) else {
             let known = fields.keys().cloned().collect::<Vec<_>>().join(", ");
-            return Err(SweepError::UnknownField { field: field.to_owned(), known });
+            let section = if agent.is_external() { "[agent.parameters]" } else { "[agent]" };
+            return Err(SweepError::UnknownField { field: field.to_owned(), section, known });
         };
         self.points_like(Some(own)).map_err(|error| {
             let field = field.to_owned();

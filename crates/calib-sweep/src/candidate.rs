@@ -109,12 +109,34 @@ fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
     let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
+    if agent.is_external() {
+        let with = of_program(agent, values);
+        with.check().map_err(|error| invalid(error.to_string()))?;
+        return Ok(with);
+    }
     let mut fields = agent.fields();
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))
         .map_err(|error| invalid(error.to_string()))?;
     with.check().map_err(|error| invalid(error.to_string()))?;
     Ok(with)
+}
+
+/// The agent of a program: values are its own, but for the discount factor. Where the default is a fraction, a whole number is one too.
+fn of_program(agent: &AgentConfig, values: &[(String, Value)]) -> AgentConfig {
+    let mut with = agent.clone();
+    for (field, value) in values {
+        match (field.as_str(), value.as_f64()) {
+            ("gamma", Some(gamma)) => with.gamma = gamma,
+            (_, number) => {
+                let own = agent.parameters.get(field);
+                let fraction = number.filter(|_| own.is_some_and(Value::is_f64));
+                let value = fraction.map_or_else(|| value.clone(), Value::from);
+                with.parameters.insert(field.clone(), value);
+            }
+        }
+    }
+    with
 }
 
 #[cfg(test)]
@@ -188,6 +210,37 @@ mod tests {
     fn values_are_written_as_by_hand() {
         assert_eq!(written(&serde_json::json!(1e-4)), "1e-4");
         assert_eq!(written(&serde_json::json!("adam")), "adam");
+    }
+
+    #[test]
+    fn values_of_a_program_are_its_own() {
+        let agent = AgentConfig {
+            kind: calib_agent::AgentKind::External,
+            command: vec!["agent".to_owned()],
+            parameters: BTreeMap::from([
+                ("rate".to_owned(), 1.0.into()),
+                ("kind".to_owned(), "a".into()),
+            ]),
+            ..AgentConfig::default()
+        };
+        let mut grid = sweep(&[("gamma", &[0.9])]);
+        grid.grid.insert("rate".to_owned(), vec![1.into(), 2.into()].into());
+        grid.grid.insert("kind".to_owned(), vec!["a".into(), "b".into()].into());
+        let all = candidates(&grid, &agent).expect("valid");
+        assert_eq!(all.len(), 5, "the default has another gamma");
+        let [first, .., default] = all.as_slice() else { unreachable!("five") };
+        assert_eq!(first.agent.gamma, 0.9);
+        assert_eq!(first.agent.parameters, agent.parameters, "1 is 1.0");
+        assert!(default.is_default && default.agent == agent);
+        let unknown =
+            candidates(&sweep(&[("learning_rate", &[0.5])]), &agent).expect_err("unknown");
+        assert_eq!(
+            unknown.to_string(),
+            "sweep.grid.learning_rate is no key of [agent.parameters]; there are: gamma, kind, rate"
+        );
+        let wrong =
+            candidates(&sweep(&[("gamma", &[1.5])]), &agent).expect_err("no discount factor");
+        assert!(wrong.to_string().contains("[0, 1)"), "{wrong}");
     }
 
     #[test]

@@ -42,10 +42,12 @@ pub enum SweepError {
         candidates: usize,
     },
     /// A field that no agent has.
-    #[error("sweep.grid.{field} is no key of [agent]; there are: {known}")]
+    #[error("sweep.grid.{field} is no key of {section}; there are: {known}")]
     UnknownField {
         /// What the study says.
         field: String,
+        /// Where the fields stand.
+        section: &'static str,
         /// The fields that there are.
         known: String,
     },
@@ -124,6 +126,14 @@ pub enum SweepError {
         unit: Unit,
         /// Why.
         source: AgentError,
+    },
+    /// The program of external agents failed.
+    #[error("{unit}")]
+    Program {
+        /// Where.
+        unit: Unit,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A model could not be rolled out.
     #[error(transparent)]

@@ -8,6 +8,7 @@
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
 //! - [`Plan::race`]: values that are surely worse than the leader make no more runs.
+//! - [`Program`]: agents of another program, which are trained in the place of calib's own.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
 //!
@@ -37,6 +38,7 @@ mod kept;
 mod member;
 mod pass;
 mod plan;
+mod program;
 mod race;
 mod range;
 mod replay;
@@ -60,6 +62,7 @@ pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
 pub use pass::Start;
 pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready};
+pub use program::{Predicted, Program, Stopped, Wanted};
 pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;

@@ -1,11 +1,12 @@
 use std::ops::Range;
 
-use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, train_learners};
+use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, RunOutcome, train_learners};
 use calib_core::Monitor;
 use calib_files::Fingerprint;
 
 use crate::{
-    PlanOptions, RunRow, RunStream, SweepError, UnitResult, UnitSink, kept::KeptRun, plan::Job,
+    PlanOptions, Program, RunRow, RunStream, SweepError, UnitResult, UnitSink, kept::KeptRun,
+    plan::Job, program::outcomes,
 };
 
 /// What the agents of one sensor start from.
@@ -22,6 +23,8 @@ pub struct Start {
 /// one that it would have alone.
 pub(crate) struct Pass<'p, 'a> {
     pub(crate) jobs: Vec<&'p Job<'a>>,
+    /// What trains them, if not calib.
+    pub(crate) program: Option<&'p dyn Program>,
     pub(crate) options: &'p PlanOptions,
     /// Work between two states of the run that are kept.
     pub(crate) work_between: u64,
@@ -41,6 +44,10 @@ impl Pass<'_, '_> {
             return self.put(sink, &streamed, RunRow::failed);
         }
         let stream = &streamed.stream;
+        if let Some(program) = self.program {
+            let outcomes = outcomes(program, &self.jobs, &**stream, self.options, monitor)?;
+            return self.put_outcomes(sink, &streamed, outcomes);
+        }
         let learners: Vec<Learner<'_>> = self
             .jobs
             .iter()
@@ -64,13 +71,23 @@ impl Pass<'_, '_> {
                 AgentError::Interrupted => SweepError::Interrupted,
                 source => SweepError::Agent { unit: first.unit.clone(), source },
             })?;
-        let mut outcomes = outcomes.into_iter();
-        let results = self.put(sink, &streamed, |candidate, steps| {
-            let outcome = outcomes.next().unwrap_or_else(|| unreachable!("one a learner"));
-            RunRow::new(candidate, steps, outcome)
-        })?;
+        let results = self.put_outcomes(sink, &streamed, outcomes)?;
         kept.forget();
         Ok(results)
+    }
+
+    /// Store what the agents of all jobs came to, in the order of the jobs and their agents.
+    fn put_outcomes(
+        &self,
+        sink: &dyn UnitSink,
+        streamed: &RunStream,
+        outcomes: Vec<RunOutcome>,
+    ) -> Result<Vec<UnitResult>, SweepError> {
+        let mut outcomes = outcomes.into_iter();
+        self.put(sink, streamed, |candidate, steps| {
+            let outcome = outcomes.next().unwrap_or_else(|| unreachable!("one an agent"));
+            RunRow::new(candidate, steps, outcome)
+        })
     }
 
     /// Store the results of all jobs, whose rows `row` makes of a candidate's position and the steps of the stream,

@@ -1,16 +1,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use calib_agent::{AgentConfig, Part};
+use calib_agent::Part;
 use calib_core::{Monitor, Seed};
-use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use crate::{
-    Candidate, Environment, EnvironmentId, PlannedUnit, Span, Start, SweepError, Unit, UnitResult,
-    UnitStore, WORK_BETWEEN, pass::Pass, race::Race,
+    Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start, SweepError, Unit,
+    UnitResult, UnitStore, WORK_BETWEEN, pass::Pass, race::Race,
 };
 
+mod key;
 mod part;
 
 pub use part::{PassId, Ready};
@@ -43,6 +42,8 @@ pub struct Plan<'a> {
     sensors: Vec<(String, usize)>,
     /// What the agents of a sensor start from, where they were pre-trained.
     starts: BTreeMap<String, Start>,
+    /// What trains agents, if not calib.
+    program: Option<&'a dyn Program>,
     options: PlanOptions,
     work_between: u64,
     race: Option<Race>,
@@ -97,7 +98,15 @@ impl<'a> Plan<'a> {
         options: PlanOptions,
     ) -> Self {
         let (starts, work_between) = (BTreeMap::new(), WORK_BETWEEN);
-        Self { candidates, environments, sensors, starts, options, work_between, race: None }
+        let (program, race) = (None, None);
+        Self { candidates, environments, sensors, starts, program, options, work_between, race }
+    }
+
+    /// The same plan for agents of a program, if there is one.
+    #[must_use]
+    pub fn by(mut self, program: Option<&'a dyn Program>) -> Self {
+        self.program = program;
+        self
     }
 
     /// The same plan for agents that start from checkpoints, one a sensor.
@@ -284,11 +293,20 @@ impl<'a> Plan<'a> {
                 if monitor.interrupted() {
                     return Err(SweepError::Interrupted);
                 }
-                Pass { jobs, options: &self.options, work_between: self.work_between }
-                    .run(store, monitor)
+                self.pass(jobs).run(store, monitor)
             })
             .collect::<Result<Vec<_>, _>>()?;
         Ok(trained.into_iter().flatten().collect())
+    }
+
+    /// A pass of these jobs.
+    fn pass<'p>(&'p self, jobs: Vec<&'p Job<'a>>) -> Pass<'p, 'a> {
+        Pass {
+            jobs,
+            program: self.program,
+            options: &self.options,
+            work_between: self.work_between,
+        }
     }
 
     /// Decide what the results allow to decide; whether that was anything.
@@ -355,43 +373,5 @@ impl<'a> Plan<'a> {
             }
         }
         jobs
-    }
-
-    /// Fingerprint of everything that a unit's result follows from.
-    fn key(
-        &self,
-        unit: &Unit,
-        column: usize,
-        agents: &[&Candidate],
-        start: Option<&Start>,
-        seed: Seed,
-        inputs: &Fingerprint,
-    ) -> String {
-        #[derive(Serialize)]
-        struct Key<'k> {
-            format: u32,
-            unit: &'k Unit,
-            column: usize,
-            agents: Vec<(usize, &'k AgentConfig)>,
-            span: Span,
-            curve_points: usize,
-            seed: Seed,
-            inputs: &'k Fingerprint,
-            #[serde(skip_serializing_if = "Option::is_none")]
-            start: Option<&'k Fingerprint>,
-        }
-        let key = Key {
-            format: RESULT_VERSION,
-            unit,
-            column,
-            agents: agents.iter().map(|agent| (agent.index, &agent.agent)).collect(),
-            span: self.options.span,
-            curve_points: self.options.curve_points,
-            seed,
-            inputs,
-            start: start.map(|start| &start.fingerprint),
-        };
-        let text = serde_json::to_vec(&key).unwrap_or_else(|_| unreachable!("plain data"));
-        Fingerprinter::default().add(&text).finish().to_string()
     }
 }

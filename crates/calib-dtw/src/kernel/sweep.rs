@@ -21,6 +21,12 @@ const PATH_HEIGHT: usize = 16;
 /// How often a bounded distance is compared with the bound on its way, about.
 const LOOKS: usize = 8;
 
+/// Columns between two looks whether to stop: some milliseconds.
+const COLUMNS_PER_LOOK: usize = 1 << 13;
+
+/// Whether nobody waits for the result any more.
+pub(crate) type Stop<'a> = Option<&'a dyn Fn() -> bool>;
+
 /// What a sweep is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
@@ -58,6 +64,9 @@ pub(crate) struct Sweep<'a> {
     pub(crate) reference: Series<'a>,
     pub(crate) settings: Settings,
     pub(crate) patterns: Vec<Track>,
+    stop: Stop<'a>,
+    /// Whether it was stopped: what it has come to means nothing then.
+    pub(crate) is_stopped: bool,
     height: usize,
     local: LocalDispatch,
     local_halo: usize,
@@ -75,6 +84,12 @@ pub(crate) struct Sweep<'a> {
 
 fn columns(count: usize, rows: usize) -> Columns {
     vec![vec![Pack::splat(0.0); rows].into_boxed_slice(); count]
+}
+
+/// The column of each lane at a time.
+#[inline]
+fn columns_at(time: usize) -> Pack {
+    Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
 }
 
 /// What lies above the first strip, for a pattern of this halo.
@@ -95,6 +110,7 @@ impl<'a> Sweep<'a> {
         query: Series<'a>,
         reference: Series<'a>,
         purpose: Purpose,
+        stop: Stop<'a>,
     ) -> Self {
         let reaches = patterns.iter().map(StepPattern::reach);
         let (halo, reach) = reaches.fold((1, 1), |(a, b), (c, d)| (a.max(c), b.max(d)));
@@ -133,6 +149,8 @@ impl<'a> Sweep<'a> {
             query,
             reference,
             settings,
+            stop,
+            is_stopped: false,
             height,
             local: local_dispatch(set, settings.local_distance, query.channels()),
             local_halo: halo,
@@ -187,14 +205,15 @@ impl<'a> Sweep<'a> {
         limit: usize,
         mut visit: impl FnMut(usize, &[Track]),
     ) {
+        if self.is_stopped {
+            return;
+        }
         let strip = self.strip(number);
         let m = self.reference.len();
         let window = self.settings.window;
         let columns = strip.columns(window, m, limit);
         if columns.is_empty() {
-            for pattern in &mut self.patterns {
-                pattern.input.reset(0..0);
-            }
+            self.patterns.iter_mut().for_each(|pattern| pattern.input.reset(0..0));
             return;
         }
         // Branches may come from a little further left than the first open cell.
@@ -207,6 +226,10 @@ impl<'a> Sweep<'a> {
         let margin = LANES - 1;
         let mut reference: Vec<&[f64; LANES]> = Vec::with_capacity(self.reversed.len());
         for time in start..columns.end + strip.last_lane() {
+            if time.is_multiple_of(COLUMNS_PER_LOOK) && self.stop.is_some_and(|stop| stop()) {
+                self.is_stopped = true;
+                return;
+            }
             reference.clear();
             reference.extend(
                 self.reversed
@@ -225,11 +248,7 @@ impl<'a> Sweep<'a> {
             }
             let seeds = number == 0 && time == 0 && !open_begin;
             let use_mask = windowed || seeds;
-            let at = if use_mask {
-                Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
-            } else {
-                Pack::splat(0.0)
-            };
+            let at = if use_mask { columns_at(time) } else { Pack::splat(0.0) };
             for pattern in &mut self.patterns {
                 pattern.cumulated.rotate_right(1);
                 let mut input = ColumnInput {

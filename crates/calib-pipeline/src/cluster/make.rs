@@ -42,6 +42,11 @@ pub(crate) fn make(
     options: &ClusterPlanOptions,
     printer: &Printer,
 ) -> anyhow::Result<Outcome> {
+    ensure!(
+        !job.study().agent.is_external(),
+        "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",
+        job.command("sweep")
+    );
     let directory = &options.directory;
     let path = path_in(directory);
     ensure!(

@@ -1,11 +1,11 @@
 //! Judging runs that something else made.
 
-use std::path::Path;
+use std::{io::Write as _, path::Path};
 
 use anyhow::ensure;
 use calib_core::{Period, Seed};
-use calib_files::write_json;
-use calib_report::caveats;
+use calib_files::{Fingerprint, fingerprint_file, write_atomically, write_json};
+use calib_report::{Report, Reproduction, Score, caveats};
 use calib_study::Study;
 use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 
@@ -21,7 +21,8 @@ use crate::{
     },
 };
 
-/// Judge the runs in the table at `path` by the `[evaluate]` of `study`, and write `summary.json` and figures to `output`, if it is given.
+/// Judge the runs in the table at `path` by the `[evaluate]` of `study`, and write `summary.json`, figures and `report.html` to `output`, if
+/// it is given.
 pub(crate) fn run(
     path: &Path,
     study: &Study,
@@ -68,31 +69,77 @@ pub(crate) fn run(
         notes: Vec::new(),
     };
     if let Some(directory) = output {
-        write(directory, &summary, &sweep, study)?;
+        let report = report(&summary, rows, &sweep, study, path)?;
+        write(directory, &summary, &report)?;
     }
     if printer.is_for_machines() {
         printer.json(&summary)?;
     } else {
         evaluate::print_advice(&summary, printer)?;
         evaluate::print_notes(&summary.caveats, printer)?;
+        if let Some(directory) = output {
+            printer.result(&format!("report: {}", directory.join(REPORT).display()))?;
+        }
     }
     Ok(evaluate::told(&summary))
 }
 
-fn write(
-    directory: &Path,
+/// The page beside the summary.
+const REPORT: &str = "report.html";
+
+/// What is known of runs that calib did not make: how errors follow from values, and what that says.
+fn report(
     summary: &Summary,
+    verdicts: Vec<calib_report::Verdict>,
     sweep: &SweepManifest,
     study: &Study,
-) -> anyhow::Result<()> {
+    path: &Path,
+) -> anyhow::Result<Report> {
+    let of = |verdict| sensitivity(verdict, &sweep.candidates, study.model_name());
+    Ok(Report {
+        title: summary.title.clone(),
+        subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),
+        score: Score::nrmse(),
+        decision: None,
+        verdicts,
+        warnings: Vec::new(),
+        sensitivities: summary.verdicts.iter().map(of).collect(),
+        learning: Vec::new(),
+        recorded: Vec::new(),
+        rollouts: Vec::new(),
+        rollout_grids: Vec::new(),
+        jumps: Vec::new(),
+        tables: Vec::new(),
+        data: None,
+        reproduction: reproduction(path, study)?,
+    })
+}
+
+fn reproduction(path: &Path, study: &Study) -> anyhow::Result<Reproduction> {
+    let runs = calib_study::shell_words([path.display().to_string()]);
+    // A table is judged as it lies there; one that is a pipe has no content that could be read twice.
+    let fingerprint =
+        fingerprint_file(path).as_ref().map_or_else(|_| String::new(), Fingerprint::to_string);
+    Ok(Reproduction {
+        command: format!("calib evaluate --runs {runs}"),
+        study_toml: toml::to_string(&study.evaluate).map(|text| format!("[evaluate]\n{text}"))?,
+        versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
+        seeds: vec![("study".to_owned(), study.seed)],
+        fingerprint,
+    })
+}
+
+fn write(directory: &Path, summary: &Summary, report: &Report) -> anyhow::Result<()> {
     calib_files::create_directory(directory)?;
     let figures = directory.join("figures");
     calib_files::create_directory(&figures)?;
-    for verdict in &summary.verdicts {
-        let figure = sensitivity(verdict, &sweep.candidates, study.model_name()).figure()?;
-        figures::write(&figures, &format!("sensitivity-{}", verdict.sensor), &figure)?;
+    for sensitivity in &report.sensitivities {
+        let name = format!("sensitivity-{}", sensitivity.sensor);
+        figures::write(&figures, &name, &sensitivity.figure()?)?;
     }
-    Ok(write_json(&directory.join("summary.json"), summary)?)
+    write_json(&directory.join("summary.json"), summary)?;
+    let html = report.html()?;
+    Ok(write_atomically(&directory.join(REPORT), |file| file.write_all(html.as_bytes()))?)
 }
 
 /// Of a sweep that calib did not make.

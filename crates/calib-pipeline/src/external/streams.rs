@@ -22,7 +22,7 @@ use crate::{
         SweepManifest,
         environments::{Environments, Sources, Streaming, open_all},
         streams::{Streams, error_scales},
-        tables::external_runs,
+        tables::{FILES, curves_table, external_runs},
     },
 };
 
@@ -205,7 +205,8 @@ impl SweepStreams {
         self.steps().min(self.runs[stream].stream.len().saturating_sub(1))
     }
 
-    /// Write what agents came to as a table that [`evaluate_runs`](crate::evaluate_runs) reads.
+    /// Write what agents came to as a table that [`evaluate_runs`](crate::evaluate_runs) reads, and beside it their learning curves,
+    /// `curves.parquet`.
     ///
     /// # Errors
     /// If a field has the name of another column, or the file cannot be written.
@@ -229,6 +230,8 @@ impl SweepStreams {
         };
         let units: Vec<UnitResult> = results.iter().map(|of| self.unit(of)).collect();
         let table = external_runs(&sweep, self.part, &units)?;
+        let curves = curves_table(&sweep.candidates, &units);
+        artefact::write_table(curves, &path.with_file_name(FILES[1]))?;
         Ok(artefact::write_table(table, path)?)
     }
 

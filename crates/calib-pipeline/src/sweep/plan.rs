@@ -94,6 +94,20 @@ pub(crate) fn agents_of(candidates: &[Candidate]) -> Vec<AgentConfig> {
     candidates.iter().map(|candidate| candidate.agent.clone()).collect()
 }
 
+/// What agents take that learn along one stream. A program's own are its own: calib has one prediction of each for every state, and returns.
+pub(crate) fn agents_bytes(
+    agents: &[AgentConfig],
+    sensors: usize,
+    width: usize,
+    states: usize,
+) -> u64 {
+    if agents.iter().any(AgentConfig::is_external) {
+        (states * (4 * agents.len() + 8) * sensors) as u64
+    } else {
+        training_bytes(agents, sensors, width, states)
+    }
+}
+
 /// What the memory of a sweep depends on.
 pub(crate) struct Sizes {
     /// Recorded states: of the training range, once more of the model, and held out.
@@ -143,7 +157,7 @@ impl Memory {
         // States are f32, timestamps 8 bytes.
         let data = (rows * (4 * width + 8)) as u64;
         // A stream is a list of row numbers.
-        let thread = 4 * states as u64 + training_bytes(agents, sensors, width, states);
+        let thread = 4 * states as u64 + agents_bytes(agents, sensors, width, states);
         let predictions = 4 * (predicted_runs * states * width) as u64;
         let row = 200 + 24 * curve_points as u64;
         let results = (units * agents.len()) as u64 * row;

@@ -185,7 +185,9 @@ fn sweep(
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
     let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
-    if job.policy().is_dry() && missing > shared && preview.memory.fits() {
+    // Of a program it is not known.
+    let is_timed = setting.program.is_none() && missing > shared && preview.memory.fits();
+    if job.policy().is_dry() && is_timed {
         let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
         let passes = plan.passes(&stored)?;
         let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);

@@ -6,13 +6,16 @@ use anyhow::bail;
 use calib_core::Seed;
 use calib_data::Dataset;
 use calib_study::{Job, Study};
-use calib_sweep::{Candidate, Environment, Plan, PlanOptions, Start, SweepError, candidates};
+use calib_sweep::{
+    Candidate, Environment, Plan, PlanOptions, Program, Start, SweepError, candidates,
+};
 
 use crate::{
     agents::pretrain_files,
     log::partition::{self, Parts, PretrainPart},
     model::model_files::{self, OpenModel},
     output::Printer,
+    program::ExternalAgents,
     sweep::{
         environments::{Environments, Sources, Streaming, open_all},
         notes::standing_still,
@@ -34,6 +37,8 @@ pub(crate) struct Setting {
     pub(crate) still: Vec<Still>,
     /// What agents start from, by sensor, if they were pre-trained.
     pub(crate) starts: BTreeMap<String, Start>,
+    /// What trains agents, if not calib.
+    pub(crate) program: Option<ExternalAgents>,
     /// What is to be told of them.
     pub(crate) notes: Vec<String>,
 }
@@ -77,6 +82,7 @@ impl Setting {
             sensors,
             still,
             starts,
+            program: ExternalAgents::of(job)?,
             notes,
         }))
     }
@@ -107,7 +113,8 @@ impl Setting {
             seed: agent_seed(study),
         };
         let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
-        raced(plan.starting_from(self.starts.clone()), study)
+        let program = self.program.as_ref().map(|program| program as &dyn Program);
+        raced(plan.starting_from(self.starts.clone()).by(program), study)
     }
 }
 

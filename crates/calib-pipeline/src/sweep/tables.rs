@@ -170,7 +170,8 @@ fn with_agent_columns(
     table
 }
 
-fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
+/// One row a point of a learning curve.
+pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
     let mut points = Vec::new();
     for result in results {
         for row in &result.rows {

@@ -30,6 +30,7 @@ impl Task {
             steps,
             batch_size: agent.batch_size,
             agent: match agent.value_function {
+                _ if agent.is_external() => calib_study::shell_words(agent.command.iter().cloned()),
                 ValueFunction::Linear => "linear".to_owned(),
                 ValueFunction::Mlp => format!("{} x {}", agent.hidden_layers, agent.hidden_units),
             },

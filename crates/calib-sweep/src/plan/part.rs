@@ -6,7 +6,7 @@ use calib_core::Monitor;
 use serde::{Deserialize, Serialize};
 
 use super::{Job, Plan, Survivors};
-use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink, pass::Pass};
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink};
 
 /// The units of some sensors in one run of one environment, which share a pass over its stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -115,6 +115,6 @@ impl Plan<'_> {
         if monitor.interrupted() {
             return Err(SweepError::Interrupted);
         }
-        Pass { jobs, options: &self.options, work_between: self.work_between }.run(sink, monitor)
+        self.pass(jobs).run(sink, monitor)
     }
 }

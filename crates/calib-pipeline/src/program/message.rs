@@ -1,0 +1,104 @@
+//! What is said: a line of JSON each, and states as numbers behind it.
+
+use std::{collections::BTreeMap, ops::Range};
+
+use calib_core::Stream;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::Value;
+
+/// Of the protocol.
+const VERSION: u32 = 1;
+
+/// A run begins: what is to be predicted, and by what agent.
+#[derive(Serialize)]
+pub(super) struct Begin<'a> {
+    pub(super) sensor: &'a str,
+    pub(super) column: usize,
+    pub(super) columns: usize,
+    pub(super) gamma: f64,
+    pub(super) seed: u64,
+    pub(super) steps: usize,
+    pub(super) parameters: &'a BTreeMap<String, Value>,
+}
+
+/// What an answer can be.
+pub(super) trait Answer: DeserializeOwned {
+    /// What it looks like.
+    const LIKE: &'static str;
+
+    /// Whether it is one of this version.
+    fn is_valid(&self) -> bool;
+}
+
+/// The program has made the agent.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Ready {
+    ready: u32,
+}
+
+impl Answer for Ready {
+    const LIKE: &'static str = "{\"ready\": 1}";
+
+    fn is_valid(&self) -> bool {
+        self.ready == VERSION
+    }
+}
+
+/// One prediction a state; null is one that is not finite.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Predictions {
+    pub(super) predictions: Vec<Option<f64>>,
+    #[serde(default)]
+    pub(super) updates: u64,
+}
+
+impl Answer for Predictions {
+    const LIKE: &'static str =
+        "{\"predictions\": [0.5, 0.25], \"updates\": 2} (null is a prediction that is not finite)";
+
+    fn is_valid(&self) -> bool {
+        true
+    }
+}
+
+impl Predictions {
+    /// Those before the first that is not finite in single precision.
+    pub(super) fn finite(&self) -> Vec<f32> {
+        let finite = |value: &Option<f64>| value.filter(|value| value.abs() <= f64::from(f32::MAX));
+        self.predictions.iter().map_while(finite).map(|value| value as f32).collect()
+    }
+
+    /// Whether there is one that is not finite, behind which nothing counts.
+    pub(super) fn ends_early(&self) -> bool {
+        self.finite().len() < self.predictions.len()
+    }
+}
+
+/// The program cannot go on.
+#[derive(Deserialize)]
+pub(super) struct Failure {
+    pub(super) error: String,
+}
+
+pub(super) fn begin(told: &Begin<'_>) -> Vec<u8> {
+    line(&serde_json::json!({ "calib": VERSION, "begin": told }))
+}
+
+/// States of `part`, which lies in the unbroken `piece`: a line, then each state as numbers in single precision, low bytes first.
+pub(super) fn states(stream: &dyn Stream, part: &Range<usize>, piece: &Range<usize>) -> Vec<u8> {
+    let (begins, ends) = (part.start == piece.start, part.end == piece.end);
+    let mut message =
+        line(&serde_json::json!({ "states": part.len(), "begins": begins, "ends": ends }));
+    message.reserve(4 * part.len() * stream.width());
+    let values = part.clone().flat_map(|t| stream.state(t));
+    message.extend(values.flat_map(|value| value.to_le_bytes()));
+    message
+}
+
+fn line(value: &Value) -> Vec<u8> {
+    let mut text = value.to_string().into_bytes();
+    text.push(b'\n');
+    text
+}

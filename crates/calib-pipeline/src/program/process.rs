@@ -1,0 +1,213 @@
+//! A process that is asked and answers. Threads of their own read and write, so that one that hangs, or does not read, is noticed.
+
+use std::{
+    io::{BufRead as _, BufReader, Read, Write as _},
+    process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel},
+    },
+    thread,
+    time::Duration,
+};
+
+use calib_core::Monitor;
+use calib_sweep::Stopped;
+
+use super::{
+    Asked, ExternalAgents,
+    error::{ProgramError, failed},
+    is_path,
+    message::{Answer, Failure},
+};
+
+/// Between two looks whether the user asked to stop.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long a process may take to end when nothing is left to do, or to be found ended when it is silent.
+const FAREWELL: Duration = Duration::from_secs(5);
+/// Bytes of a line that are not of predictions, and of each of these at most.
+const LINE_BYTES: usize = 1 << 16;
+const PREDICTION_BYTES: usize = 64;
+/// Of what a process has said, the last is told; and of a line, the beginning.
+const SAID_BYTES: usize = 2000;
+const LINE_SHOWN: usize = 120;
+
+pub(super) struct Process<'p> {
+    program: &'p ExternalAgents,
+    child: Child,
+    messages: Option<Sender<Vec<u8>>>,
+    lines: Receiver<Vec<u8>>,
+    said: Arc<Mutex<Vec<u8>>>,
+    /// Ends when nothing more will be said.
+    said_all: Receiver<()>,
+}
+
+impl<'p> Process<'p> {
+    pub(super) fn start(program: &'p ExternalAgents) -> Result<Self, ProgramError> {
+        let [name, arguments @ ..] = program.command.as_slice() else {
+            unreachable!("a command was checked to have words")
+        };
+        let path =
+            if is_path(name) { program.folder.join(name).into() } else { name.clone().into() };
+        let mut command = Command::new::<std::ffi::OsString>(path);
+        command.args(arguments).current_dir(&program.folder);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // Ctrl-C is for calib, which then ends it.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn().map_err(|source| ProgramError::Start {
+            command: program.shown(),
+            folder: program.folder.clone(),
+            source,
+        })?;
+        let (messages, to_write) = channel();
+        let (read, lines) = sync_channel(1);
+        let (ending, said_all) = channel();
+        let said = Arc::new(Mutex::new(Vec::new()));
+        if let (Some(input), Some(output), Some(errors)) =
+            (child.stdin.take(), child.stdout.take(), child.stderr.take())
+        {
+            let longest = LINE_BYTES + PREDICTION_BYTES * program.states_per_message;
+            let heard = Arc::clone(&said);
+            thread::spawn(move || write(input, &to_write));
+            thread::spawn(move || read_lines(output, longest, &read));
+            thread::spawn(move || listen(errors, &heard, &ending));
+        }
+        Ok(Self { program, child, messages: Some(messages), lines, said, said_all })
+    }
+
+    /// Send a message and wait for its answer.
+    pub(super) fn ask<A: Answer>(
+        &mut self,
+        message: Vec<u8>,
+        asked: &Asked<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<A, Stopped> {
+        // Where nobody reads any more, nobody answers either.
+        let _ = self.messages.as_ref().map(|messages| messages.send(message));
+        let look = LOOK.min(self.program.timeout);
+        let mut waited = Duration::ZERO;
+        loop {
+            match self.lines.recv_timeout(look) {
+                Ok(line) => return self.answer(&line, asked).map_err(failed),
+                Err(_) if monitor.interrupted() => return Err(Stopped::Interrupted),
+                Err(RecvTimeoutError::Disconnected) => return Err(failed(self.ended(asked))),
+                Err(RecvTimeoutError::Timeout) => waited += look,
+            }
+            if waited >= self.program.timeout {
+                let secs = self.program.timeout.as_secs_f64();
+                let (command, asked, said) = (self.program.shown(), asked.to_string(), self.said());
+                return Err(failed(ProgramError::Silent { command, asked, secs, said }));
+            }
+        }
+    }
+
+    fn answer<A: Answer>(&self, line: &[u8], asked: &Asked<'_>) -> Result<A, ProgramError> {
+        match serde_json::from_slice::<A>(line) {
+            Ok(answer) if answer.is_valid() => return Ok(answer),
+            _ => {}
+        }
+        let (command, asked) = (self.program.shown(), asked.to_string());
+        if let Ok(Failure { error: reason }) = serde_json::from_slice(line) {
+            return Err(ProgramError::Refused { command, asked, reason });
+        }
+        let (line, expected, said) = (shown(line), A::LIKE, self.said());
+        Err(ProgramError::Babble { command, asked, line, expected, said })
+    }
+
+    /// Nothing more is asked: the process ends.
+    pub(super) fn finish(mut self) -> Result<(), ProgramError> {
+        self.messages = None;
+        let command = self.program.shown();
+        if let Ok(line) = self.lines.recv_timeout(FAREWELL) {
+            return Err(ProgramError::More { command, line: shown(&line) });
+        }
+        match self.status() {
+            Some(status) if !status.success() => {
+                let (how, said) = (how(status), self.said_at_last());
+                Err(ProgramError::EndedBadly { command, how, said })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Why it is that no line comes any more.
+    fn ended(&mut self, asked: &Asked<'_>) -> ProgramError {
+        let how = self.status().map_or_else(|| "has closed its standard output".to_owned(), how);
+        let (command, asked) = (self.program.shown(), asked.to_string());
+        ProgramError::Ended { command, how, asked, said: self.said_at_last() }
+    }
+
+    /// How it ended, if it does so soon.
+    fn status(&mut self) -> Option<ExitStatus> {
+        let mut waited = Duration::ZERO;
+        while waited < FAREWELL {
+            if let Ok(Some(status)) = self.child.try_wait() {
+                return Some(status);
+            }
+            thread::sleep(LOOK / 10);
+            waited += LOOK / 10;
+        }
+        None
+    }
+
+    fn said_at_last(&self) -> String {
+        // It says nothing itself: that it has ended is what is waited for.
+        let _ = self.said_all.recv_timeout(LOOK * 10);
+        self.said()
+    }
+
+    fn said(&self) -> String {
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        String::from_utf8_lossy(&said).into_owned()
+    }
+}
+
+impl Drop for Process<'_> {
+    fn drop(&mut self) {
+        // One that has ended already cannot be ended, which is as well.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn how(status: ExitStatus) -> String {
+    format!("ended with {status}")
+}
+
+/// The beginning of a line.
+fn shown(line: &[u8]) -> String {
+    let text = String::from_utf8_lossy(line);
+    let text = text.trim_end();
+    let short: String = text.chars().take(LINE_SHOWN).collect();
+    if short.len() < text.len() { format!("{short}…") } else { short }
+}
+
+fn write(mut input: ChildStdin, messages: &Receiver<Vec<u8>>) {
+    for message in messages {
+        if input.write_all(&message).and_then(|()| input.flush()).is_err() {
+            return;
+        }
+    }
+}
+
+fn read_lines(output: ChildStdout, longest: usize, lines: &SyncSender<Vec<u8>>) {
+    let mut output = BufReader::new(output);
+    loop {
+        let mut line = Vec::new();
+        match output.by_ref().take(longest as u64).read_until(b'\n', &mut line) {
+            Ok(1..) if lines.send(line).is_ok() => {}
+            _ => return,
+        }
+    }
+}
+
+fn listen(mut errors: impl Read, said: &Mutex<Vec<u8>>, _ending: &Sender<()>) {
+    let mut buffer = [0; 4096];
+    while let Ok(read @ 1..) = errors.read(&mut buffer) {
+        let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+        said.extend_from_slice(&buffer[..read]);
+        let old = said.len().saturating_sub(SAID_BYTES);
+        said.drain(..old);
+    }
+}

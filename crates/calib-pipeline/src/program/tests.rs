@@ -1,0 +1,127 @@
+//! Programs of `sh`, which is where Unix is.
+#![cfg(unix)]
+
+use calib_core::{RowStream, Seed, Segments, Silent, States};
+
+use super::*;
+
+/// The protocol in a few lines of shell: predicts what it counts, and reads states as bytes of one column.
+const COUNTING: &str = r#"
+read begin; echo '{"ready": 1}'
+while read head; do
+  case $head in *begin*'"calib"'*) echo '{"ready": 1}'; continue;; esac
+  states=$(echo "$head" | sed 's/.*"states":\([0-9]*\).*/\1/')
+  head -c $((4 * states)) > /dev/null
+  list=$(seq -s , 1 $states)
+  echo "{\"predictions\": [$list], \"updates\": $states}"
+done
+"#;
+
+fn program(script: &str, timeout: f64) -> ExternalAgents {
+    let command = ["sh", "-c", script].map(str::to_owned).to_vec();
+    ExternalAgents {
+        fingerprint: fingerprint(&command, Path::new("/")).expect("no files"),
+        command,
+        folder: PathBuf::from("/"),
+        states_per_message: 4,
+        timeout: Duration::from_secs_f64(timeout),
+    }
+}
+
+fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, String> {
+    let values = (0..12_u8).map(f32::from).collect();
+    let states = States::new(values, 12, 1).expect("valid");
+    let stream = RowStream::replay(states, &Segments::from_lengths([7, 5]).expect("valid"));
+    let agent = AgentConfig::default();
+    let wanted = Wanted {
+        sensor: "A",
+        column: 0,
+        agents: vec![&agent; agents],
+        seed: Seed::new(7),
+        stream: &stream,
+        steps: 9,
+    };
+    program.predictions(&wanted, &Silent).map_err(|stopped| match stopped {
+        Stopped::Interrupted => "interrupted".to_owned(),
+        Stopped::Failed(error) => {
+            let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
+            format!("{error}{source}")
+        }
+    })
+}
+
+#[test]
+fn predictions_come_piece_by_piece() {
+    // 7 states in messages of 4 and 3, the last of which does not count; then states 7 to 9, which is what step 8 leads to.
+    let expected = [1., 2., 3., 4., 1., 2., 0., 1., 2.];
+    let got = asked(&program(COUNTING, 20.0), 2).expect("answers");
+    assert_eq!(got.len(), 2);
+    for of in got {
+        assert_eq!(of, Predicted { values: expected.to_vec(), updates: 3 });
+    }
+}
+
+#[test]
+fn what_is_not_finite_ends_a_run() {
+    let script = r#"read a; echo '{"ready": 1}'; read b; echo '{"predictions": [1, 1e39]}'; cat > /dev/null"#;
+    let got = asked(&program(script, 20.0), 1).expect("answers");
+    assert_eq!(got[0].values[0], 1.0);
+    assert!(got[0].values[1].is_nan() && got[0].values[2..].iter().all(|value| *value == 0.0));
+}
+
+#[test]
+fn programs_that_fail_are_named() {
+    let told = |script: &str, timeout| asked(&program(script, timeout), 1).expect_err("it fails");
+    let dead = told("read a; echo oh no >&2; exit 3", 20.0);
+    assert!(dead.contains("sh -c") && dead.contains("exit status: 3"), "{dead}");
+    assert!(dead.ends_with("at last it said:\noh no"), "{dead}");
+    let hangs = told("read a; sleep 20", 0.2);
+    assert!(hangs.contains("has not answered the beginning of a run"), "{hangs}");
+    assert!(hangs.contains("for 0.2 s") && hangs.contains("agent.timeout_secs"), "{hangs}");
+    let babbles = told("echo hello; cat > /dev/null", 20.0);
+    assert!(babbles.contains(r#"with "hello": expected one line"#), "{babbles}");
+    assert!(babbles.contains("standard error"), "{babbles}");
+    let endless = told("yes no | tr -d '\\n'", 20.0);
+    assert!(endless.contains("nonono") && endless.len() < 1000, "{endless}");
+    let other = told(r#"echo '{"ready": 2}'; cat > /dev/null"#, 20.0);
+    assert!(other.contains(r#"expected one line such as {"ready": 1}"#), "{other}");
+    let refuses = told(r#"read a; echo '{"error": "no rate"}'"#, 20.0);
+    assert!(refuses.ends_with(": no rate"), "{refuses}");
+    let few = told(r#"read a; echo '{"ready": 1}'; echo '{"predictions": [1]}'; cat"#, 20.0);
+    assert!(few.contains("answered 4 states with 1 predictions"), "{few}");
+    let closed = told("exec >&-; cat > /dev/null", 20.0);
+    assert!(closed.contains("has closed its standard output"), "{closed}");
+}
+
+#[test]
+fn a_program_ends_as_it_should() {
+    let bad = COUNTING.to_owned() + "exit 4";
+    let told = asked(&program(&bad, 20.0), 1).expect_err("it fails at the end");
+    assert!(told.contains("exit status: 4 after its last answer"), "{told}");
+    let more = COUNTING.to_owned() + "echo bye";
+    let told = asked(&program(&more, 20.0), 1).expect_err("it says more");
+    assert!(told.contains(r#"said "bye" after its last answer"#), "{told}");
+}
+
+#[test]
+fn a_program_that_is_not_there_is_told() {
+    let command = vec!["./no-such-agent".to_owned(), "x".to_owned()];
+    let absent = ExternalAgents { command, ..program("", 1.0) };
+    let told = asked(&absent, 1).expect_err("absent");
+    assert!(told.starts_with("`./no-such-agent x` cannot be started in /;"), "{told}");
+}
+
+#[test]
+fn the_content_of_files_is_known() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let command = ["python3", "agent.py", "--fast"].map(str::to_owned);
+    let of = || fingerprint(&command, folder.path()).expect("readable");
+    let absent = of();
+    std::fs::write(folder.path().join("agent.py"), "1").expect("written");
+    let first = of();
+    std::fs::write(folder.path().join("agent.py"), "2").expect("written");
+    assert!(absent != first && first != of());
+    let before = of();
+    std::fs::write(folder.path().join("python3"), "no path").expect("written");
+    assert_eq!(of(), before, "a name is looked up elsewhere");
+}

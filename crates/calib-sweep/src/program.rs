@@ -1,0 +1,101 @@
+use std::{error::Error, fmt};
+
+use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, score_predictions};
+use calib_core::{Monitor, Seed, Stream};
+use calib_files::Fingerprint;
+
+use crate::{PlanOptions, SweepError, Unit, plan::Job};
+
+/// A program whose agents learn in the place of calib's own.
+///
+/// It has agents predict at every state of a stream, in the order of time: at state t an agent knows the states up to t, and nothing of those
+/// after it. Calib scores what they predicted.
+pub trait Program: fmt::Debug + Sync {
+    /// Of its content, as far as that can be seen.
+    fn fingerprint(&self) -> &Fingerprint;
+
+    /// What every agent predicted, in the order of `wanted.agents`.
+    ///
+    /// # Errors
+    /// If the program fails, or the monitor is interrupted.
+    fn predictions(
+        &self,
+        wanted: &Wanted<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Predicted>, Stopped>;
+}
+
+/// What agents of a program are to predict: the returns of a column on a stream.
+pub struct Wanted<'w> {
+    /// The predicted sensor.
+    pub sensor: &'w str,
+    /// Its column of the states.
+    pub column: usize,
+    /// The agents, one after the other; none knows of another.
+    pub agents: Vec<&'w AgentConfig>,
+    /// For all of them: common random numbers.
+    pub seed: Seed,
+    /// The states.
+    pub stream: &'w dyn Stream,
+    /// Predictions of each agent, one for each of the first states. The stream has more.
+    pub steps: usize,
+}
+
+/// What an agent of a program predicted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predicted {
+    /// One value a step, in normalised units. The last of an unbroken piece does not count. What comes after the first that is not finite does
+    /// not either.
+    pub values: Vec<f32>,
+    /// Updates, as it says.
+    pub updates: u64,
+}
+
+/// Why a program gave no predictions.
+#[derive(Debug)]
+pub enum Stopped {
+    /// The user asked to stop.
+    Interrupted,
+    /// It failed.
+    Failed(Box<dyn Error + Send + Sync>),
+}
+
+/// What the agents of all jobs come to over a stream, in the order of the jobs and their agents.
+pub(crate) fn outcomes(
+    program: &dyn Program,
+    jobs: &[&Job<'_>],
+    stream: &dyn Stream,
+    options: &PlanOptions,
+    monitor: &dyn Monitor,
+) -> Result<Vec<RunOutcome>, SweepError> {
+    let steps = options.span.steps.min(stream.len().saturating_sub(1));
+    let mut all = Vec::new();
+    for job in jobs {
+        let wanted = Wanted {
+            sensor: &job.unit.sensor,
+            column: job.column,
+            agents: job.agents.iter().map(|candidate| &candidate.agent).collect(),
+            seed: job.seed,
+            stream,
+            steps,
+        };
+        let predicted =
+            program.predictions(&wanted, monitor).map_err(|stopped| of_unit(stopped, &job.unit))?;
+        for (agent, Predicted { values, updates }) in wanted.agents.iter().zip(predicted) {
+            let curve = CurveRule { windows: options.curve_points };
+            let scored =
+                score_predictions(stream, job.column, agent.gamma, &values, updates, curve);
+            let refused = |source: AgentError| SweepError::Agent { unit: job.unit.clone(), source };
+            all.push(scored.map_err(refused)?);
+        }
+    }
+    monitor.advance(options.span.steps as u64);
+    Ok(all)
+}
+
+fn of_unit(stopped: Stopped, unit: &Unit) -> SweepError {
+    match stopped {
+        Stopped::Interrupted => SweepError::Interrupted,
+        Stopped::Failed(source) => SweepError::Program { unit: unit.clone(), source },
+    }
+}
