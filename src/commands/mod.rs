@@ -8,11 +8,13 @@ mod import;
 mod inspect;
 mod inspect_channels;
 mod quickstart;
+mod schemas;
 mod series;
 mod simulate;
 
 use anyhow::{Context as _, ensure};
 use calib_pipeline::{Logs, Outcome, Printer};
+pub use schemas::json_schemas;
 
 use crate::{
     cli::{BuildModelArgs, Cli, Command, EvaluateArgs, RepresentArgs},

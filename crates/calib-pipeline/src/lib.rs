@@ -33,6 +33,7 @@ mod plan;
 mod propose;
 mod represent;
 mod rollouts;
+mod schemas;
 mod steps;
 mod sweep;
 mod validity;
@@ -57,6 +58,7 @@ pub use log::{
 };
 pub use model::calibration::Calibration;
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
+pub use schemas::{JsonDocuments, json_schemas};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
     control, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run, simulate,

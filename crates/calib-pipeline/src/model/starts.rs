@@ -9,6 +9,7 @@ use calib_rollout::{
     RolloutConfig, StartKind, StartRow, StartSource, StartState, Wanted, month_of, start_rows,
     start_states_of_all, year_of,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{model::model_files::OpenModel, output::significant};
@@ -130,7 +131,7 @@ impl<'a> Starts<'a> {
 }
 
 /// How many of a member's start states stand for others, and how far from them they are; in the manifest of rollouts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct StartSummary {
     /// Start states in all.
     pub(crate) starts: usize,

@@ -12,6 +12,7 @@ use calib_sweep::{
     Environment, EnvironmentId, MemberEnvironment, PredictedEnvironment, ReplayEnvironment,
     RolloutOptions, Span, Windows,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -25,7 +26,7 @@ use crate::{
 };
 
 /// What an environment is made of, beside states and tables.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Described {
     /// A member of an ensemble of neighbours.
