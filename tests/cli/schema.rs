@@ -58,6 +58,8 @@ impl Checker<'_> {
         value: &Value,
         at: &str,
     ) -> Result<(), String> {
+        // Bounds are of numbers, and hold for nothing else.
+        let number = value.as_f64().zip(says.as_f64());
         let refused = |why: &str| Err(format!("{at}: {value} is {why} ({rule}: {says})"));
         let list = || says.as_array().expect("a list");
         match rule {
@@ -79,10 +81,14 @@ impl Checker<'_> {
             }
             "const" if value != says => refused("another"),
             "enum" if !list().contains(value) => refused("none of these"),
-            "minimum" if value.as_f64() < says.as_f64() => refused("too small"),
-            "maximum" if value.as_f64() > says.as_f64() => refused("too large"),
-            "exclusiveMinimum" if value.as_f64() <= says.as_f64() => refused("too small"),
-            "exclusiveMaximum" if value.as_f64() >= says.as_f64() => refused("too large"),
+            "minimum" if number.is_some_and(|(is, bound)| is < bound) => refused("too small"),
+            "maximum" if number.is_some_and(|(is, bound)| is > bound) => refused("too large"),
+            "exclusiveMinimum" if number.is_some_and(|(is, bound)| is <= bound) => {
+                refused("too small")
+            }
+            "exclusiveMaximum" if number.is_some_and(|(is, bound)| is >= bound) => {
+                refused("too large")
+            }
             "minItems" | "maxItems" => {
                 let (has, bound) = (value.as_array().map(Vec::len), says.as_u64());
                 let few = has.is_some_and(|has| (has as u64) < bound.expect("a number"));
