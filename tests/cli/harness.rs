@@ -7,7 +7,8 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-use crate::schema;
+#[path = "schema.rs"]
+pub(crate) mod schema;
 
 /// A study on three days of a small plant at one-minute samples, with linear agents: seconds to run.
 const STUDY: &str = r#"

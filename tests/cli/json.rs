@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, fs, path::PathBuf};
 
 use serde_json::Value;
 
-use crate::{harness::Place, schema};
+use crate::harness::{Place, schema};
 
 /// The schemas of the repository.
 fn folder() -> PathBuf {

@@ -26,7 +26,6 @@ mod recorded;
 mod recurrent;
 mod represent;
 mod said;
-mod schema;
 mod studies;
 mod sweeps;
 mod trust;

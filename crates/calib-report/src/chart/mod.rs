@@ -148,7 +148,7 @@ pub enum Colour {
     Grid,
     /// Curve colour 0 to 5; larger numbers start again.
     Curve(usize),
-    /// One of [`ORDERED`] colours for values that have an order, from the smallest to the largest.
+    /// One of eight colours for values that have an order, from the smallest to the largest.
     Ordered(usize),
 }
 
