@@ -7,7 +7,7 @@
 #     CALIB_BINARY=FILE bash scripts/release.sh      # of a static binary that is there
 #     CALIB_RELEASE=quick bash scripts/release.sh    # no wheel, and no quickstart
 #
-# The binary is linked with a static glibc (Debian: libc6-dev): the objects are those that the tests ran with, and only the last step differs. musl
+# The binary is linked with a static glibc (Debian: libc6-dev): the objects are those of `cargo build --release`, and only the last step differs. musl
 # would want every dependency compiled again, and its allocator is slow where many threads allocate.
 set -euo pipefail
 cd "$(dirname "$0")/.."
