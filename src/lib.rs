@@ -24,6 +24,7 @@ use calib_pipeline::{Observer, Printer};
 use clap::Parser as _;
 
 pub use cli::Cli;
+pub use commands::json_schemas;
 pub use exit::ExitStatus;
 
 /// Run the command line `args` and return the status to exit with.

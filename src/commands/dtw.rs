@@ -7,19 +7,20 @@ use calib_pipeline::{
     Outcome, Printer,
     output::{count, table},
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::series;
 use crate::cli::DtwArgs;
 
 /// What `--json` prints.
-#[derive(Debug, Serialize)]
-struct Results {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Results {
     results: Vec<PatternResult>,
 }
 
-#[derive(Debug, Serialize)]
-struct PatternResult {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct PatternResult {
     step_pattern: String,
     distance: f64,
     /// `null` for patterns without a normalisation.

@@ -1,6 +1,8 @@
 //! What a key of a study means, from the schema that editors have.
 
 use anyhow::bail;
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::Value;
 
 use calib_pipeline::{Outcome, Printer, output::table};
@@ -9,6 +11,14 @@ use calib_pipeline::{Outcome, Printer, output::table};
 const SUGGESTED: usize = 6;
 /// How much alike names are that one may have meant.
 const ALIKE: f64 = 0.85;
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Explained {
+    key: String,
+    /// Its part of the schema of a study.
+    schema: Value,
+}
 
 /// Explain a key, a section with its keys, or without a name all sections.
 pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<Outcome> {
@@ -29,7 +39,7 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<Outcom
         bail!("no key `{path}`; {hint}");
     };
     if printer.is_for_machines() {
-        printer.json(&serde_json::json!({ "key": path, "schema": resolved(&schema, found) }))?;
+        printer.json(&Explained { key: path.to_owned(), schema: resolved(&schema, found) })?;
     } else {
         printer.lines(&describe(&schema, found, path))?;
     }

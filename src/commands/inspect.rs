@@ -49,6 +49,11 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
         printer.warn(&format!("a study of this log would be refused: {error}"));
     }
     let usable = !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
+    if profile.bad_quality > 0 && 2 * profile.bad_quality > profile.file_rows {
+        printer.warn(
+            "most samples are of bad quality; if 0 is good there, as it is in PI, say so: data.good_quality = [\"0\"]",
+        );
+    }
     if !usable && !refused {
         printer.warn(
             "no channel or no transition is left: nothing could be built from this log as it is",

@@ -8,12 +8,14 @@ mod import;
 mod inspect;
 mod inspect_channels;
 mod quickstart;
+mod schemas;
 mod series;
 mod share;
 mod simulate;
 
 use anyhow::{Context as _, ensure};
 use calib_pipeline::{Logs, Outcome, Printer, ValidityOptions};
+pub use schemas::json_schemas;
 
 use crate::{
     cli::{BuildModelArgs, Cli, Command, EvaluateArgs, PretrainArgs, RepresentArgs},

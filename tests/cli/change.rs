@@ -43,6 +43,7 @@ fn changes_are_told_and_lie_beside_the_log() {
     assert!(told.contains(&line) && told.contains("in data/changes.json"), "{told}");
     for change in changes {
         let (at, words) = (change["at"].as_str().expect("a time"), change["told"].as_str());
+        let at = at.replace('T', " ").replace('Z', "");
         assert!(told.contains(&format!("{at}  {}", words.expect("words"))), "{told}");
     }
     let kinds = |name: &str| changes.iter().filter(|change| change["kind"] == name).count();

@@ -7,6 +7,9 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
+#[path = "schema.rs"]
+pub(crate) mod schema;
+
 /// A study on three days of a small plant at one-minute samples, with linear agents: seconds to run.
 const STUDY: &str = r#"
 seed = 3
@@ -118,6 +121,9 @@ impl Place {
     pub(crate) fn calib_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Ran {
         let mut command = self.command(args);
         let output = command.envs(environment.iter().copied()).output().expect("calib runs");
+        if args.contains(&"--json") {
+            check_json(args, &output);
+        }
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 
@@ -139,6 +145,23 @@ impl Place {
             }
         }
         content
+    }
+}
+
+/// What a command prints for machines is what the schema of it says.
+fn check_json(args: &[&str], output: &Output) {
+    let command = match args {
+        ["cluster", part, ..] => format!("cluster {part}"),
+        [command, ..] => (*command).to_owned(),
+        [] => unreachable!("there is --json"),
+    };
+    // A refused command, and one that was asked for a list, prints none.
+    if output.stdout.first() != Some(&b'{') {
+        return;
+    }
+    let printed = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    if let Some(problem) = schema::problem(&schema::of(&command), &printed) {
+        panic!("calib {}: {problem}", args.join(" "));
     }
 }
 

@@ -16,6 +16,7 @@ mod hints;
 mod init;
 mod inputs;
 mod interruption;
+mod json;
 mod models;
 mod networks;
 mod paper;

@@ -1,5 +1,6 @@
 use calib_core::{Monitor, Seed, Stream};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -35,7 +36,7 @@ pub struct Pretraining<'a> {
 
 /// One epoch of one agent. Losses are means of squared TD errors, δ² with δ = o' + γ v(s') − v(s), in squared
 /// normalised units.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Epoch {
     /// Its number, from 1.
     pub epoch: usize,

@@ -1,4 +1,5 @@
 use calib_core::Stream;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::scoring::ScoredReturns;
@@ -31,7 +32,7 @@ pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> V
 }
 
 /// Count, mean and standard deviation of the returns of a stream.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReturnMoments {
     /// Steps whose returns are known.
     pub steps: usize,

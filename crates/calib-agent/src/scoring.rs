@@ -39,13 +39,14 @@ impl Part {
 }
 
 /// The error of a run over one of its parts. Errors and returns are in normalised units of the sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartScore {
     /// Steps that count for the error.
     pub scored_steps: usize,
     /// Root of the mean squared difference of recorded predictions and Monte-Carlo returns over them; +∞ for a
     /// diverged run.
     #[serde(with = "infinite")]
+    #[schemars(with = "Option<f64>")]
     pub rmse: f64,
     /// Mean of the returns over them. The same for all agents of one stream and γ.
     pub mean_return: f64,
@@ -68,7 +69,7 @@ mod infinite {
 }
 
 /// The error of a run over each part that has steps to score.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scores {
     /// Over every step.
     pub whole_run: Option<PartScore>,

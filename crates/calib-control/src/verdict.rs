@@ -5,6 +5,7 @@ use calib_stats::{
     Difference, Direction, Drawn, Nested, Selection, StatsError, Summary, hierarchical,
     paired_difference, select, summarise,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{ControlError, Coverage, Decisions, Run};
@@ -28,7 +29,7 @@ impl Default for Support {
 }
 
 /// Why the log does not support a choice.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "reason")]
 pub enum Doubt {
     /// An action was never taken.
@@ -55,7 +56,7 @@ pub enum Doubt {
 /// What a sweep of agents that act says.
 ///
 /// Returns of a model say which candidate is better, not what it will get: they are for comparison only.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReturnVerdict {
     /// The chosen candidate, by worst rank over members.
     pub chosen: usize,
@@ -191,7 +192,7 @@ fn doubts(
 }
 
 /// What a choice costs, where the truth is known.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Regret {
     /// True mean return of the best candidate minus that of the chosen one.
     pub regret: f64,

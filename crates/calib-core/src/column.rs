@@ -1,3 +1,4 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A value in the unit of its sensor.
@@ -11,7 +12,7 @@ pub struct Physical(pub f64);
 pub struct Normalised(pub f32);
 
 /// The affine map of one column: `normalised = (physical - offset) / scale`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bounds {
     /// Physical value that maps to 0.
     pub offset: f64,
@@ -35,7 +36,7 @@ impl Bounds {
 }
 
 /// What a column of the states is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ColumnKind {
     /// A sensor of the plant.
@@ -45,7 +46,7 @@ pub enum ColumnKind {
 }
 
 /// One column of the states.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Column {
     /// Name: the channel's name in the log, or the feature's.
     pub name: String,
@@ -56,7 +57,7 @@ pub struct Column {
 }
 
 /// The columns of the states, in order, with their maps between the two units.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Normaliser {
     columns: Vec<Column>,

@@ -1,10 +1,13 @@
-use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 /// An instant in microseconds since 1970-01-01T00:00:00.
 ///
-/// Logs with a time zone are converted to UTC; logs without one keep their wall-clock reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(transparent)]
+/// Logs with a time zone are converted to UTC; logs without one keep their wall-clock reading. In JSON it is a text as RFC 3339 has it,
+/// in UTC; a number of microseconds where that has no year for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Timestamp(i64);
 
 impl Timestamp {
@@ -30,8 +33,63 @@ impl Timestamp {
     }
 }
 
+/// The years that RFC 3339 can write, from 0000-01-01T00:00:00Z to before 10000-01-01T00:00:00Z, in microseconds.
+const WRITABLE: std::ops::Range<i64> = -62_167_219_200_000_000..253_402_300_800_000_000;
+
+/// As it stands in JSON.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Stored {
+    Text(String),
+    Micros(i64),
+}
+
+impl Serialize for Timestamp {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let writable =
+            WRITABLE.contains(&self.0).then(|| jiff::Timestamp::from_microsecond(self.0));
+        match writable {
+            Some(Ok(instant)) => Stored::Text(instant.to_string()),
+            _ => Stored::Micros(self.0),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Timestamp {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match Stored::deserialize(deserializer)? {
+            Stored::Text(text) => {
+                // Without an offset in files of earlier versions.
+                let clock =
+                    || text.parse::<jiff::civil::DateTime>()?.to_zoned(jiff::tz::TimeZone::UTC);
+                let instant =
+                    text.parse::<jiff::Timestamp>().or_else(|_| clock().map(|of| of.timestamp()));
+                Ok(Self(instant.map_err(D::Error::custom)?.as_microsecond()))
+            }
+            Stored::Micros(micros) => Ok(Self(micros)),
+        }
+    }
+}
+
+impl JsonSchema for Timestamp {
+    fn schema_name() -> Cow<'static, str> {
+        "Timestamp".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A time as RFC 3339 has it, in UTC; of a log without a time zone its clock's reading, as if that were UTC. \
+                A number is in microseconds since 1970: outside of the years 0 to 9999.",
+            "anyOf": [{ "type": "string", "format": "date-time" }, { "type": "integer" }],
+        })
+    }
+}
+
 /// The time from one sample to the next, in microseconds; always positive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(transparent)]
 pub struct Period(i64);
 
@@ -68,6 +126,20 @@ mod tests {
         assert_eq!(Period::from_secs(-1.0), None);
         assert_eq!(Period::from_secs(f64::NAN), None);
         assert_eq!(Period::from_secs(0.5).map(Period::as_micros), Some(500_000));
+    }
+
+    #[test]
+    fn times_survive_a_file() {
+        let of = |micros| serde_json::to_string(&Timestamp(micros)).expect("JSON");
+        assert_eq!(of(1_500_000), "\"1970-01-01T00:00:01.5Z\"");
+        assert_eq!(of(WRITABLE.start), "\"0000-01-01T00:00:00Z\"");
+        assert_eq!(of(WRITABLE.end), WRITABLE.end.to_string());
+        for micros in [i64::MIN, WRITABLE.start, -1, 0, 1_667_282_400_000_001, WRITABLE.end - 1] {
+            let read: Timestamp = serde_json::from_str(&of(micros)).expect("a time");
+            assert_eq!(read.0, micros);
+        }
+        let earlier: Timestamp = serde_json::from_str("\"1970-01-01 00:00:01\"").expect("a time");
+        assert_eq!(earlier.0, 1_000_000);
     }
 
     #[test]

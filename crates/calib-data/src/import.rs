@@ -6,6 +6,7 @@ use calib_core::{Monitor, Timestamp};
 use calib_files::{Spill, write_atomically};
 use pl::{IntoColumn as _, NewChunkedArray as _};
 use polars::prelude as pl;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -20,7 +21,7 @@ const GROUP_BYTES: usize = 64 << 20;
 const GROUP_ROWS: usize = 1 << 20;
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Imported {
     /// What a row of the files was.
     pub shape: Shape,

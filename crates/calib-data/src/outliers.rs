@@ -18,6 +18,7 @@
 
 use std::ops::Range;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Outliers, channel::quantile};
@@ -32,7 +33,7 @@ const SPIKE_ROWS: usize = 3;
 const LOOKED_AT: usize = 200_000;
 
 /// Between which values a channel lies, as far as its training range tells.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Fences {
     /// Values below are far out.
     pub low: f64,

@@ -10,7 +10,7 @@ use crate::{DataError, DropReason, Fences, Shape, names::hint};
 ///
 /// All counts are over the window that the training and held-out ranges span together;
 /// `rows_outside` lie before or after it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Profile {
     /// What a row of the files is. Default: [`Shape::Wide`].
     #[serde(default, skip_serializing_if = "Shape::is_wide")]
@@ -73,7 +73,7 @@ pub struct Profile {
 }
 
 /// Values of the same channel and time that differ.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ContradictionsFound {
     /// How many differ from the one that is kept.
     pub count: u64,
@@ -93,7 +93,7 @@ fn is_zero(count: &u64) -> bool {
 }
 
 /// Rows whose timestamp another row has. The first one is kept.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Duplicates {
     /// Rows that contradict the row that is kept in no channel.
     pub identical: u64,
@@ -104,7 +104,7 @@ pub struct Duplicates {
 }
 
 /// Steps back in time inside a file, such as the end of daylight saving. Rows are put in time order.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BackwardSteps {
     /// How many.
     pub count: u64,
@@ -113,7 +113,7 @@ pub struct BackwardSteps {
 }
 
 /// A step back in time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BackwardStep {
     /// The file.
     pub file: String,
@@ -124,7 +124,7 @@ pub struct BackwardStep {
 }
 
 /// Steps that are too long to be one sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gaps {
     /// How many.
     pub count: u64,
@@ -165,7 +165,7 @@ impl Description {
 }
 
 /// One channel of the log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelProfile {
     /// Its name.
     pub name: String,
@@ -196,7 +196,7 @@ pub struct ChannelProfile {
 }
 
 /// Values of a channel that lie far from all others.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FarOut {
     /// Spikes of both ranges: single samples beyond the fences.
     pub spikes: u64,
@@ -218,7 +218,7 @@ impl FarOut {
 }
 
 /// The values of a channel, in its unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ValueProfile {
     /// Smallest value.
     pub min: f64,
@@ -241,7 +241,7 @@ pub struct ValueProfile {
 }
 
 /// What is left of a range of the log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartProfile {
     /// Time of the first row of the log in the range.
     pub start: Timestamp,

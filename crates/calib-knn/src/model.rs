@@ -1,6 +1,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use calib_core::{Monitor, Rng, States, TransitionIndex, Transitions};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -19,7 +20,7 @@ use crate::{
 };
 
 /// A neighbour of a state, and how far its source is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Neighbor {
     /// The transition whose source state is near.
     pub transition: TransitionIndex,

@@ -1,10 +1,11 @@
 use calib_core::{Monitor, Seed};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{KnnError, KnnModel, definition::by_definition, distance::stored, verify::sampled};
 
 /// How many of the neighbours in a model's tables are among the true ones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Recall {
     /// Table rows that were searched again.
     pub rows: usize,

@@ -1,6 +1,7 @@
 use calib_core::{Monitor, RowIndex, Seed, Silent, States, Timestamp, TransitionIndex};
 use calib_files::ScratchPlace;
 use calib_knn::{KnnModel, Member, Neighbor};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -9,7 +10,7 @@ use crate::{
 };
 
 /// Where a rollout starts. A start is a state: from transition `i` the current state is `s'_i`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Start {
     /// At the next state of a transition of the member.
@@ -25,7 +26,7 @@ pub enum Start {
 }
 
 /// A start, and whether it is what was asked for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StartState {
     /// Where the rollout starts.
     pub start: Start,

@@ -1,5 +1,6 @@
 use calib_core::{RowIndex, Seed, States, TransitionIndex, Transitions};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -8,7 +9,7 @@ use crate::{
 };
 
 /// A recorded row to start from, and whether it is what was asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StartRow {
     /// The row.
     pub row: RowIndex,

@@ -1,4 +1,5 @@
 use calib_core::RowIndex;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Rows from the continuation of the record within which a jump does not depart from it (our choice).
@@ -20,7 +21,7 @@ const CIRCLING: f64 = 0.1;
 /// In a densely sampled log the neighbours of a row are itself and the rows beside it, so a rollout may jump
 /// in half of its steps and yet only shuffle along the record. So a jump also counts as a *departure* if the
 /// row it emits is more than 10 rows from the row that would have continued the record (our choice).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JumpStatistics {
     /// Steps of all rollouts.
     pub steps: usize,

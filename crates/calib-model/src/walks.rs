@@ -1,5 +1,6 @@
 use calib_core::{Rng, Seed, TransitionIndex};
 use calib_knn::{Ends, Member, Weights};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Walks of a member.
@@ -25,7 +26,7 @@ const LONG_RUN: u32 = 30;
 /// How far walks of a member get: 32 walks of 30,000 steps, from transitions drawn uniformly.
 ///
 /// What a stationary walk visits is judged by their second halves. All of it are estimates, and the same for a seed on any machine.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WalkStatistics {
     /// Different transitions that a walk draws, the median over walks.
     pub distinct_rows: usize,

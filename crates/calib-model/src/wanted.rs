@@ -1,6 +1,7 @@
 //! The states that rollouts are to start from: chosen once, for every member and every model.
 
 use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -9,7 +10,7 @@ use crate::{
 };
 
 /// A state that a rollout is to start from, whether or not the model has it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wanted {
     /// A row of the model's data.

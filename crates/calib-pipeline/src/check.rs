@@ -9,6 +9,7 @@ use anyhow::{Context as _, ensure};
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -23,8 +24,8 @@ use crate::{
 };
 
 /// What was found, for `--json`.
-#[derive(Debug, Default, Serialize)]
-struct Checked {
+#[derive(Debug, Default, Serialize, JsonSchema)]
+pub(crate) struct Checked {
     /// Files that were compared with what was written.
     files: usize,
     /// Folders without a manifest: what makes them was interrupted, or is at work.
@@ -35,8 +36,8 @@ struct Checked {
 }
 
 /// A file that is not what was written.
-#[derive(Debug, Serialize)]
-struct Damage {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Damage {
     path: PathBuf,
     reason: String,
     /// The command that makes it again.

@@ -35,6 +35,7 @@ mod program;
 mod propose;
 mod represent;
 mod rollouts;
+mod schemas;
 mod steps;
 mod sweep;
 mod validity;
@@ -59,6 +60,7 @@ pub use log::{
 };
 pub use model::calibration::Calibration;
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
+pub use schemas::{JsonDocuments, json_schemas};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
     control, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run, simulate,

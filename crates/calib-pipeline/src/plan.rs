@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use calib_represent::RepresentationKind;
 use calib_study::{Each, Job, Made, Study};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -17,13 +18,13 @@ use crate::{
 };
 
 /// The steps of a study in order, for `--json`.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Default, Serialize, JsonSchema)]
 pub(crate) struct Plan {
     steps: Vec<Planned>,
 }
 
 /// A step of one model and deployment.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Planned {
     step: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,7 +37,7 @@ struct Planned {
     expected: Option<Expected>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum State {
     UpToDate,

@@ -2,8 +2,8 @@
 pub(crate) const MEMBERS: usize = 5;
 /// The share of the time asked for that is planned with: machines have other things to do.
 const PLANNED: f64 = 0.85;
-/// Runs are at most so many times those of a level.
-const MOST: f64 = 2.5;
+/// Runs of a kind at most: more hardly narrow an interval.
+const MOST_RUNS: usize = 30;
 /// What a network of half as many units takes.
 const SMALLER: f64 = 0.6;
 /// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
@@ -97,13 +97,36 @@ impl Size {
         let smallest = levels.next().unwrap_or_else(|| Self::trial(most_steps, sensors));
         let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);
         let swept = largest.secs(costs) - costs.fixed_secs;
-        let stretch = ((planned - costs.fixed_secs) / swept).clamp(1.0, MOST);
-        let more = |runs: usize| ((runs as f64 * stretch) as usize).max(runs);
+        let stretch = ((planned - costs.fixed_secs) / swept).max(1.0);
+        let more = |runs: usize| ((runs as f64 * stretch) as usize).clamp(runs, MOST_RUNS);
         Self {
             online_runs: more(largest.online_runs),
             member_runs: more(largest.member_runs),
             log_replay_runs: more(largest.log_replay_runs),
             ..largest
+        }
+        .filled(planned, costs)
+    }
+
+    /// Whole runs leave some of the time: one more of each kind in turn, as long as all is done in `planned_secs`.
+    fn filled(mut self, planned_secs: f64, costs: Costs) -> Self {
+        let kinds: [fn(&mut Self) -> &mut usize; 3] = [
+            |size| &mut size.member_runs,
+            |size| &mut size.online_runs,
+            |size| &mut size.log_replay_runs,
+        ];
+        loop {
+            let before = self.clone();
+            for runs in kinds {
+                let mut more = self.clone();
+                *runs(&mut more) += 1;
+                if *runs(&mut more) <= MOST_RUNS && more.secs(costs) <= planned_secs {
+                    self = more;
+                }
+            }
+            if self == before {
+                return self;
+            }
         }
     }
 
@@ -138,7 +161,7 @@ mod tests {
             let size = Size::within(within, COSTS, 10_000, 3);
             let secs = size.secs(COSTS);
             assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {size:?}");
-            assert!(secs >= 0.5 * within.min(600.0), "{within}: {secs} {size:?}");
+            assert!(secs >= 0.7 * within.min(600.0), "{within}: {secs} {size:?}");
             before = secs;
         }
     }

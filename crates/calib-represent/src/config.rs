@@ -12,7 +12,7 @@ pub enum LossForm {
 }
 
 /// The loss of a Laplacian representation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LossConfig {
     /// Form of the loss. Default `A`.
@@ -52,7 +52,7 @@ impl LossConfig {
 }
 
 /// Hyperparameters of one representation. Every field is a scalar and has a default.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LaplacianConfig {
     /// The loss.

@@ -1,6 +1,7 @@
 use std::ops::Range;
 
 use calib_core::{Seed, Segments, States};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{distinct::count_distinct, eigen::symmetric_eigenvalues, split::successive};
@@ -15,7 +16,7 @@ pub const MOST_DISTINCT: usize = 20_000;
 const ALIVE: f64 = 0.01;
 
 /// How good a representation is, by the states that it was not trained on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scores {
     /// `(d_rand − d_succ)/d_rand`, at least 0: how much nearer successive states are than random ones.
     pub dynamics_awareness: f64,

@@ -3,6 +3,7 @@ use std::fmt;
 use calib_core::{Monitor, Seed, Segments, States};
 use calib_files::Unfinished;
 use calib_nn::Mlp;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -23,7 +24,7 @@ const SAMPLE: usize = 2_000;
 const EXPLOSION: f64 = 1e4;
 
 /// A point of the learning curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Point {
     /// Updates so far.
     pub step: usize,
@@ -34,7 +35,7 @@ pub struct Point {
 }
 
 /// Why a training was stopped before its time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "reason")]
 pub enum Divergence {
     /// The loss, or ψ of a validation state, was NaN or infinite.

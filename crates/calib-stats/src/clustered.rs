@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{check, check_length};
@@ -10,7 +11,7 @@ use crate::{Interval, StatsError};
 
 /// What runs that come in clusters say about their mean: those of one cluster share what the others lack, such as the
 /// state that they start from, and are no independent evidence.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClusterSummary {
     /// Number of runs.
     pub runs: usize,
@@ -20,6 +21,7 @@ pub struct ClusterSummary {
     pub diverged: usize,
     /// Mean over clusters of the mean over their runs; infinite if any run is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub mean: f64,
     /// Sample standard deviation of the means of clusters (divisor G − 1); `None` for one cluster or an infinite mean.
     pub std: Option<f64>,

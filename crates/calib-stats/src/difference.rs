@@ -1,5 +1,6 @@
 //! Which of two is smaller: differences of means, paired where the same clusters are in both.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::clustered::cluster_means;
@@ -8,10 +9,11 @@ use crate::summary::{around, mean, sample_std, t_interval};
 use crate::{Interval, StatsError};
 
 /// x − y, of two samples of runs in clusters.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Difference {
     /// Mean of x minus mean of y; infinite if one of them is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub mean: f64,
     /// 95 % t-interval of it; `None` for fewer than two clusters or an infinite mean.
     pub interval: Option<Interval>,

@@ -1,18 +1,23 @@
 //! Infinite scores in files. JSON has no infinities: +∞, the error of a diverged run, is written as `null`,
 //! and −∞, the return of one, as `"-inf"`; reading gives the infinities back.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A score on its way to or from a file.
-#[derive(Serialize, Deserialize)]
+/// A score on its way to or from a file: a number, null for +∞, or "-inf".
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Score")]
 #[serde(untagged)]
-enum Stored {
+pub(crate) enum Stored {
+    /// A finite score.
     Finite(f64),
+    /// The worst there is: +∞ of an error, −∞ of a return.
     Worst(Option<Infinity>),
 }
 
-#[derive(Serialize, Deserialize)]
-enum Infinity {
+/// The return of a run that diverged.
+#[derive(Serialize, Deserialize, JsonSchema)]
+pub(crate) enum Infinity {
     #[serde(rename = "-inf")]
     Negative,
 }

@@ -1,5 +1,6 @@
 //! Quotients of errors of two forecasts of the same steps.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::check_pair;
@@ -10,10 +11,11 @@ use crate::{Interval, StatsError};
 const BLOCKS: usize = 16;
 
 /// RMSE of x / RMSE of y, for forecasts of the same steps.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorRatio {
     /// The quotient; infinite if an error of x alone is, or all of y are 0 (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub ratio: f64,
     /// 95 % interval; `None` for fewer than two blocks, and where the quotient is 0 or infinite.
     pub interval: Option<Interval>,

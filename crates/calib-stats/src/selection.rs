@@ -2,13 +2,14 @@
 
 use std::cmp::Ordering;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::check;
 use crate::{Direction, StatsError, competition_ranks, mean};
 
 /// What the worst-rank rule chose, and why. All vectors but `tie_set` have one entry for each value, in grid order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Selection {
     /// Index of the chosen value in the grid.
     pub chosen: usize,
@@ -20,6 +21,7 @@ pub struct Selection {
     pub mean_ranks: Vec<f64>,
     /// Mean score over members; infinite if the value diverged in any of them (`null` in files for +∞).
     #[serde(with = "crate::diverged::each")]
+    #[schemars(with = "Vec<crate::diverged::Stored>")]
     pub mean_errors: Vec<f64>,
     /// Competition ranks, `[members, values]`.
     pub ranks: Vec<Vec<usize>>,

@@ -1,5 +1,6 @@
 //! Mean, spread and interval over runs.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -7,18 +8,20 @@ use crate::StatsError;
 use crate::error::check;
 
 /// A closed interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Interval {
     /// Lower end.
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub low: f64,
     /// Upper end; infinite where divergence is among what is likely (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub high: f64,
 }
 
 /// What a sample of runs says about its mean.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// Number of runs.
     pub runs: usize,
@@ -26,6 +29,7 @@ pub struct Summary {
     pub diverged: usize,
     /// Arithmetic mean; infinite if any run is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
+    #[schemars(with = "crate::diverged::Stored")]
     pub mean: f64,
     /// Sample standard deviation (divisor n − 1); `None` for one run or an infinite mean.
     pub std: Option<f64>,

@@ -1,13 +1,14 @@
 use calib_agent::AgentConfig;
 use calib_core::Seed;
 use itertools::Itertools as _;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::{SweepConfig, SweepError, sampling::combinations};
 
 /// One agent of a sweep.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Candidate {
     /// Position in the sweep; grid order is the last tie-breaker.
     pub index: usize,

@@ -2,12 +2,15 @@ use std::fmt;
 
 use calib_core::{RowIndex, Stream};
 use calib_files::Fingerprint;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::SweepError;
 
 /// Where agents are trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum EnvironmentId {
     /// A member of the calibration model's ensemble.
@@ -46,7 +49,7 @@ impl RunStream {
 }
 
 /// Where a model's rollout left the finite numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct NotFinite {
     /// The step that could not be taken, counted from 1.
     pub step: usize,

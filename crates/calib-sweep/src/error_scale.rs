@@ -1,4 +1,5 @@
 use calib_agent::ReturnMoments;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Candidate;
@@ -9,7 +10,7 @@ use crate::Candidate;
 /// the runs with the smallest mean. The standard deviation over the training range is known before the deployment, is that of
 /// *all* runs, so that no run weighs more than another, and is zero only for a sensor that never moves. 1 is about the error of
 /// predicting the mean.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorScale {
     /// The sensor.
     pub sensor: String,

@@ -1,8 +1,9 @@
 use calib_agent::truncation_horizon;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How long the streams of a sweep are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Span {
     /// Steps that agents make.
     pub steps: usize,

@@ -1,12 +1,15 @@
 use std::fmt;
 
 use calib_agent::{Part, RunOutcome, Scores};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{EnvironmentId, NotFinite};
 
 /// One unit of a sweep: all candidates trained to predict one sensor on one stream.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 pub struct Unit {
     /// The predicted sensor.
     pub sensor: String,
@@ -23,7 +26,7 @@ impl fmt::Display for Unit {
 }
 
 /// A unit and the fingerprint of everything that its result follows from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlannedUnit {
     /// The unit.
     pub unit: Unit,

@@ -1,6 +1,7 @@
 use calib_agent::Part;
 use calib_core::Segments;
 use calib_files::{Fingerprint, Fingerprinter};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Span;
@@ -17,7 +18,7 @@ pub struct Demand {
 }
 
 /// Windows of recorded rows: where the streams of a replay begin.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Windows {
     /// First row of each, in the order in which runs take them.
     pub starts: Vec<usize>,

@@ -1,13 +1,14 @@
 //! Is the more accurate model the one that chooses better?
 
 use calib_stats::{Interval, StatsError, pooled_spearman};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{ModelPair, Pair, over_plants::OverPlants};
 
 /// What is known of a model without running agents Online: how it predicts what is held out, or how its rollouts look.
 /// Lower is better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Predictor {
     /// One-step error of the sensor.
@@ -19,7 +20,7 @@ pub enum Predictor {
 }
 
 /// How badly it chooses. Lower is better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Badness {
     /// Regret of its choice.
@@ -29,7 +30,7 @@ pub enum Badness {
 }
 
 /// Whether models that do better by one do better by the other, within plant–sensor pairs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Accuracy {
     /// What is known of the model.
     pub predictor: Predictor,

@@ -1,12 +1,13 @@
 //! What was to be shown, named before anything was run.
 
 use calib_stats::Interval;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{Comparison, GOOD, MARGIN, Method, MethodSummary};
 
 /// What is claimed of the choices of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Claim {
     /// The mean regret is at most [`GOOD`].
@@ -18,7 +19,7 @@ pub enum Claim {
 }
 
 /// How a claim stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The whole 95 % interval lies where the claim has it.
@@ -30,7 +31,7 @@ pub enum Outcome {
 }
 
 /// A claim, and what was found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Test {
     /// The claim.
     pub claim: Claim,

@@ -1,6 +1,7 @@
 //! Two methods on the same pairs.
 
 use calib_stats::{Interval, StatsError, mean};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
 pub const MARGIN: f64 = 0.01;
 
 /// What the interval of a quotient of errors says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding {
     /// Less error: the interval lies below 1.
@@ -40,7 +41,7 @@ impl Finding {
 
 /// One method against another, over the pairs in which both have a choice. Regrets above [`CAP`](crate::CAP) count as that, but for
 /// wins, ties and losses.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
     /// The method.
     pub method: Method,

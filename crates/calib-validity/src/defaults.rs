@@ -1,11 +1,12 @@
 //! The one value that is best for several pairs.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{Pair, pair::capped};
 
 /// The best default of the pairs with one optimiser.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct OptimiserDefault {
     /// The optimiser.
     pub optimiser: String,

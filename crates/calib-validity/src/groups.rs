@@ -1,6 +1,7 @@
 //! Does choosing well depend on the task?
 
 use calib_stats::{Interval, StatsError, mean, median};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -14,7 +15,7 @@ use crate::{
 const FEW_VALUES: usize = 4;
 
 /// A method over the pairs whose tasks are alike in one feature.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct GroupSummary {
     /// The feature, such as the optimiser.
     pub feature: String,

@@ -1,7 +1,8 @@
 //! Ways to choose a value, by name.
 
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Serialize, Serializer};
 
 /// A way to choose a value.
@@ -66,6 +67,17 @@ impl fmt::Display for Method {
 impl Serialize for Method {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(&self.name())
+    }
+}
+
+impl JsonSchema for Method {
+    fn schema_name() -> Cow<'static, str> {
+        "Method".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let description = "A way to choose a value: model:NAME, model:NAME:RULE, rule:RULE, or words such as log_replay";
+        json_schema!({ "type": "string", "description": description })
     }
 }
 

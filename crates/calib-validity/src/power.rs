@@ -1,6 +1,7 @@
 //! What so many plants can tell.
 
 use calib_stats::{StatsError, observations_needed, sample_std, smallest_difference};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{Comparison, Method};
@@ -10,7 +11,7 @@ pub const DIFFERENCES: [f64; 3] = [0.01, 0.02, 0.05];
 
 /// What a comparison can see, with 80 % power at 5 % two-sided, in the logarithm of the quotient of errors and with the plant as the
 /// unit.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Power {
     /// The method.
     pub method: Method,

@@ -1,6 +1,7 @@
 //! Each method over all pairs.
 
 use calib_stats::{Interval, StatsError, mean, median};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
 pub const GOOD: f64 = 0.05;
 
 /// Regret of a method over all pairs in which it has a choice. Regrets above [`CAP`] count as that.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MethodSummary {
     /// The method.
     pub method: Method,
@@ -38,7 +39,7 @@ pub struct MethodSummary {
 }
 
 /// How well the ranking of a model agrees with Online, and how firm its choices are.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RankAgreement {
     /// The model.
     pub model: String,

@@ -2,6 +2,7 @@
 
 use calib_core::Seed;
 use calib_stats::StatsError;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -32,7 +33,7 @@ impl Default for Options {
 }
 
 /// How well each method chooses over all pairs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Validity {
     /// Values of the grid.
     pub values: Vec<String>,

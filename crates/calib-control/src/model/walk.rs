@@ -1,11 +1,12 @@
 use calib_core::{Rng, TransitionIndex};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ActionModel, Pessimism};
 use crate::{Ending, Environment, Outcome};
 
 /// What the steps of a walk rested on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Coverage {
     /// Steps in all.
     pub steps: u64,

@@ -4,7 +4,6 @@ use std::{ops::Range, sync::Arc};
 
 use calib_core::Monitor;
 use calib_files::{FileError, ScratchPlace, Spill};
-use rayon::prelude::*;
 
 use super::{clock::Clock, rows::NO_TIME};
 use crate::{
@@ -85,25 +84,11 @@ pub(crate) fn import(
 ) -> Result<Imported, DataError> {
     let decimal = file.decimal(time)?;
     let width = file.columns().len();
-    let mut blocks = file.blocks()?;
+    let notation = clock.notation().clone();
     let mut imported =
         Imported { times: Vec::new(), columns: Columns::default(), words_only: vec![true; width] };
-    while let Some(block) = blocks.next(rayon::current_num_threads())? {
-        if monitor.interrupted() {
-            return Err(DataError::Interrupted);
-        }
-        let parts: Vec<Part> = block
-            .parts
-            .par_iter()
-            .map(|(range, line)| {
-                let records = file.records(&block.bytes[range.clone()], *line);
-                Part::read(records, width, time, clock.notation(), decimal)
-            })
-            .collect::<Result<_, _>>()?;
-        for part in parts {
-            imported.add(part, clock, store)?;
-        }
-    }
+    let read = |records: Records<'_>| Part::read(records, width, time, &notation, decimal);
+    file.read_parts(read, |part| imported.add(part, clock, store), monitor)?;
     Ok(imported)
 }
 

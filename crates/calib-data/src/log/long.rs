@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use calib_core::Monitor;
-use rayon::prelude::*;
 
 use super::{
     clock::Clock,
@@ -75,25 +74,10 @@ fn stream_text(
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
     let decimal = file.decimal(roles.time)?;
-    let mut blocks = file.blocks()?;
+    let notation = clock.notation().clone();
     let mut clocks = HashMap::new();
-    while let Some(block) = blocks.next(rayon::current_num_threads())? {
-        if monitor.interrupted() {
-            return Err(DataError::Interrupted);
-        }
-        let parts: Vec<Part> = block
-            .parts
-            .par_iter()
-            .map(|(range, line)| {
-                let records = file.records(&block.bytes[range.clone()], *line);
-                Part::read(records, roles, clock.notation(), decimal)
-            })
-            .collect::<Result<_, _>>()?;
-        for part in parts {
-            part.pour(&mut clock, &mut clocks, sink)?;
-        }
-    }
-    Ok(())
+    let read = |records: Records<'_>| Part::read(records, roles, &notation, decimal);
+    file.read_parts(read, |part| part.pour(&mut clock, &mut clocks, sink), monitor)
 }
 
 impl Part {

@@ -10,6 +10,7 @@ mod long;
 mod open;
 mod passes;
 mod place;
+mod planned;
 mod read;
 mod resample;
 mod rows;

@@ -1,6 +1,12 @@
 //! One text file of the log.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use calib_core::Monitor;
+use rayon::prelude::*;
 
 use super::{
     blocks::Blocks,
@@ -64,6 +70,32 @@ impl TextFile {
                 .decimal(time)
                 .map_err(|reason| DataError::NotText { path: self.path.clone(), reason }),
         }
+    }
+
+    /// Read all records from the first row of values: parts of a block side by side, by `read`, and what each gave in order to `take`.
+    ///
+    /// # Errors
+    /// Those of both; or if the file cannot be read, or somebody interrupts.
+    pub(crate) fn read_parts<Part: Send>(
+        &self,
+        read: impl Fn(Records<'_>) -> Result<Part, DataError> + Sync,
+        mut take: impl FnMut(Part) -> Result<(), DataError>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), DataError> {
+        let mut blocks = self.blocks()?;
+        while let Some(block) = blocks.next(rayon::current_num_threads())? {
+            if monitor.interrupted() {
+                return Err(DataError::Interrupted);
+            }
+            let records = |(range, line): &(Range<usize>, u64)| {
+                self.records(&block.bytes[range.clone()], *line)
+            };
+            let parts = block.parts.par_iter().map(|part| read(records(part)));
+            for part in parts.collect::<Result<Vec<Part>, DataError>>()? {
+                take(part)?;
+            }
+        }
+        Ok(())
     }
 
     /// The rows of values, from the first.

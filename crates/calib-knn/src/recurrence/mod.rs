@@ -30,6 +30,7 @@ mod shapes;
 
 use calib_core::{Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -49,7 +50,7 @@ const SHARE: usize = 10;
 const TOLD: usize = 10;
 
 /// Closed classes of a member.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ClosedClasses {
     /// How many there are; at least one.
     pub count: usize,
@@ -62,7 +63,7 @@ pub struct ClosedClasses {
 }
 
 /// What was done so that no walk of a member is trapped.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Recurrence {
     /// Transitions of the member that can be neighbours.
     pub candidates: usize,

@@ -13,6 +13,7 @@ use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_t
 use calib_nn::{Mlp, Moments, Naming};
 use calib_study::{Job, Made, MomentsRule, Study};
 use calib_sweep::{Candidate, Start};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -24,10 +25,11 @@ use crate::{
 };
 
 /// `manifest.json` of a directory of pre-trained agents.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct PretrainManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     /// Fingerprint of the states that agents were pre-trained on.
     pub(crate) data: Fingerprint,
@@ -54,7 +56,7 @@ impl Manifest for PretrainManifest {
 }
 
 /// One pre-trained agent.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct PretrainedAgent {
     pub(crate) sensor: String,
     /// Its column of the states.

@@ -6,5 +6,6 @@ pub(crate) mod frames;
 pub(crate) mod memory;
 pub(crate) mod options;
 pub(crate) mod outcome;
+pub(crate) mod resolved;
 pub(crate) mod stale;
 pub(crate) mod torch;

@@ -26,5 +26,5 @@ mod submit;
 pub(crate) use make::make;
 pub(crate) use merge::merge;
 pub(crate) use run::run;
-pub(crate) use status::status;
+pub(crate) use status::{Status, Summary, status};
 pub(crate) use submit::submit;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use calib_files::{Below, host_name, remove_folder, remove_temporaries};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -21,7 +22,7 @@ use crate::{
 };
 
 /// What a plan takes.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Summary {
     shards: usize,
     stages: usize,
@@ -76,7 +77,7 @@ impl Summary {
 }
 
 /// How a shard stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum State {
     Done,
@@ -87,7 +88,7 @@ enum State {
     Faulty,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Standing {
     shard: usize,
     stage: usize,
@@ -107,8 +108,8 @@ struct Standing {
 }
 
 /// The answer for machines.
-#[derive(Debug, Serialize)]
-struct Status {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Status {
     plan: Summary,
     done: usize,
     shards: Vec<Standing>,

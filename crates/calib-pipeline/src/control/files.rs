@@ -6,6 +6,7 @@ use calib_control::{AgentConfig, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_study::Study;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
@@ -35,8 +36,8 @@ impl Manifest for ControlManifest {
 }
 
 /// `verdict.json`: what the log holds, what was compared, and what to deploy.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Told {
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct Told {
     /// What the actions are called, and how the log has them.
     pub(super) actions: Vec<ActionTold>,
     /// Columns of the states.
@@ -57,9 +58,24 @@ pub(super) struct Told {
     pub(super) fitted_q_evaluation: Vec<Option<f64>>,
 }
 
+/// The same for machines, with the choice before it.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct ToldToMachines<'a> {
+    /// What to deploy, if the log supports it: the chosen candidate.
+    choice: &'a AgentConfig,
+    #[serde(flatten)]
+    told: &'a Told,
+}
+
+impl<'a> From<&'a Told> for ToldToMachines<'a> {
+    fn from(told: &'a Told) -> Self {
+        Self { choice: &told.candidates[told.verdict.chosen], told }
+    }
+}
+
 /// An action as the log has it.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct ActionTold {
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct ActionTold {
     pub(super) name: String,
     /// Transitions with it.
     pub(super) transitions: usize,

@@ -6,6 +6,7 @@ mod run;
 mod show;
 mod simulate;
 
+pub(crate) use files::ToldToMachines;
 pub(crate) use run::run;
 pub(crate) use simulate::simulate;
 pub use simulate::{SimulateTask, SimulatedTask};

@@ -1,7 +1,7 @@
 use calib_control::Doubt;
 use calib_stats::{Difference, Interval};
 
-use super::files::Told;
+use super::files::{Told, ToldToMachines};
 use crate::{
     base::outcome::Outcome,
     output::{Printer, count, percent, significant, table},
@@ -13,7 +13,7 @@ const SHOWN: usize = 8;
 /// Show the verdict; negative where the log does not support it.
 pub(super) fn show(told: &Told, printer: &Printer) -> anyhow::Result<Outcome> {
     if printer.is_for_machines() {
-        printer.json(told)?;
+        printer.json(&ToldToMachines::from(told))?;
     } else {
         printer.lines(&actions(told))?;
         printer.lines(&candidates(told))?;

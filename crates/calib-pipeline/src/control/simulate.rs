@@ -11,6 +11,7 @@ use calib_control::{
 use calib_core::{Seed, Timestamp};
 use calib_data::table::write_log;
 use calib_files::write_atomically;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::Printer;
@@ -33,7 +34,7 @@ pub struct SimulateTask {
 }
 
 /// A log of a classic task.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct SimulatedTask {
     /// The log.
     pub log: PathBuf,

@@ -62,6 +62,7 @@ pub(crate) fn run(
         format: 2,
         tool: TOOL,
         title: title.unwrap_or_else(stem),
+        choices: evaluate::choices(&verdicts, &sweep.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
         caveats: caveats(&rows),
         candidates: sweep.candidates.iter().map(Candidate::label).collect(),

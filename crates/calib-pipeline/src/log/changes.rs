@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use calib_core::Timestamp;
 use calib_data::format_time;
 use calib_files::{remove_file, write_json};
 use calib_plant::{Change, ChangeKind, Plant};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The file beside the day files. It is no log: logs are Parquet files.
@@ -18,10 +20,10 @@ struct ChangesFile<'a> {
 }
 
 /// One change.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct DatedChange {
     /// When.
-    at: String,
+    at: Timestamp,
     /// What, in words.
     told: String,
     /// What, in numbers.
@@ -31,15 +33,15 @@ pub(crate) struct DatedChange {
 
 impl DatedChange {
     fn of(change: Change) -> Self {
-        Self { at: format_time(change.at), told: change.kind.to_string(), kind: change.kind }
+        Self { at: change.at, told: change.kind.to_string(), kind: change.kind }
     }
 
-    pub(crate) fn at(&self) -> &str {
-        &self.at
+    pub(crate) fn at(&self) -> String {
+        format_time(self.at)
     }
 
     pub(crate) fn line(&self) -> String {
-        format!("{}  {}", self.at, self.told)
+        format!("{}  {}", self.at(), self.told)
     }
 }
 

@@ -6,6 +6,7 @@ use calib_data::table::write_log;
 use calib_files::{FileError, read_sealed_json, remove_file, write_sealed_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use calib_study::Job;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -60,7 +61,7 @@ impl Simulation {
 }
 
 /// A log that was simulated.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Simulated {
     directory: PathBuf,
     channels: usize,

@@ -5,6 +5,7 @@ use std::ops::Range;
 use anyhow::bail;
 use calib_core::{Segment, Segments, Timestamp, Transitions};
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -49,7 +50,7 @@ impl Training {
 }
 
 /// What is mapped from files while a model is built, so that it takes memory only while there is some.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Spilled {
     Nothing,
@@ -71,7 +72,7 @@ impl Spilled {
 }
 
 /// What is going to be done, and what it needs.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct BuildPlan {
     rows: usize,
     columns: usize,

@@ -3,14 +3,15 @@
 use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{Context as _, bail};
-use calib_core::{Frames, Normaliser, Period, States, TransitionIndex};
-use calib_data::{Dataset, Profile, format_time, table::Table};
+use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
+use calib_data::{Dataset, Profile, table::Table};
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
 use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
 use calib_model::{CalibrationModel, JumpStatistics};
 use calib_nn::Mlp;
 use calib_represent::{RepresentationKind, encode};
 use calib_study::{Job, Made, Study};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -30,13 +31,14 @@ const STATES: &str = "states.npy";
 const PROFILE: &str = "profile.json";
 
 /// `manifest.json` of a model directory.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct ModelManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
     /// Fingerprint of data and configuration.
     pub(crate) key: String,
     /// The study as it was resolved.
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     /// Fingerprint of the states, timestamps and columns that the model was built from.
     pub(crate) data: Fingerprint,
@@ -46,7 +48,7 @@ pub(crate) struct ModelManifest {
     pub(crate) segments: usize,
     /// Times of the first and the last row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) times: Option<[String; 2]>,
+    pub(crate) times: Option<[Timestamp; 2]>,
     pub(crate) normaliser: Normaliser,
     /// The search structure that found the tables, and why it was taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -62,14 +64,14 @@ pub(crate) struct ModelManifest {
     pub(crate) files: Files,
 }
 
-/// Times of the first and the last row, as people read them.
-pub(crate) fn first_and_last(frames: &Frames) -> Option<[String; 2]> {
+/// Times of the first and the last row.
+pub(crate) fn first_and_last(frames: &Frames) -> Option<[Timestamp; 2]> {
     let times = frames.timestamps();
-    Some([format_time(*times.first()?), format_time(*times.last()?)])
+    Some([*times.first()?, *times.last()?])
 }
 
 /// One member of the ensemble.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MemberSummary {
     pub(crate) transitions: usize,
     /// Of one rollout from a random start; none for models that leave the data.

@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use calib_core::{Frames, Seed, TransitionIndex};
+use calib_core::{Frames, Seed, Timestamp, TransitionIndex};
 use calib_data::format_time;
 use calib_knn::{ClosedClasses, Ends, KnnModel, Recurrence, Weights};
 use calib_model::WalkStatistics;
 use calib_report::{Cell, Table};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -29,7 +30,7 @@ const LITTLE: f64 = 0.02;
 const MANY: usize = 1000;
 
 /// What is known of the walks of a member; in the manifest of its model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MemberRecurrence {
     #[serde(flatten)]
     pub(crate) classes: Recurrence,
@@ -38,16 +39,16 @@ pub(crate) struct MemberRecurrence {
     pub(crate) left_out_times: Vec<Stretch>,
     /// Where walks are led out of traps: up to ten times.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) exit_times: Vec<String>,
+    pub(crate) exit_times: Vec<Timestamp>,
     #[serde(flatten)]
     pub(crate) walks: WalkStatistics,
 }
 
 /// A stretch of the log.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Stretch {
     /// Times of the states that its first and its last transition start from.
-    pub(crate) times: [String; 2],
+    pub(crate) times: [Timestamp; 2],
     /// Candidates in it that are left out.
     pub(crate) candidates: usize,
 }
@@ -66,7 +67,7 @@ impl MemberRecurrence {
         let seed = Seed::new(seed).child("walks").number(member as u64);
         let time = |transition: u32| {
             let row = knn.transitions().source(TransitionIndex(transition));
-            format_time(frames.timestamps()[row.get()])
+            frames.timestamps()[row.get()]
         };
         let stretch = |(run, candidates): (Range<u32>, usize)| Stretch {
             times: [time(run.start), time(run.end - 1)],
@@ -156,7 +157,7 @@ fn done(of: &MemberRecurrence) -> String {
     let share = *left_out as f64 / (*candidates).max(1) as f64;
     let most = of.left_out_times.iter().max_by_key(|stretch| stretch.candidates);
     let times = most.map_or_else(String::new, |most| {
-        let [first, last] = &most.times;
+        let [first, last] = most.times.map(format_time);
         format!(", most of them from {first} to {last}")
     });
     let exits = match exits {

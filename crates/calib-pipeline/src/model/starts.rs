@@ -7,6 +7,7 @@ use calib_files::Fingerprint;
 use calib_model::{
     ModelStart, RolloutConfig, Search, StartKind, StartSource, Wanted, month_of, year_of,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{model::model_files::OpenModel, output::significant};
@@ -116,7 +117,7 @@ impl<'a> Starts<'a> {
 }
 
 /// How many of a member's start states stand for others, and how far from them they are; in the manifest of rollouts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct StartSummary {
     /// Start states in all.
     pub(crate) starts: usize,

@@ -20,6 +20,7 @@ use calib_files::{
 };
 use calib_knn::ModelKind;
 use calib_study::{Job, Study};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -47,7 +48,7 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 const NATIVE: &str = "native arithmetic";
 
 /// How a network was trained, in the manifest of its model.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct TrainingSummary {
     /// What did the arithmetic.
     pub(crate) backend: String,

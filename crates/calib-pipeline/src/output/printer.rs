@@ -2,6 +2,7 @@ use std::{fmt, sync::Arc};
 
 use anyhow::Context as _;
 use calib_core::Monitor;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
@@ -108,11 +109,11 @@ impl Printer {
         self.pass(Result::Lines(text))
     }
 
-    /// The result for machines.
+    /// The result for machines; whatever it is has a schema.
     ///
     /// # Errors
     /// If it cannot be passed on.
-    pub fn json(&self, value: &impl Serialize) -> anyhow::Result<()> {
+    pub fn json(&self, value: &(impl Serialize + JsonSchema)) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(value)?;
         if self.results == Results::Talk {
             self.remark(Remark::Table(&text));

@@ -5,12 +5,14 @@ mod trial;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use calib_data::{DataConfig, Sketch, format_time, sketch};
+use calib_core::Timestamp;
+use calib_data::{DataConfig, Sketch, sketch};
 use calib_files::write_atomically;
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
 };
 use calib_study::{Job, Request};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use self::trial::{Trials, Workplace};
@@ -25,8 +27,8 @@ use crate::{
 };
 
 /// What was chosen, for `--json`.
-#[derive(Debug, Serialize)]
-struct Chosen {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Chosen {
     /// The file that was written.
     study: PathBuf,
     /// Channels that are used.
@@ -34,9 +36,9 @@ struct Chosen {
     /// Those that are not, with the reason.
     left_out: Vec<[String; 2]>,
     /// First moment of the training range, and the first after it.
-    train: [String; 2],
+    train: [Timestamp; 2],
     /// Of what is held out.
-    held_out: [String; 2],
+    held_out: [Timestamp; 2],
     /// Rows of the two.
     rows: [usize; 2],
     /// Time from one state to the next, in seconds.
@@ -237,7 +239,6 @@ fn show(
         sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
     let state_secs = sketch.period_secs * chosen.spacing as f64;
     if printer.is_for_machines() {
-        let times = |range: [calib_core::Timestamp; 2]| range.map(format_time);
         return printer.json(&Chosen {
             study: args.study.clone(),
             channels: scope.channels.len(),
@@ -246,8 +247,8 @@ fn show(
                 .iter()
                 .map(|of| [of.name.clone(), of.why.to_string()])
                 .collect(),
-            train: times(chosen.cut.train),
-            held_out: times(chosen.cut.held_out),
+            train: chosen.cut.train,
+            held_out: chosen.cut.held_out,
             rows: chosen.cut.rows,
             state_secs,
             sensors: predicted,

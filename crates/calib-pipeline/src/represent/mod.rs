@@ -16,6 +16,7 @@ use calib_represent::{
     score, select, write_encoder,
 };
 use calib_study::{Job, Layout, Made, Share, Study};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -35,12 +36,13 @@ use crate::{
 pub(crate) use table::report_table;
 
 /// `manifest.json` of a representation directory.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct RepresentationManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
     /// Fingerprint of data and configuration.
     pub(crate) key: String,
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     /// Fingerprint of the data that it was trained or imported for.
     pub(crate) data: Fingerprint,
@@ -54,7 +56,7 @@ pub(crate) struct RepresentationManifest {
 }
 
 /// A representation that could be used.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Candidate {
     /// Hyperparameters; none of an imported one.
     pub(crate) config: Option<LaplacianConfig>,

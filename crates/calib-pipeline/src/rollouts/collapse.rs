@@ -4,6 +4,7 @@ use calib_core::States;
 use calib_model::{LeftFinite, Trajectory};
 use calib_report::{Cell, Table};
 use calib_stats::{collapse_step, median};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
 };
 
 /// How many rollouts stop moving, sensor by sensor, and how many end early; in the manifest of the rollouts.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Collapse {
     /// Rollouts of all members.
     pub(crate) rollouts: usize,
@@ -23,7 +24,7 @@ pub(crate) struct Collapse {
 }
 
 /// One sensor.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct SensorCollapse {
     pub(crate) sensor: String,
     /// Rollouts whose sensor has less than a tenth of the data's spread over the last quarter.
@@ -38,7 +39,7 @@ pub(crate) struct SensorCollapse {
 }
 
 /// A rollout that ended before its last step.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct EndedEarly {
     pub(crate) member: usize,
     pub(crate) rollout: usize,

@@ -5,6 +5,7 @@ use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
 use calib_study::{Job, Made, Study};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -32,13 +33,14 @@ use crate::{
 };
 
 /// `manifest.json` of a rollout directory.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct RolloutManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
     pub(crate) key: String,
     pub(crate) model: String,
     /// What it was made with.
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     pub(crate) sensors: Vec<String>,
     pub(crate) period_secs: f64,
@@ -52,7 +54,7 @@ pub(crate) struct RolloutManifest {
 }
 
 /// What the rollouts of one member were like.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MemberRollouts {
     /// Transitions of the member.
     pub(crate) transitions: usize,

@@ -10,6 +10,7 @@ use calib_study::{Job, Study};
 use calib_sweep::{
     Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions, Span, Windows,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -23,7 +24,7 @@ use crate::{
 };
 
 /// What an environment is made of, beside states and tables.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Described {
     /// A member of a calibration model.

@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, time::Duration};
 use calib_core::{RowIndex, RowStream};
 use calib_study::{Job, Study};
 use calib_sweep::RunStream;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -23,7 +24,7 @@ const ROW_BYTES: u64 = 750;
 const POINT_BYTES: u64 = 82;
 
 /// What is left of a sweep, by the time that some of its steps took on this machine.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Expected {
     /// Passes over streams, each by all values for all sensors.
     pub(crate) passes: usize,

@@ -7,6 +7,7 @@ use calib_agent::{AgentConfig, training_bytes};
 use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, Span};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -51,7 +52,7 @@ impl Counted {
 }
 
 /// What is to be done: the result of a dry run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct SweepPlan<'a> {
     /// Every value, in the order of the results.
     pub(crate) candidates: &'a [Candidate],
@@ -73,7 +74,7 @@ pub(crate) struct SweepPlan<'a> {
 }
 
 /// Bytes that a sweep takes at most.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub(crate) struct Memory {
     /// Recorded states, shared by all threads.
     pub(crate) data: u64,

@@ -1,12 +1,13 @@
 use std::{collections::BTreeMap, path::Path};
 
-use calib_core::Period;
+use calib_core::{Period, Timestamp};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
 use calib_study::{Job, Layout, Study};
 use calib_sweep::{
     Candidate, Completed, ErrorScale, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -31,12 +32,13 @@ use crate::{
 };
 
 /// `manifest.json` of a sweep directory.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct SweepManifest {
     pub(crate) format: u32,
     pub(crate) tool: String,
     /// Fingerprint of all units.
     pub(crate) key: String,
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     pub(crate) data: Fingerprint,
     pub(crate) model: String,
@@ -66,11 +68,11 @@ pub(crate) struct SweepManifest {
 }
 
 /// The states of a deployment.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct HeldOut {
     pub(crate) rows: u64,
     /// Times of the first and the last.
-    pub(crate) times: [String; 2],
+    pub(crate) times: [Timestamp; 2],
     /// Their fingerprint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) data: Option<Fingerprint>,

@@ -2,10 +2,11 @@
 
 use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
-use calib_core::{Frames, RowStream, Seed};
-use calib_data::{Dataset, format_time};
+use calib_core::{Frames, RowStream, Seed, Timestamp};
+use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -136,17 +137,17 @@ pub(crate) const fn part_name(part: Part) -> &'static str {
 }
 
 /// What a sweep replays as Online.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct OnlineWindow {
     /// First row of the held-out range.
     pub(crate) start_row: usize,
     /// Times of the first state and the last.
-    pub(crate) times: [String; 2],
+    pub(crate) times: [Timestamp; 2],
 }
 
 /// The windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
-    let time = |row: usize| format_time(held_out.timestamps()[row]);
+    let time = |row: usize| held_out.timestamps()[row];
     let of = |&start: &usize| {
         let times = [time(start), time(start + windows.states - 1)];
         OnlineWindow { start_row: start, times }

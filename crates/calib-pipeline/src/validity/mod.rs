@@ -23,6 +23,7 @@ use calib_agent::Part;
 use calib_core::Seed;
 use calib_study::{Share, shell_words};
 use calib_validity::{Options, Pair, Validity, judge};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -40,8 +41,8 @@ use studies::{Listed, Listing};
 use task::Task;
 
 /// `validity.json`.
-#[derive(Serialize)]
-struct Summary<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Summary<'a> {
     format: u32,
     tool: &'static str,
     /// Of the draws of intervals.
@@ -60,31 +61,31 @@ struct Summary<'a> {
 }
 
 /// The protocol that drew the plants.
-#[derive(Serialize)]
-struct Drew {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Drew {
     /// Its file's name.
     file: String,
     seed: u64,
 }
 
 /// A plant with its task.
-#[derive(Serialize)]
-struct Judged {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Judged {
     plant: String,
     #[serde(flatten)]
     task: Task,
 }
 
 /// A plant that is not judged.
-#[derive(Clone, Serialize)]
-struct LeftOut {
+#[derive(Clone, Serialize, JsonSchema)]
+pub(crate) struct LeftOut {
     plant: String,
     reason: String,
 }
 
 /// All pairs by the errors over one part of each run.
-#[derive(Serialize)]
-struct Score {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Score {
     part: Part,
     #[serde(flatten)]
     validity: Validity,

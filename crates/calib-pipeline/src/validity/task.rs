@@ -3,11 +3,12 @@
 use calib_agent::{OptimiserKind, ValueFunction};
 use calib_study::Study;
 use calib_validity::TaskValue;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The task of a plant: what is drawn for it, as far as results are grouped by it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Task {
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct Task {
     pub(super) optimiser: &'static str,
     pub(super) gamma: f64,
     /// Steps of every stream.

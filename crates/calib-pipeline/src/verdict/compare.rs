@@ -6,6 +6,7 @@ use anyhow::ensure;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -31,8 +32,8 @@ use crate::{
 };
 
 /// `summary.json` of several models and deployments.
-#[derive(Serialize)]
-struct Summaries {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Summaries {
     format: u32,
     tool: &'static str,
     title: String,
@@ -50,8 +51,8 @@ struct Summaries {
 }
 
 /// One deployment of a study.
-#[derive(Serialize)]
-struct DeploymentSummary {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct DeploymentSummary {
     deployment: String,
     /// Its window, as the study has it.
     window: String,

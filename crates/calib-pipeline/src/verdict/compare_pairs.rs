@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
 };
 
 /// In `summary.json` of several.
-#[derive(Default, Serialize)]
+#[derive(Default, Serialize, JsonSchema)]
 pub(crate) struct Comparisons {
     /// Distances of rollouts, paired by start state.
     rollouts: Vec<In<PairedModels>>,
@@ -31,7 +32,7 @@ impl Comparisons {
 }
 
 /// Where two models are compared.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(crate) struct In<T> {
     /// Deployments that share it; none in a study without deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]

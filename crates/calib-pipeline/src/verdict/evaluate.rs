@@ -4,8 +4,12 @@ use calib_core::Seed;
 use calib_model::StartKind;
 use calib_report::caveats;
 use calib_study::{Job, Layout, Made, Study};
-use calib_sweep::{Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict};
+use calib_sweep::{
+    Candidate, Grade, Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict,
+};
+use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 use crate::{
     base::{
@@ -25,11 +29,13 @@ use crate::{
 };
 
 /// `summary.json`: the verdict for machines.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Summary {
     pub(crate) format: u32,
     pub(crate) tool: &'static str,
     pub(crate) title: String,
+    /// What is chosen for each sensor.
+    pub(crate) choices: Vec<SensorChoice>,
     /// The advice in words, one list of lines a sensor.
     pub(crate) advice: Vec<Vec<String>>,
     /// Labels of the candidates that the verdicts count.
@@ -39,6 +45,32 @@ pub(crate) struct Summary {
     pub(crate) caveats: Vec<String>,
     /// What else is worth knowing of the sweep.
     pub(crate) notes: Vec<String>,
+}
+
+/// What is chosen for a sensor.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct SensorChoice {
+    sensor: String,
+    /// The swept keys of the agent, and their values.
+    values: Map<String, Value>,
+    /// Whether that is what the study gives as its default.
+    is_default: bool,
+    /// How well held-out data supports it.
+    grade: Grade,
+}
+
+/// The choices of these verdicts, whose numbers count `candidates`.
+pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> Vec<SensorChoice> {
+    let of = |verdict: &SensorVerdict| {
+        let candidate = &candidates[verdict.chosen];
+        SensorChoice {
+            sensor: verdict.sensor.clone(),
+            values: candidate.values.iter().cloned().collect(),
+            is_default: candidate.is_default,
+            grade: verdict.grade,
+        }
+    };
+    verdicts.iter().map(of).collect()
 }
 
 /// A finished sweep, and what follows from it.
@@ -132,9 +164,10 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
         format: 2,
         tool: TOOL,
         title: job.title(),
+        choices: choices(&verdicts, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
         caveats: caveats(&rows),
-        candidates: manifest.candidates.iter().map(calib_sweep::Candidate::label).collect(),
+        candidates: manifest.candidates.iter().map(Candidate::label).collect(),
         verdicts,
         notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
     };

@@ -11,7 +11,7 @@ pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
     let learned = format!("Learned from {first} to {last}");
     match &judged.manifest.held_out {
         Some(held_out) => {
-            let [start, end] = &held_out.times;
+            let [start, end] = held_out.times.map(format_time);
             let name = judged.job.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
             let windows = windows(&judged.manifest, held_out.rows);
@@ -38,7 +38,7 @@ fn windows(manifest: &SweepManifest, held_out_rows: u64) -> String {
 /// Of what the model was built from: agents may be pre-trained on the rest of the training range.
 fn training_times(profile: &Profile, model: &ModelManifest) -> [String; 2] {
     let train = &profile.train;
-    model.times.clone().unwrap_or_else(|| [train.start, train.end].map(format_time))
+    model.times.unwrap_or([train.start, train.end]).map(format_time)
 }
 
 /// What the data looked like, and what was kept of it.
@@ -79,7 +79,7 @@ const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
 /// What is known of the deployment that was judged by.
 pub(crate) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
     let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
-    let [first, last] = &held_out.times;
+    let [first, last] = held_out.times.map(format_time);
     let values = [calib_report::count(held_out.rows), format!("{first} to {last}")];
     HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
 }

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use calib_core::Timestamp;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A change of the plant, and when it was made.
@@ -14,7 +15,7 @@ pub struct Change {
 }
 
 /// What was changed, and what it is from then on. Factors and offsets are from the plant as it was at first.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum ChangeKind {
     /// New membranes.
@@ -36,7 +37,7 @@ pub enum ChangeKind {
 }
 
 /// Membranes as they are when new.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Membranes {
     /// Factor on the resistance of the clean membrane: the inverse of that on its permeability.
     pub resistance: f64,
@@ -45,7 +46,7 @@ pub struct Membranes {
 }
 
 /// What flows to the plant.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Feed {
     /// Days over which it is blended in.
     pub blending_days: f64,
@@ -68,7 +69,7 @@ pub struct Feed {
 }
 
 /// What a sensor makes of the true value x: it follows `gain · x + offset` with a time constant.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Sensor {
     /// Offset, in the unit of the sensor.
     pub offset: f64,
@@ -81,7 +82,7 @@ pub struct Sensor {
 }
 
 /// Control settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Settings {
     /// Factor on the target of production.
     pub production: f64,
@@ -90,7 +91,7 @@ pub struct Settings {
 }
 
 /// What a pump is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PumpDuty {
     /// It draws permeate through the membrane.
@@ -100,7 +101,7 @@ pub enum PumpDuty {
 }
 
 /// A pump.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Pump {
     /// What it is for.
     pub duty: PumpDuty,

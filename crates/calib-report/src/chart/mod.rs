@@ -148,9 +148,20 @@ pub enum Colour {
     Grid,
     /// Curve colour 0 to 5; larger numbers start again.
     Curve(usize),
+    /// One of eight colours for values that have an order, from the smallest to the largest.
+    Ordered(usize),
 }
 
+/// Colours of a scale: more cannot be told apart.
+pub(crate) const ORDERED: usize = 8;
+
 impl Colour {
+    /// The colour of the value at `place` of `count` in order: the ends of the scale are those of the values.
+    pub(crate) const fn of_ordered(place: usize, count: usize) -> Self {
+        let last = if count > 1 { count - 1 } else { 1 };
+        Self::Ordered((2 * place * (ORDERED - 1) + last) / (2 * last))
+    }
+
     /// Light-page colour, `#rrggbb`. The page's style sheet overrides it by [`class`](Self::class).
     pub(crate) const fn hex(self) -> &'static str {
         match self {
@@ -161,6 +172,10 @@ impl Colour {
             Self::Curve(index) => {
                 ["#0072b2", "#d55e00", "#009e73", "#a8479a", "#8a6d1d", "#3d8fc4"][index % 6]
             }
+            Self::Ordered(step) => [
+                "#1d0f70", "#4b0c93", "#7a0f9b", "#a2228e", "#c23c75", "#d05050", "#c9661f",
+                "#a87a00",
+            ][step % ORDERED],
         }
     }
 
@@ -172,6 +187,7 @@ impl Colour {
             Self::Muted => "muted",
             Self::Grid => "grid",
             Self::Curve(index) => ["c0", "c1", "c2", "c3", "c4", "c5"][index % 6],
+            Self::Ordered(step) => ["s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7"][step % ORDERED],
         }
     }
 }

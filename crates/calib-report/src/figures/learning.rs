@@ -2,7 +2,7 @@
 
 use calib_stats::Summary;
 
-use crate::chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side, extent};
+use crate::chart::{Axis, Chart, Colour, Dash, ORDERED, Point, Scale, Series, Side, extent};
 use crate::{Environment, Figure, ReportError, Setting};
 
 /// One figure of learning curves, for one sensor in one environment.
@@ -38,6 +38,24 @@ impl LearningCurve {
 }
 
 impl LearningCurves {
+    /// How the curve at a place is drawn. Numbers in order are on a scale of colours, and dashed in turn where neighbours would look
+    /// alike; of others there are six colours, then the same with dashes, then with dots.
+    fn look(&self) -> impl Fn(usize) -> (Colour, Dash) + use<> {
+        const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
+        let numbers: Option<Vec<f64>> =
+            self.curves.iter().map(|curve| curve.value.as_number()).collect();
+        let is_ordered = numbers.is_some_and(|of| of.is_sorted_by(|a, b| a < b));
+        let count = self.curves.len();
+        let dashes = if count > ORDERED { DASHES.len() } else { 1 };
+        move |place| {
+            if is_ordered {
+                (Colour::of_ordered(place, count), DASHES[place % dashes])
+            } else {
+                (Colour::Curve(place), DASHES[place / 6 % DASHES.len()])
+            }
+        }
+    }
+
     /// Draws the figure: step against mean error, with 95 % intervals. A value of which a run diverged ends there,
     /// in a cross at the upper edge.
     ///
@@ -49,8 +67,16 @@ impl LearningCurves {
         if self.curves.iter().all(|curve| curve.points.is_empty()) {
             return Err(ReportError::Empty { figure: title, missing: "points" });
         }
-        let series: Vec<Series> =
-            self.curves.iter().enumerate().map(|(place, curve)| series(place, curve)).collect();
+        let look = self.look();
+        let series: Vec<Series> = self
+            .curves
+            .iter()
+            .enumerate()
+            .map(|(place, curve)| {
+                let (colour, dash) = look(place);
+                series(curve, colour, dash)
+            })
+            .collect();
         let means: Vec<f64> =
             series.iter().flat_map(|series| series.points.iter().map(|point| point.y)).collect();
         let scale = around(&means);
@@ -77,8 +103,7 @@ fn around(means: &[f64]) -> Scale {
     Scale::around(&means.iter().map(|&mean| mean.min(top)).collect::<Vec<_>>())
 }
 
-/// Six colours, then the same with dashes, then with dots.
-fn series(place: usize, curve: &LearningCurve) -> Series {
+fn series(curve: &LearningCurve, colour: Colour, dash: Dash) -> Series {
     let drawn = curve.points.iter().take_while(|(_, summary)| summary.mean.is_finite()).count();
     // The first infinite point is the cross.
     let points = &curve.points[..curve.points.len().min(drawn + 1)];
@@ -90,10 +115,48 @@ fn series(place: usize, curve: &LearningCurve) -> Series {
     Series {
         label: curve.value.to_string(),
         side: Side::Left,
-        colour: Colour::Curve(place),
-        dash: [Dash::Solid, Dash::Dashed, Dash::Dotted][place / 6 % 3],
+        colour,
+        dash,
         width: 1.6,
         marker: None,
         points: points.iter().map(point).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn looks(values: &[Setting]) -> Vec<(Colour, Dash)> {
+        let curve = |value: &Setting| LearningCurve { value: value.clone(), points: Vec::new() };
+        let curves = LearningCurves {
+            sensor: "PIT300".to_owned(),
+            field: "learning_rate".to_owned(),
+            environment: Environment::Member { number: 0, model: None },
+            steps: 10,
+            curves: values.iter().map(curve).collect(),
+        };
+        (0..values.len()).map(curves.look()).collect()
+    }
+
+    #[test]
+    fn numbers_in_order_are_on_a_scale_and_others_are_not() {
+        let numbers: Vec<Setting> = (0..3).map(|value| Setting::Number(f64::from(value))).collect();
+        let steps = [Colour::Ordered(0), Colour::Ordered(4), Colour::Ordered(7)];
+        assert_eq!(looks(&numbers), steps.map(|colour| (colour, Dash::Solid)));
+        let names = ["adam", "sgd"].map(|name| Setting::Name(name.to_owned()));
+        assert_eq!(looks(&names)[1], (Colour::Curve(1), Dash::Solid));
+    }
+
+    #[test]
+    fn no_two_of_many_look_alike() {
+        for count in 1..=20 {
+            let numbers: Vec<Setting> =
+                (0..count).map(|value| Setting::Number(f64::from(value))).collect();
+            let looks = looks(&numbers);
+            for (place, look) in looks.iter().enumerate() {
+                assert!(!looks[..place].contains(look), "{count} values, {place}");
+            }
+        }
     }
 }

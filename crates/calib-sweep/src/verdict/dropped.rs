@@ -1,13 +1,14 @@
 //! Values that a race dropped, in the verdict.
 
 use calib_stats::{Selection, StatsError, select};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::LOWER;
 use crate::{EnvironmentId, UnitResult, unit::infinite};
 
 /// A value that was dropped before all runs were made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Dropped {
     /// Position of the candidate in the sweep.
     pub candidate: usize,
@@ -17,6 +18,7 @@ pub struct Dropped {
     pub of_runs: usize,
     /// Mean error over members of those runs.
     #[serde(with = "infinite")]
+    #[schemars(with = "Option<f64>")]
     pub mean_error: f64,
 }
 

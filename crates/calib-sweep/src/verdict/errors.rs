@@ -2,12 +2,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use calib_agent::Part;
 use calib_stats::{Summary, cluster_means, summarise};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Candidate, EnvironmentId, ErrorScale, RunRow, SweepError, UnitResult};
 
 /// Errors of all candidates in one environment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EnvironmentScores {
     /// Which environment.
     pub environment: EnvironmentId,

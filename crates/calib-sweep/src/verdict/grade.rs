@@ -1,3 +1,4 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use calib_stats::Estimate;
@@ -8,7 +9,7 @@ use super::{
 };
 
 /// How well held-out data supports a choice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
     /// No worse than what a chooser that sees another held-out window would cost, and not worse than the default.

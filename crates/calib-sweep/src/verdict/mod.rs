@@ -13,6 +13,7 @@ mod warnings;
 use calib_agent::Part;
 use calib_core::Seed;
 use calib_stats::{Direction, Estimate, Selection};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use dropped::Dropped;
@@ -45,7 +46,7 @@ pub struct Judging<'a> {
 }
 
 /// How often a value is chosen from other draws of the evidence.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Share {
     /// The candidate.
     pub candidate: usize,
@@ -54,7 +55,7 @@ pub struct Share {
 }
 
 /// What a rule chooses, and what that costs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RuleChoice {
     /// The rule.
     pub rule: Rule,
@@ -65,7 +66,7 @@ pub struct RuleChoice {
 }
 
 /// What the sweep says about one sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SensorVerdict {
     /// The predicted sensor.
     pub sensor: String,

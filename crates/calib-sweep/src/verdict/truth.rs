@@ -1,11 +1,12 @@
 use calib_stats::{Estimate, kendall_tau_b, spearman};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::errors::EnvironmentScores;
 use crate::SweepError;
 
 /// What held-out data says of one window.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WindowTruth {
     /// Row of the held-out range that it begins at.
     pub start_row: u32,
@@ -18,12 +19,13 @@ pub struct WindowTruth {
 }
 
 /// How well a choice does on held-out data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Agreement {
     /// The candidate.
     pub chosen: usize,
     /// Its mean NRMSE on held-out data.
     #[serde(with = "crate::unit::infinite")]
+    #[schemars(with = "Option<f64>")]
     pub online_error: f64,
     /// exp(mean over windows of ln(error / best error of the window)) − 1; none if every value diverged.
     pub regret: Option<Estimate>,
@@ -38,7 +40,9 @@ pub struct Agreement {
 }
 
 /// Another way to choose, that the choice has to be compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Baseline {
     /// Keep the `[agent]` section's own values.
@@ -57,7 +61,7 @@ pub enum Baseline {
 }
 
 /// What a baseline costs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BaselineRegret {
     /// Which one.
     pub baseline: Baseline,
@@ -68,7 +72,7 @@ pub struct BaselineRegret {
 }
 
 /// What held-out data says about all values.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Truth {
     /// Errors.
     pub scores: EnvironmentScores,

@@ -14,6 +14,7 @@ use calib_dtw::{PatternSet, Settings, StepPattern};
 use calib_model::{Trajectory, Wanted};
 use calib_stats::ClusterSummary;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -43,7 +44,7 @@ pub(crate) fn settings() -> impl Serialize {
 }
 
 /// The comparison, in the manifest of the rollouts.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Comparison {
     /// Rollouts that were compared, of all members.
     pub(crate) rollouts: usize,
@@ -66,7 +67,7 @@ pub(crate) struct Comparison {
 }
 
 /// Where true trajectories were recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Against {
     /// In the data of the model, after the start state.
@@ -76,7 +77,7 @@ pub(crate) enum Against {
 }
 
 /// Means over start states of the means over members, on the normalised sensor.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct SensorComparison {
     pub(crate) sensor: String,
     pub(crate) dtw: Vec<PatternSummary>,
@@ -84,7 +85,7 @@ pub(crate) struct SensorComparison {
 }
 
 /// Dynamic time warping with one step pattern.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct PatternSummary {
     pub(crate) step_pattern: String,
     pub(crate) distance: ClusterSummary,
@@ -92,7 +93,7 @@ pub(crate) struct PatternSummary {
 }
 
 /// Another distance.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MeasureSummary {
     /// Its column in `measures.parquet`.
     pub(crate) measure: String,

@@ -6,6 +6,7 @@ use calib_core::Timestamp;
 use calib_stats::{
     ClusterSummary, Difference, cluster_means, paired_difference, unpaired_difference,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{
@@ -27,14 +28,14 @@ pub(crate) struct ComparedModel<'a> {
 }
 
 /// Two models, in the summary of several.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedModels {
     pub(crate) models: [String; 2],
     pub(crate) sensors: Vec<PairedSensor>,
 }
 
 /// Distances of the first model minus those of the second, on one sensor.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedSensor {
     pub(crate) sensor: String,
     pub(crate) dtw: Vec<PairedPattern>,
@@ -42,7 +43,7 @@ pub(crate) struct PairedSensor {
 }
 
 /// Dynamic time warping with one step pattern.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedPattern {
     pub(crate) step_pattern: &'static str,
     pub(crate) distance: Option<Difference>,
@@ -50,7 +51,7 @@ pub(crate) struct PairedPattern {
 }
 
 /// Another distance.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedMeasure {
     pub(crate) measure: &'static str,
     pub(crate) value: Option<Difference>,

@@ -12,6 +12,7 @@ use calib_files::{
 use calib_model::{Search, Unseen};
 use calib_stats::{Interval, StepErrors};
 use calib_study::{Job, Layout};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -32,7 +33,7 @@ const FILE: &str = "one_step.json";
 const FORMAT: u32 = 4;
 
 /// `one_step.json`: errors of predictions one step ahead, of all members taken together.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct OneStep {
     pub(crate) format: u32,
     pub(crate) tool: String,
@@ -53,7 +54,7 @@ pub(crate) struct OneStep {
 }
 
 /// One sensor.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct SensorError {
     pub(crate) sensor: String,
     #[serde(flatten)]
@@ -61,7 +62,7 @@ pub(crate) struct SensorError {
 }
 
 /// Normalised units.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct StepError {
     /// None if a prediction was not finite.
     pub(crate) rmse: Option<f64>,

@@ -4,6 +4,7 @@ use anyhow::Context as _;
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
 use calib_study::Job;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{OneStep, StepError, read, steps::Steps};
@@ -17,7 +18,7 @@ pub(crate) struct Predicting {
 }
 
 /// Two models, in the summary of several: RMSE of the first / RMSE of the second.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedErrors {
     models: [String; 2],
     all_columns: Option<ErrorRatio>,
@@ -25,7 +26,7 @@ pub(crate) struct PairedErrors {
 }
 
 /// One sensor.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 struct SensorRatio {
     sensor: String,
     /// None where the quotient is not defined.

@@ -4,6 +4,7 @@ mod evidence;
 
 use calib_report::{Cell, Grade, Table};
 use calib_sweep::SensorVerdict;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -15,7 +16,7 @@ use crate::{
 };
 
 /// What one model says of one sensor in all deployments; in `summary.json`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Deployed {
     pub(crate) sensor: String,
     pub(crate) model: String,
@@ -28,7 +29,7 @@ pub(crate) struct Deployed {
 }
 
 /// The choice for one deployment.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Choice {
     pub(crate) deployment: String,
     /// The value.

@@ -1,0 +1,224 @@
+//! From what files hold to a log: its rows in time order, the ranges.
+
+use std::collections::HashMap;
+
+use calib_core::Period;
+
+use super::{
+    Channel, FileSummary, Log, Origin,
+    file::{FieldKind, LogFile},
+    gaps,
+    open::{Opened, refuse_pair},
+    resample::Grid,
+    row_ranges,
+    rows::{Irregularities, NO_TIME, Rows},
+    series::Sink,
+    split::{self, Split},
+};
+use crate::{DataConfig, DataError, Description, Shape, time::format_time};
+
+/// What rows there are, before they are cut into ranges.
+struct Planned {
+    origin: Origin,
+    files: Vec<FileSummary>,
+    shape: Shape,
+    channels: Vec<Channel>,
+    rows: Rows,
+    split: Split,
+    /// The first and the last instant of all.
+    span: (i64, i64),
+    bad_quality: u64,
+}
+
+impl Opened {
+    pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
+        let planned = match self {
+            Self::Tables(files, times, instants) => plan_tables(files, &times, &instants, data)?,
+            Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
+        };
+        Ok(Log { utc, ..planned.into_log(data)? })
+    }
+}
+
+fn plan_tables(
+    files: Vec<LogFile>,
+    times: &[usize],
+    instants: &[Vec<i64>],
+    data: &DataConfig,
+) -> Result<Planned, DataError> {
+    let total: usize = instants.iter().map(Vec::len).sum();
+    if u32::try_from(total).is_err() {
+        return Err(DataError::TooManyRows { rows: total as u64 });
+    }
+    let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
+    let (Some(first), Some(last)) = (present().min(), present().max()) else {
+        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
+    };
+    let split = Split::new(data, first, last)?;
+    let rows = Rows::plan(instants, &split.window());
+    refuse_mixed_partitions(&files, &rows.irregularities)?;
+    Ok(Planned {
+        channels: list_channels(&files, times),
+        files: files
+            .iter()
+            .map(|file| FileSummary {
+                path: file.path().to_owned(),
+                bytes: file.bytes,
+                rows: file.rows,
+            })
+            .collect(),
+        origin: Origin::Tables(files),
+        shape: Shape::Wide,
+        rows,
+        split,
+        span: (first, last),
+        bad_quality: 0,
+    })
+}
+
+fn plan_samples(
+    shape: Shape,
+    files: Vec<FileSummary>,
+    sink: Sink,
+    data: &DataConfig,
+) -> Result<Planned, DataError> {
+    let (null_timestamps, bad_quality) = (sink.null_times, sink.bad_quality);
+    let series = sink.finish()?;
+    let Some((first, last)) = series.span() else {
+        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
+    };
+    let split = Split::new(data, first, last)?;
+    let window = split.window();
+    let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
+    let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
+    let channel = |tag: &super::series::Tag| Channel {
+        name: tag.name.clone(),
+        type_name: tag.type_name().to_owned(),
+        description: Description::default(),
+        readable: true,
+        positions: HashMap::new(),
+    };
+    Ok(Planned {
+        channels: series.tags.iter().map(channel).collect(),
+        rows: Rows::of(timestamps, irregularities),
+        origin: Origin::Series(series, window),
+        files,
+        shape,
+        split,
+        span: (first, last),
+        bad_quality,
+    })
+}
+
+impl Planned {
+    fn into_log(self, data: &DataConfig) -> Result<Log, DataError> {
+        let Self { origin, files, shape, channels, rows, split, span, bad_quality } = self;
+        let (rows, recorded, grid) =
+            match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
+                None => (rows, None, None),
+                Some((resample, period)) => {
+                    let ranges = split.ranges_inside(span);
+                    let grid = Grid::new(resample, period, data.max_age(period), ranges)?;
+                    let timestamps = grid_rows(&grid, &origin, &rows)?;
+                    (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
+                }
+            };
+        let (train, held_out) = row_ranges(data, &split, &rows.timestamps, span)?;
+        if data.train.is_none()
+            && let Some(held_out) = &held_out
+        {
+            split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
+        }
+        // By the training range where that is enough: what is held out must not change what a model follows from.
+        let detected = || {
+            gaps::detect_period(&rows.timestamps[train.clone()])
+                .or_else(|| gaps::detect_period(&rows.timestamps))
+        };
+        let period = data
+            .period_secs
+            .and_then(Period::from_secs)
+            .or_else(detected)
+            .ok_or_else(|| DataError::NoPeriod { at: format_time(rows.timestamps[0]) })?;
+        Ok(Log {
+            steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),
+            period_was_detected: data.period_secs.is_none(),
+            contradictions: data.contradictions,
+            files,
+            shape,
+            origin,
+            rows,
+            recorded,
+            grid,
+            utc: false,
+            bad_quality,
+            channels,
+            period,
+            train,
+            held_out,
+        })
+    }
+}
+
+fn grid_rows(
+    grid: &Grid,
+    origin: &Origin,
+    recorded: &Rows,
+) -> Result<Vec<calib_core::Timestamp>, DataError> {
+    let mut coverage = grid.coverage();
+    match origin {
+        Origin::Tables(_) => {
+            let times: Vec<i64> = recorded.timestamps.iter().map(|time| time.as_micros()).collect();
+            grid.cover(&times, &mut coverage);
+        }
+        Origin::Series(series, window) => {
+            for tag in 0..series.tags.len() {
+                let (times, _) = series.samples(tag, window)?;
+                grid.cover(&times, &mut coverage);
+            }
+        }
+    }
+    Ok(grid.rows(&coverage))
+}
+
+/// Wells and plants logged at the same time are not one log, however similar their channels.
+fn refuse_mixed_partitions(
+    files: &[LogFile],
+    irregularities: &Irregularities,
+) -> Result<(), DataError> {
+    for &(first, second) in &irregularities.overlaps {
+        refuse_pair(&files[first].source, &files[second].source, &|_| true)?;
+    }
+    Ok(())
+}
+
+/// The union of the files' columns, in order of appearance.
+fn list_channels(files: &[LogFile], times: &[usize]) -> Vec<Channel> {
+    let mut channels: Vec<Channel> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    for (file, (log_file, &time)) in files.iter().zip(times).enumerate() {
+        for (position, field) in log_file.fields.iter().enumerate() {
+            if position == time {
+                continue;
+            }
+            let index = *known.entry(field.name.clone()).or_insert_with(|| {
+                channels.push(Channel {
+                    name: field.name.clone(),
+                    type_name: field.type_name.clone(),
+                    description: field.description.clone(),
+                    readable: false,
+                    positions: HashMap::new(),
+                });
+                channels.len() - 1
+            });
+            let channel = &mut channels[index];
+            if !channel.type_name.split(" or ").any(|known| known == field.type_name) {
+                channel.type_name = format!("{} or {}", channel.type_name, field.type_name);
+            }
+            if matches!(field.kind, FieldKind::Number | FieldKind::Text) {
+                channel.readable = true;
+                channel.positions.insert(file, position);
+            }
+        }
+    }
+    channels
+}

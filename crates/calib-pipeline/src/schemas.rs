@@ -1,0 +1,75 @@
+//! What `--json` of each command prints, as JSON Schema.
+
+use std::collections::BTreeMap;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
+
+use crate::{
+    agents::pretrain_files::PretrainManifest,
+    check::Checked,
+    cluster::{Status, Summary as ClusterSummary},
+    control::{SimulatedTask, ToldToMachines},
+    log::simulate::Simulated,
+    model::{build_plan::BuildPlan, model_files::ModelManifest},
+    plan::Plan,
+    propose::Chosen,
+    represent::RepresentationManifest,
+    rollouts::rollout::RolloutManifest,
+    sweep::{SweepManifest, plan::SweepPlan},
+    validity,
+    verdict::{compare::Summaries, evaluate::Summary},
+};
+
+/// What one command may print: one of several documents.
+pub struct JsonDocuments {
+    generator: SchemaGenerator,
+    documents: Vec<Schema>,
+}
+
+impl JsonDocuments {
+    /// Documents of this type.
+    pub fn of<T: JsonSchema>() -> Self {
+        let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+        Self { generator, documents: Vec::new() }.or::<T>()
+    }
+
+    /// Or of this one.
+    #[must_use]
+    pub fn or<T: JsonSchema>(mut self) -> Self {
+        self.documents.push(self.generator.subschema_for::<T>());
+        self
+    }
+
+    /// The schema of what `command` prints.
+    pub fn schema(mut self, command: &str) -> Schema {
+        json_schema!({
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": format!("calib {command} --json"),
+            "anyOf": self.documents,
+            "$defs": self.generator.take_definitions(true),
+        })
+    }
+}
+
+/// What the steps of the pipeline print, by command.
+pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
+    let verdict = || JsonDocuments::of::<Summary>().or::<Summaries>();
+    let documents = [
+        ("build-model", JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
+        ("check", JsonDocuments::of::<Checked>()),
+        ("cluster plan", JsonDocuments::of::<ClusterSummary>()),
+        ("cluster status", JsonDocuments::of::<Status>()),
+        ("control", JsonDocuments::of::<ToldToMachines<'_>>()),
+        ("evaluate", verdict()),
+        ("init", JsonDocuments::of::<Chosen>()),
+        ("pretrain", JsonDocuments::of::<PretrainManifest>()),
+        ("quickstart", verdict()),
+        ("represent", JsonDocuments::of::<RepresentationManifest>()),
+        ("rollout", JsonDocuments::of::<RolloutManifest>()),
+        ("run", verdict().or::<Plan>()),
+        ("simulate", JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
+        ("sweep", JsonDocuments::of::<SweepManifest>().or::<SweepPlan<'_>>()),
+        ("validity", JsonDocuments::of::<validity::Summary<'_>>()),
+    ];
+    documents.into_iter().map(|(command, documents)| (command, documents.schema(command))).collect()
+}

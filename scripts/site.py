@@ -1,0 +1,163 @@
+#!/usr/bin/env python3
+"""The documents as a site, and every link between them checked.
+
+    python3 scripts/site.py [FOLDER]
+
+The pages are the Markdown files of the repository, where they are and under the names that they have: the site is a copy of them, with what
+they link to, built by MkDocs into FOLDER (default: target/site). A link to a file or heading that is not there, and a page that the contents
+below do not name, is an error. Headings have the addresses that GitHub gives them, so that links hold there too.
+"""
+
+import logging
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PINNED = "mkdocs==1.6.1"
+
+CONTENTS = [
+    {"calib": "README.md"},
+    {
+        "Guides": [
+            {"Your first study": "docs/guides/first-study.md"},
+            {"Exports of historians": "docs/guides/exports.md"},
+            {"Your own logs": "docs/guides/your-own-logs.md"},
+            {"Reading the report": "docs/guides/reading-the-report.md"},
+            {"Which model, which distance": "docs/guides/which-model.md"},
+            {"An agent that acts": "docs/guides/control.md"},
+            {"A year of data": "docs/guides/a-year-of-data.md"},
+            {"More than one machine": "docs/guides/cluster.md"},
+            {"calib from Python": "docs/guides/python.md"},
+        ]
+    },
+    {
+        "Questions": [
+            {"Questions": "docs/faq.md"},
+            {"How much log do I need?": "docs/how-much-log.md"},
+            {"Gamma, steps and subsample": "docs/gamma-steps-subsample.md"},
+            {"Jump rates": "docs/jump-rates.md"},
+            {"When not to use calib": "docs/when-not.md"},
+            {"Glossary": "docs/glossary.md"},
+        ]
+    },
+    {
+        "Reference": [
+            {"Every key of a study": "docs/study.md"},
+            {"Every file": "docs/formats.md"},
+            {"What every number means": "docs/metrics.md"},
+            {"Models": "docs/models.md"},
+            {"Representations": "docs/representations.md"},
+        ]
+    },
+    {
+        "What was found": [
+            {"Does calib choose well?": "docs/validity.md"},
+            {"The paper's studies": "docs/paper-studies.md"},
+            {"Fine-tuning": "docs/fine-tuning.md"},
+            {"Agents that act": "docs/control.md"},
+            {"Performance": "docs/performance.md"},
+            {"Reliability": "docs/reliability.md"},
+        ]
+    },
+    {
+        "The project": [
+            {"Where things are": "ARCHITECTURE.md"},
+            {"Why they are so": "DESIGN.md"},
+            {"From the paper to the code": "docs/paper-map.md"},
+            {"Contributing": "CONTRIBUTING.md"},
+            {"Security": "SECURITY.md"},
+            {"Changes": "CHANGELOG.md"},
+        ]
+    },
+]
+
+
+def pages(contents: list) -> list[str]:
+    """The files of the contents, in order."""
+    found = []
+    for entry in contents:
+        for what in entry.values():
+            found += [what] if isinstance(what, str) else pages(what)
+    return found
+
+
+def interpreter() -> Path:
+    """A Python that has MkDocs."""
+    home = Path(os.environ.get("CALIB_TOOLS", ROOT / "target" / "tools")) / "site"
+    python = home / "bin" / "python"
+    if not (home / PINNED).exists():
+        subprocess.run([sys.executable, "-m", "venv", home], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", PINNED], check=True)
+        (home / PINNED).touch()
+    return python
+
+
+def address(heading: str, separator: str = "-") -> str:
+    """Of a heading, as GitHub has it."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", separator)
+
+
+def gather(copy: Path) -> None:
+    """Copy the pages, and the files that they link to, to where they are in the repository."""
+    known = pages(CONTENTS)
+    there = {str(page.relative_to(ROOT)) for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]}
+    if there != set(known):
+        raise SystemExit(f"site.py: the contents and the pages differ in {sorted(there ^ set(known))}")
+    wanted = list(known)
+    for page in known:
+        for link in re.findall(r"\]\(([^)#\s]+)", (ROOT / page).read_text()):
+            if "://" not in link:
+                target = (ROOT / page).parent.joinpath(link).resolve()
+                if target.is_file() and target.is_relative_to(ROOT):
+                    wanted.append(str(target.relative_to(ROOT)))
+    for name in dict.fromkeys(wanted):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, copy / name)
+
+
+def build(copy: Path, out: Path) -> None:
+    from mkdocs.commands.build import build as build_site
+    from mkdocs.config.base import load_config
+
+    class Counter(logging.Handler):
+        """Remembers that there were warnings: all of them are shown before it ends."""
+
+        warned = False
+
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.levelno >= logging.WARNING:
+                Counter.warned = True
+                print(f"site.py: {record.getMessage()}", file=sys.stderr)
+
+    logging.getLogger("mkdocs").addHandler(Counter())
+    config = load_config(
+        config_file=str(ROOT / "scripts" / "site.yml"),
+        docs_dir=str(copy),
+        site_dir=str(out),
+        nav=CONTENTS,
+    )
+    config.mdx_configs["toc"] = {"slugify": address, "permalink": True, "toc_depth": 3}
+    build_site(config)
+    if Counter.warned:
+        raise SystemExit(1)
+
+
+def main() -> None:
+    out = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "target" / "site").resolve()
+    python = interpreter()
+    if Path(sys.prefix) != python.parents[1]:
+        raise SystemExit(subprocess.run([python, __file__, out]).returncode)
+    copy = out.with_name(f"{out.name}-pages")
+    shutil.rmtree(copy, ignore_errors=True)
+    gather(copy)
+    build(copy, out)
+    shutil.rmtree(copy)
+    print(f"{len(pages(CONTENTS))} pages in {out}")
+
+
+if __name__ == "__main__":
+    main()

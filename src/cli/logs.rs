@@ -1,0 +1,107 @@
+//! What commands on a log take.
+
+use std::path::PathBuf;
+
+use calib_pipeline::{ProposeOptions, Standing};
+use clap::Args;
+
+use super::OUTPUT;
+
+#[derive(Debug, Args)]
+pub(crate) struct InspectArgs {
+    /// A study file, or a log: a file (Parquet, CSV), folder or glob
+    pub(crate) data: PathBuf,
+    /// Override a key of the study, such as `preprocess.max_missing=0.2`
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// The study as this one of its [profiles] has it
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Option<String>,
+    /// Show all channels, not only the first of a long list
+    #[arg(long)]
+    pub(crate) all: bool,
+    /// Print the profile as JSON
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InitArgs {
+    /// The log: a file (Parquet, CSV), folder or glob
+    pub(crate) logs: PathBuf,
+    /// The study file to write
+    #[arg(default_value = "study.toml")]
+    pub(crate) study: PathBuf,
+    /// How long `calib run` on the study may take on this machine, such as 90s, 10m or 2h
+    #[arg(long, value_name = "TIME", default_value = "10m", value_parser = seconds)]
+    pub(crate) within: f64,
+    /// A sensor to predict; may be given several times (default: three that move and are unlike each other)
+    #[arg(long = "sensor", value_name = "NAME")]
+    pub(crate) sensors: Vec<String>,
+    /// How far ahead to predict, such as 100s or 10m (default: by the autocorrelation of the sensors)
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub(crate) horizon: Option<f64>,
+    /// Set a key of [data], such as `data.time_zone=Europe/Paris`; it holds for the study too; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the study file if it is there
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was chosen as JSON
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`; without a unit, seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected a time such as 90s, 10m or 2h, got '{text}'");
+    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
+    let number: f64 = text[..text.len() - unit.len()].trim().parse().map_err(|_| expected())?;
+    let factor = match unit {
+        "" | "s" | "sec" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3_600.0,
+        "d" => 86_400.0,
+        _ => return Err(expected()),
+    };
+    if number > 0.0 { Ok(number * factor) } else { Err(expected()) }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// The logs: a file, folder or glob
+    pub(crate) logs: PathBuf,
+    /// The Parquet file to write
+    pub(crate) out: PathBuf,
+    /// Set a key of [data], such as `data.timestamp_format=%d.%m.%Y` or `data.resample=last`; may be given several times
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Replace the file if it is there
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was written as JSON
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+impl From<InitArgs> for ProposeOptions {
+    fn from(args: InitArgs) -> Self {
+        let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;
+        let standing = if force { Standing::Replaced } else { Standing::Kept };
+        Self { logs, study, within, sensors, horizon, set, standing }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_of_time_are_read_as_people_write_them() {
+        let read = ["90", "90s", "10m", "1.5 h", "2d"].map(|text| seconds(text).expect("a time"));
+        assert_eq!(read, [90.0, 90.0, 600.0, 5_400.0, 172_800.0]);
+        for bad in ["", "soon", "-3m", "0", "10 apples", "."] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! What `--json` of each command prints, as JSON Schema.
+
+use std::collections::BTreeMap;
+
+use calib_data::{Imported, Profile};
+use calib_pipeline::JsonDocuments;
+use schemars::Schema;
+
+use super::{dtw::Results, explain::Explained};
+
+/// The schemas of what all commands print, by command; `docs/json` in the repository.
+pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
+    let own = [
+        ("dtw", JsonDocuments::of::<Results>()),
+        ("explain", JsonDocuments::of::<Explained>()),
+        ("import", JsonDocuments::of::<Imported>()),
+        ("inspect", JsonDocuments::of::<Profile>()),
+    ];
+    let own = own.into_iter().map(|(command, documents)| (command, documents.schema(command)));
+    calib_pipeline::json_schemas().into_iter().chain(own).collect()
+}

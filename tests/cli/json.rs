@@ -1,0 +1,124 @@
+//! What `--json` prints is what `docs/json` says, which is what the structs say. Every run of these tests with `--json` is held to
+//! it (`harness.rs`).
+
+use std::{collections::BTreeSet, fs, path::PathBuf};
+
+use serde_json::Value;
+
+use crate::harness::{Place, schema};
+
+/// The schemas of the repository.
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/json")
+}
+
+/// Name and content of each, as the structs have it.
+fn written() -> Vec<(String, String)> {
+    let of = |(command, schema): (&str, schemars::Schema)| {
+        let text = serde_json::to_string_pretty(&schema).expect("JSON") + "\n";
+        (schema::file_name(command), text)
+    };
+    calib::json_schemas().into_iter().map(of).collect()
+}
+
+#[test]
+fn the_schemas_are_those_of_the_structs() {
+    let there: BTreeSet<String> = fs::read_dir(folder())
+        .expect("docs/json")
+        .flatten()
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    let names: BTreeSet<String> = written().into_iter().map(|(name, _)| name).collect();
+    assert_eq!(there, names);
+    for (name, text) in written() {
+        assert!(
+            fs::read_to_string(folder().join(&name)).expect("readable") == text,
+            "docs/json/{name} is not current; run `cargo test --release --test cli write_the_schemas -- --ignored`"
+        );
+    }
+}
+
+#[test]
+#[ignore = "writes the schemas"]
+fn write_the_schemas() {
+    fs::create_dir_all(folder()).expect("writable");
+    for (name, text) in written() {
+        fs::write(folder().join(name), text).expect("writable");
+    }
+}
+
+#[test]
+fn every_command_with_json_has_a_schema() {
+    let place = Place::new();
+    let commands = |help: &str| -> Vec<String> {
+        let list = help.split("Commands:").nth(1).expect("a list of commands");
+        let names = list.lines().skip(1).take_while(|line| line.starts_with("  "));
+        // What does not fit beside a name is indented further.
+        let names = names.filter(|line| !line.starts_with("   "));
+        names.filter_map(|line| line.split_whitespace().next().map(str::to_owned)).collect()
+    };
+    let mut with_json = Vec::new();
+    for command in commands(&place.calib(&["--help"]).succeeds()) {
+        if command == "help" {
+            continue;
+        }
+        let help = place.calib(&[&command, "--help"]).succeeds();
+        if command == "cluster" {
+            for part in commands(&help) {
+                let help = |part| place.calib(&["cluster", part, "--help"]).succeeds();
+                if part != "help" && help(&part).contains("--json") {
+                    with_json.push(format!("cluster {part}"));
+                }
+            }
+        } else if help.contains("--json") {
+            with_json.push(command);
+        }
+    }
+    with_json.sort();
+    let known: Vec<String> = calib::json_schemas().into_keys().map(str::to_owned).collect();
+    assert_eq!(with_json, known);
+}
+
+/// One value where a number stood.
+#[test]
+fn what_is_not_in_the_schema_is_found() {
+    let place = Place::with_study();
+    let printed = place.calib(&["inspect", "data", "--json"]).succeeds();
+    let good: Value = serde_json::from_str(&printed).expect("JSON");
+    let schema = schema::of("inspect");
+    assert_eq!(schema::problem(&schema, &good), None);
+    let mut other = good.clone();
+    other["rows"] = Value::from("many");
+    assert!(schema::problem(&schema, &other).expect("a problem").contains("rows"));
+    let mut fewer = good.clone();
+    fewer.as_object_mut().expect("an object").remove("gaps");
+    assert!(schema::problem(&schema, &fewer).expect("a problem").contains("gaps"));
+    let mut when = good;
+    when["start"] = Value::from("2022-11-01 06:00:00");
+    assert!(schema::problem(&schema, &when).is_some(), "no time as RFC 3339 has it");
+}
+
+/// The choice is the swept keys and their values.
+#[test]
+fn a_choice_is_a_structure() {
+    let place = Place::with_study();
+    let printed = place.calib(&["run", "study.toml", "--json", "-q"]).ends(&[0, 1]);
+    let verdict: Value = serde_json::from_str(&printed).expect("JSON");
+    let choices = verdict["choices"].as_array().expect("a list");
+    assert_eq!(choices.len(), 2);
+    for (choice, of) in choices.iter().zip(verdict["verdicts"].as_array().expect("a list")) {
+        assert_eq!(choice["sensor"], of["sensor"]);
+        let rate = choice["values"]["learning_rate"].as_f64().expect("a number");
+        let index = of["chosen"].as_u64().expect("a number") as usize;
+        let label = verdict["candidates"][index].as_str().expect("words");
+        let written: f64 = label.rsplit(' ').next().expect("a word").parse().expect("a number");
+        assert_eq!(rate, written, "{label}");
+    }
+    for args in [&["run", "--dry-run"][..], &["rollout"], &["sweep"], &["sweep", "--dry-run"]] {
+        place.calib(&[args, &["study.toml", "--json", "-q"]].concat()).ends(&[0, 1]);
+    }
+    place.calib(&["check", "study-results", "--json"]).succeeds();
+    place.calib(&["explain", "agent.gamma", "--json"]).succeeds();
+    place.calib(&["import", "data", "wide.parquet", "--json"]).succeeds();
+    place.calib(&["init", "data", "other.toml", "--within", "20s", "--json"]).succeeds();
+}

@@ -1,0 +1,169 @@
+//! Whether a document is what its schema says: as much of JSON Schema as the schemas of `docs/json` have, and a panic at the rest.
+
+use std::fs;
+
+use serde_json::{Map, Value};
+
+/// The file of a command's schema.
+pub(crate) fn file_name(command: &str) -> String {
+    format!("{}.schema.json", command.replace(' ', "-"))
+}
+
+/// The schema of what `command` prints, as it is in the repository.
+pub(crate) fn of(command: &str) -> Value {
+    let path = format!("{}/docs/json/{}", env!("CARGO_MANIFEST_DIR"), file_name(command));
+    serde_json::from_str(&fs::read_to_string(&path).unwrap_or_else(|_| panic!("no {path}")))
+        .expect("JSON")
+}
+
+/// What of `value` is not as `schema` says, and where.
+pub(crate) fn problem(schema: &Value, value: &Value) -> Option<String> {
+    Checker { root: schema }.check(schema, value, "$").err()
+}
+
+struct Checker<'a> {
+    root: &'a Value,
+}
+
+/// Words about a value, for people.
+const NOTES: [&str; 9] = [
+    "title",
+    "description",
+    "default",
+    "$schema",
+    "$defs",
+    "examples",
+    "deprecated",
+    "readOnly",
+    "writeOnly",
+];
+
+impl Checker<'_> {
+    fn check(&self, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
+        let rules: &Map<String, Value> = match schema {
+            Value::Bool(true) => return Ok(()),
+            Value::Object(rules) => rules,
+            other => panic!("{at}: no schema: {other}"),
+        };
+        for (rule, says) in rules {
+            self.rule(rules, (rule, says), value, at)?;
+        }
+        Ok(())
+    }
+
+    fn rule(
+        &self,
+        rules: &Map<String, Value>,
+        (rule, says): (&str, &Value),
+        value: &Value,
+        at: &str,
+    ) -> Result<(), String> {
+        // Bounds are of numbers, and hold for nothing else.
+        let number = value.as_f64().zip(says.as_f64());
+        let refused = |why: &str| Err(format!("{at}: {value} is {why} ({rule}: {says})"));
+        let list = || says.as_array().expect("a list");
+        match rule {
+            "$ref" => {
+                let path = says.as_str().and_then(|path| path.strip_prefix('#')).expect("local");
+                let target = self.root.pointer(path).expect("a definition");
+                self.check(target, value, at)
+            }
+            "anyOf" | "oneOf" => {
+                let why: Vec<String> =
+                    list().iter().filter_map(|of| self.check(of, value, at).err()).collect();
+                if why.len() < list().len() { Ok(()) } else { Err(why.join("; or ")) }
+            }
+            "allOf" => list().iter().try_for_each(|of| self.check(of, value, at)),
+            "type" => {
+                let is = |name: &Value| is_a(name.as_str().expect("a name"), value);
+                let is = says.as_array().map_or_else(|| is(says), |names| names.iter().any(is));
+                if is { Ok(()) } else { refused("of another type") }
+            }
+            "const" if value != says => refused("another"),
+            "enum" if !list().contains(value) => refused("none of these"),
+            "minimum" if number.is_some_and(|(is, bound)| is < bound) => refused("too small"),
+            "maximum" if number.is_some_and(|(is, bound)| is > bound) => refused("too large"),
+            "exclusiveMinimum" if number.is_some_and(|(is, bound)| is <= bound) => {
+                refused("too small")
+            }
+            "exclusiveMaximum" if number.is_some_and(|(is, bound)| is >= bound) => {
+                refused("too large")
+            }
+            "minItems" | "maxItems" => {
+                let (has, bound) = (value.as_array().map(Vec::len), says.as_u64());
+                let few = has.is_some_and(|has| (has as u64) < bound.expect("a number"));
+                let many = has.is_some_and(|has| (has as u64) > bound.expect("a number"));
+                if if rule == "minItems" { few } else { many } {
+                    refused("a list of another length")
+                } else {
+                    Ok(())
+                }
+            }
+            "format"
+                if says == "date-time"
+                    && value.as_str().is_some_and(|text| {
+                        text.parse::<jiff::Timestamp>().is_err() || !text.contains('T')
+                    }) =>
+            {
+                refused("no time as RFC 3339 has it")
+            }
+            "required" => {
+                match list().iter().find(|key| value.get(key.as_str().expect("a key")).is_none()) {
+                    Some(key) if value.is_object() => Err(format!("{at}: {key} is missing")),
+                    _ => Ok(()),
+                }
+            }
+            "properties" => {
+                says.as_object().expect("properties").iter().try_for_each(|(key, of)| {
+                    value
+                        .get(key)
+                        .map_or(Ok(()), |value| self.check(of, value, &format!("{at}.{key}")))
+                })
+            }
+            "additionalProperties" => {
+                let named =
+                    |key: &String| rules.get("properties").is_some_and(|of| of.get(key).is_some());
+                let others = value.as_object().into_iter().flatten().filter(|(key, _)| !named(key));
+                others.into_iter().try_for_each(|(key, value)| match says {
+                    Value::Bool(false) => Err(format!("{at}: {key} is in no schema")),
+                    of => self.check(of, value, &format!("{at}.{key}")),
+                })
+            }
+            "items" => {
+                value.as_array().into_iter().flatten().enumerate().try_for_each(|(place, value)| {
+                    if rules
+                        .get("prefixItems")
+                        .and_then(Value::as_array)
+                        .is_some_and(|of| place < of.len())
+                    {
+                        return Ok(());
+                    }
+                    self.check(says, value, &format!("{at}[{place}]"))
+                })
+            }
+            "prefixItems" => {
+                let values = value.as_array().into_iter().flatten();
+                list().iter().zip(values).enumerate().try_for_each(|(place, (of, value))| {
+                    self.check(of, value, &format!("{at}[{place}]"))
+                })
+            }
+            "const" | "enum" | "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum"
+            | "format" => Ok(()),
+            note if NOTES.contains(&note) => Ok(()),
+            unknown => panic!("{at}: this test knows no rule {unknown}"),
+        }
+    }
+}
+
+fn is_a(name: &str, value: &Value) -> bool {
+    match name {
+        "null" => value.is_null(),
+        "boolean" => value.is_boolean(),
+        "integer" => value.is_i64() || value.is_u64(),
+        "number" => value.is_number(),
+        "string" => value.is_string(),
+        "array" => value.is_array(),
+        "object" => value.is_object(),
+        other => panic!("no type {other}"),
+    }
+}
