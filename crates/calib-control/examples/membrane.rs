@@ -100,13 +100,8 @@ impl Study {
                 .ok_or("a plant has a rule")?
                 .perturbed(self.policy.random_share()),
         };
-        let recorded = record(
-            &mut operators,
-            &mut make(),
-            self.transitions,
-            span.timeout,
-            seed.child("log"),
-        );
+        let recorded =
+            record(&mut operators, &mut make(), self.transitions, span.timeout, seed.child("log"));
         let log = recorded.decisions(8)?;
         let states = log.states().clone();
         let first: Vec<f32> =
@@ -114,8 +109,7 @@ impl Study {
         let starts = States::new(first, log.starts().len(), states.columns())?;
         let begin = Starts { observed: starts.clone(), metric: starts.clone() };
         let config = ActionModelConfig::default();
-        let model =
-            ActionModel::build(log, &states, begin, &config, KIND.worst_return(), &Silent)?;
+        let model = ActionModel::build(log, &states, begin, &config, KIND.worst_return(), &Silent)?;
         let candidates = grid().candidates(default())?;
         let untuned = candidates.iter().position(|of| *of == default());
         let extent = Extent { runs: 1, span };
@@ -133,7 +127,7 @@ impl Study {
             lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64
         };
         let means: Vec<f64> = (0..candidates.len()).map(mean).collect();
-        let taught = self.taught(&model, candidates[verdict.chosen], make, span, seed);
+        let taught = |config| self.taught(&model, config, make, span, seed);
         let by_policy = |of: &mut Behaviour| {
             of.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
         };
@@ -142,7 +136,8 @@ impl Study {
             "plant": number, "policy": self.policy, "transitions": self.transitions,
             "actions": log.counts(), "terminals": log.terminals(), "covered": model.covered(),
             "truth": means, "chosen": verdict.chosen, "fitted": best_fitted, "default": untuned,
-            "taught": taught, "rule": by_policy(&mut rule), "logged": by_policy(&mut operators),
+            "taught": taught(candidates[verdict.chosen]), "taught_default": taught(default()),
+            "rule": by_policy(&mut rule), "logged": by_policy(&mut operators),
             "uncovered": verdict.coverage[verdict.chosen].uncovered(),
             "doubts": verdict.doubts, "model": verdict.selection.mean_errors,
             "percentile": regret(&means, verdict.chosen).percentile,
@@ -181,11 +176,12 @@ impl Study {
             line["truth"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
         };
         type Of<'a> = Box<dyn Fn(&Value) -> f64 + 'a>;
-        let ways: [(&str, Of<'_>); 8] = [
+        let ways: [(&str, Of<'_>); 9] = [
             ("tuned in the model", Box::new(|line| truth(line, "chosen"))),
             ("the same, taught in the model first", Box::new(|line| read(line, "taught"))),
             ("chosen by fitted Q evaluation", Box::new(|line| truth(line, "fitted"))),
             ("default configuration", Box::new(|line| truth(line, "default"))),
+            ("the same, taught in the model first", Box::new(|line| read(line, "taught_default"))),
             (
                 "random configuration",
                 Box::new(|line| all(line).iter().sum::<f64>() / all(line).len() as f64),
@@ -208,7 +204,8 @@ impl Study {
         for (name, of) in &ways {
             let own: Vec<f64> = lines.iter().map(of).collect();
             let less = |way: usize| -> Outcome<String> {
-                let over: Vec<f64> = lines.iter().map(|line| ways[way].1(line) - of(line)).collect();
+                let over: Vec<f64> =
+                    lines.iter().map(|line| ways[way].1(line) - of(line)).collect();
                 told(&over)
             };
             println!("| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?);

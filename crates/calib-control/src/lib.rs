@@ -18,6 +18,7 @@ mod model;
 mod reward;
 mod sweep;
 mod task;
+mod usage;
 mod verdict;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
@@ -36,4 +37,5 @@ pub use sweep::{Extent, Run, sweep, truth};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
+pub use usage::{CoverageMap, Spread};
 pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};

@@ -17,7 +17,8 @@ pub struct Run {
     pub run: usize,
     /// The candidate.
     pub candidate: usize,
-    /// Mean return an episode, learning included; −∞ if it diverged.
+    /// Mean return an episode, learning included; −∞ if it diverged (`"-inf"` in files).
+    #[serde(with = "calib_stats::diverged")]
     pub mean_return: f64,
     /// Episodes that ended or were cut at the timeout.
     pub episodes: usize,

@@ -31,9 +31,10 @@ impl Membrane {
             "{{ column = \"PRESSURE_KPA\", weight = {STRAIN:?}, high = {STRAIN_ABOVE_KPA:?} }}"
         )];
         let priced = Self::logged().iter().zip(PRICES);
-        terms.extend(priced.map(|(column, price)| {
-            format!("{{ column = \"{column}\", weight = {price:?} }}")
-        }));
+        terms.extend(
+            priced
+                .map(|(column, price)| format!("{{ column = \"{column}\", weight = {price:?} }}")),
+        );
         format!("[\n    {},\n]", terms.join(",\n    "))
     }
 }
@@ -101,9 +102,6 @@ impl Task for Membrane {
         self.log(&mut logged);
         let priced: f64 = logged.iter().zip(PRICES).map(|(of, price)| of * price).sum();
         let strain = (self.plant.reading().pressure_kpa - STRAIN_ABOVE_KPA).max(0.0);
-        Outcome {
-            reward: priced + STRAIN * strain,
-            ending: Ending::terminal_if(account.tripped),
-        }
+        Outcome { reward: priced + STRAIN * strain, ending: Ending::terminal_if(account.tripped) }
     }
 }

@@ -8,6 +8,7 @@ use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_study::Study;
 use serde::{Deserialize, Serialize};
 
+use super::described::LogTold;
 use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
 
 pub(super) const VERDICT: &str = "verdict.json";
@@ -27,7 +28,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -37,15 +38,9 @@ impl Manifest for ControlManifest {
 /// `verdict.json`: what the log holds, what was compared, and what to deploy.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Told {
-    /// What the actions are called, and how the log has them.
-    pub(super) actions: Vec<ActionTold>,
-    /// Columns of the states.
-    pub(super) columns: Vec<String>,
-    pub(super) transitions: usize,
-    pub(super) episodes: usize,
-    pub(super) terminals: usize,
-    /// Distance up to which a recorded transition covers a state.
-    pub(super) radius: f32,
+    /// What the log holds.
+    #[serde(flatten)]
+    pub(super) log: LogTold,
     /// What an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
     /// What was compared.
@@ -53,18 +48,13 @@ pub(super) struct Told {
     /// What distinguishes each: field and value.
     pub(super) fields: Vec<Vec<(String, String)>>,
     pub(super) verdict: ReturnVerdict,
-    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`null` if it diverged).
-    pub(super) fitted_q_evaluation: Vec<Option<f64>>,
-}
-
-/// An action as the log has it.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct ActionTold {
-    pub(super) name: String,
-    /// Transitions with it.
-    pub(super) transitions: usize,
-    /// Share of the recorded states near which it was taken.
-    pub(super) covered: f64,
+    /// How each candidate learnt: the mean return an episode in each tenth of its episodes, over members and runs with at least ten
+    /// (`[candidates][tenths]`; empty without any).
+    #[serde(with = "calib_stats::diverged::rows")]
+    pub(super) learning: Vec<Vec<f64>>,
+    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`"-inf"` if it diverged).
+    #[serde(with = "calib_stats::diverged::each")]
+    pub(super) fitted_q_evaluation: Vec<f64>,
 }
 
 /// What a verdict follows from.
