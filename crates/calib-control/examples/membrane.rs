@@ -4,11 +4,12 @@
 //! cargo run --release -p calib-control --example membrane -- DIR [PLANTS] [TRANSITIONS] [TRUTH_RUNS] [rule|perturbed|random]
 //! ```
 //!
-//! `DIR/plants.jsonl` has a line for every plant; what is there is not done again. Then the table is written, in Markdown: means over plants with
+//! `DIR/plants.jsonl` has a line for every plant; what is there is not done again. Then `DIR/POLICY-TRANSITIONS.md` is written: means over plants with
 //! 95 % t-intervals.
 
 use std::{
     error::Error,
+    fmt::Write as _,
     fs::{self, OpenOptions},
     io::Write as _,
     path::{Path, PathBuf},
@@ -41,7 +42,7 @@ fn main() -> Outcome<()> {
         None => Quality::Perturbed,
     };
     fs::create_dir_all(directory)?;
-    let study = Study { path: directory.join("plants.jsonl"), transitions, truth_runs, policy };
+    let study = Study { directory: directory.to_owned(), transitions, truth_runs, policy };
     for plant in 0..plants {
         study.plant(plant)?;
     }
@@ -49,7 +50,7 @@ fn main() -> Outcome<()> {
 }
 
 struct Study {
-    path: PathBuf,
+    directory: PathBuf,
     transitions: usize,
     truth_runs: usize,
     policy: Quality,
@@ -70,8 +71,12 @@ fn grid() -> Grid {
 }
 
 impl Study {
+    fn path(&self) -> PathBuf {
+        self.directory.join("plants.jsonl")
+    }
+
     fn lines(&self) -> Vec<Value> {
-        let text = fs::read_to_string(&self.path).unwrap_or_default();
+        let text = fs::read_to_string(self.path()).unwrap_or_default();
         let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
         let own = |line: &Value| {
             line["policy"] == self.policy.name() && line["transitions"] == self.transitions
@@ -84,7 +89,7 @@ impl Study {
             return Ok(());
         }
         let line = self.one(number)?;
-        let mut file = OpenOptions::new().create(true).append(true).open(&self.path)?;
+        let mut file = OpenOptions::new().create(true).append(true).open(self.path())?;
         writeln!(file, "{line}")?;
         Ok(())
     }
@@ -94,22 +99,8 @@ impl Study {
         let seed = Seed::new(19).child("membrane").number(number as u64);
         let make = || Simulated::new(Membrane::new(seed), Begin::AsTheTask);
         let span = Span { steps: STEPS, timeout: KIND.timeout() };
-        let mut operators = match self.policy {
-            Quality::Random => Behaviour::Random,
-            _ => Behaviour::rule_of::<Membrane>()
-                .ok_or("a plant has a rule")?
-                .perturbed(self.policy.random_share()),
-        };
-        let recorded =
-            record(&mut operators, &mut make(), self.transitions, span.timeout, seed.child("log"));
-        let log = recorded.decisions(8)?;
-        let states = log.states().clone();
-        let first: Vec<f32> =
-            log.starts().into_iter().flat_map(|row| states.row(row.get()).to_vec()).collect();
-        let starts = States::new(first, log.starts().len(), states.columns())?;
-        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
-        let config = ActionModelConfig::default();
-        let model = ActionModel::build(log, &states, begin, &config, KIND.worst_return(), &Silent)?;
+        let mut operators = self.operators()?;
+        let (model, starts) = self.model(&mut operators, &mut make(), seed)?;
         let candidates = grid().candidates(default())?;
         let untuned = candidates.iter().position(|of| *of == default());
         let extent = Extent { runs: 1, span };
@@ -144,6 +135,34 @@ impl Study {
         }))
     }
 
+    /// Whose actions are logged.
+    fn operators(&self) -> Outcome<Behaviour> {
+        if self.policy == Quality::Random {
+            return Ok(Behaviour::Random);
+        }
+        let rule = Behaviour::rule_of::<Membrane>().ok_or("a plant has a rule")?;
+        Ok(rule.perturbed(self.policy.random_share()))
+    }
+
+    /// The model of a log of theirs, and where its episodes begin.
+    fn model(
+        &self,
+        operators: &mut Behaviour,
+        plant: &mut Simulated<Membrane>,
+        seed: Seed,
+    ) -> Outcome<(ActionModel, States)> {
+        let seed = seed.child("log");
+        let log = record(operators, plant, self.transitions, KIND.timeout(), seed).decisions(8)?;
+        let states = log.states().clone();
+        let first: Vec<f32> =
+            log.starts().into_iter().flat_map(|row| states.row(row.get()).to_vec()).collect();
+        let starts = States::new(first, log.starts().len(), states.columns())?;
+        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
+        let config = ActionModelConfig::default();
+        let worst = KIND.worst_return();
+        Ok((ActionModel::build(log, &states, begin, &config, worst, &Silent)?, starts))
+    }
+
     /// The true mean return of an agent that learnt in every member, one after the other, before it came to the plant.
     fn taught(
         &self,
@@ -167,40 +186,11 @@ impl Study {
 
     fn table(&self) -> Outcome<()> {
         let lines = self.lines();
-        let read = |line: &Value, key: &str| line[key].as_f64().unwrap_or(f64::NAN);
-        let truth = |line: &Value, key: &str| {
-            let chosen = line[key].as_u64().unwrap_or(0) as usize;
-            line["truth"][chosen].as_f64().unwrap_or(f64::NAN)
-        };
-        let all = |line: &Value| -> Vec<f64> {
-            line["truth"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
-        };
-        type Of<'a> = Box<dyn Fn(&Value) -> f64 + 'a>;
-        let ways: [(&str, Of<'_>); 9] = [
-            ("tuned in the model", Box::new(|line| truth(line, "chosen"))),
-            ("the same, taught in the model first", Box::new(|line| read(line, "taught"))),
-            ("chosen by fitted Q evaluation", Box::new(|line| truth(line, "fitted"))),
-            ("default configuration", Box::new(|line| truth(line, "default"))),
-            ("the same, taught in the model first", Box::new(|line| read(line, "taught_default"))),
-            (
-                "random configuration",
-                Box::new(|line| all(line).iter().sum::<f64>() / all(line).len() as f64),
-            ),
-            (
-                "best configuration",
-                Box::new(|line| all(line).into_iter().fold(f64::NEG_INFINITY, f64::max)),
-            ),
-            ("operators' rule", Box::new(|line| read(line, "rule"))),
-            ("what was logged", Box::new(|line| read(line, "logged"))),
-        ];
-        let told = |values: &[f64]| -> Outcome<String> {
-            let of = summarise(values)?;
-            let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
-            Ok(format!("{:.0} ± {half:.0}", of.mean))
-        };
-        println!("{} plants, {} policy\n", lines.len(), self.policy.name());
-        println!("| | return an episode | tuned less this | taught less this |");
-        println!("|---|---|---|---|");
+        let ways = ways();
+        let mut text = String::new();
+        writeln!(text, "{} plants, {} policy\n", lines.len(), self.policy.name())?;
+        writeln!(text, "| | return an episode | tuned less this | taught less this |")?;
+        writeln!(text, "|---|---|---|---|")?;
         for (name, of) in &ways {
             let own: Vec<f64> = lines.iter().map(of).collect();
             let less = |way: usize| -> Outcome<String> {
@@ -208,18 +198,57 @@ impl Study {
                     lines.iter().map(|line| ways[way].1(line) - of(line)).collect();
                 told(&over)
             };
-            println!("| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?);
+            writeln!(text, "| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?)?;
         }
-        let percentiles: Vec<f64> =
-            lines.iter().map(|line| 100.0 * read(line, "percentile")).collect();
-        let uncovered: Vec<f64> =
-            lines.iter().map(|line| 100.0 * read(line, "uncovered")).collect();
+        let percent =
+            |key: &str| lines.iter().map(|line| 100.0 * read(line, key)).collect::<Vec<f64>>();
         let refused = lines.iter().filter(|line| line["doubts"] != json!([])).count();
-        println!(
+        writeln!(
+            text,
             "\npercentile of the choice {}; {} % of its steps in the model not covered; {refused} refused",
-            told(&percentiles)?,
-            told(&uncovered)?
-        );
-        Ok(())
+            told(&percent("percentile"))?,
+            told(&percent("uncovered"))?
+        )?;
+        let name = format!("{}-{}.md", self.policy.name(), self.transitions);
+        Ok(fs::write(self.directory.join(name), text)?)
     }
+}
+
+fn read(line: &Value, key: &str) -> f64 {
+    line[key].as_f64().unwrap_or(f64::NAN)
+}
+
+/// The true returns of all configurations.
+fn all(line: &Value) -> Vec<f64> {
+    line["truth"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
+}
+
+/// The true return of the configuration that `key` names.
+fn truth_of(line: &Value, key: &str) -> f64 {
+    let chosen = line[key].as_u64().unwrap_or(0) as usize;
+    line["truth"][chosen].as_f64().unwrap_or(f64::NAN)
+}
+
+/// What is compared, by name.
+type Way = (&'static str, fn(&Value) -> f64);
+
+fn ways() -> [Way; 9] {
+    [
+        ("tuned in the model", |line| truth_of(line, "chosen")),
+        ("the same, taught in the model first", |line| read(line, "taught")),
+        ("chosen by fitted Q evaluation", |line| truth_of(line, "fitted")),
+        ("default configuration", |line| truth_of(line, "default")),
+        ("the same, taught in the model first", |line| read(line, "taught_default")),
+        ("random configuration", |line| all(line).iter().sum::<f64>() / all(line).len() as f64),
+        ("best configuration", |line| all(line).into_iter().fold(f64::NEG_INFINITY, f64::max)),
+        ("operators' rule", |line| read(line, "rule")),
+        ("what was logged", |line| read(line, "logged")),
+    ]
+}
+
+/// The mean and half its 95 % interval.
+fn told(values: &[f64]) -> Outcome<String> {
+    let of = summarise(values)?;
+    let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
+    Ok(format!("{:.0} ± {half:.0}", of.mean))
 }

@@ -119,7 +119,8 @@ fn one_life(
     span: Span,
     seed: Seed,
 ) -> Life {
-    let mut agent = Agent::new(config, environment.columns(), environment.actions());
+    let mut agent =
+        Agent::seeded(config, environment.columns(), environment.actions(), seed.child("agent"));
     live(&mut agent, environment, span, seed)
 }
 

@@ -41,7 +41,6 @@ impl From<Stored> for f64 {
 ///
 /// # Errors
 /// As the serialiser.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
 pub fn serialize<S: Serializer>(score: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     Stored::from(*score).serialize(serializer)
 }

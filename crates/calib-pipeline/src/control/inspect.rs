@@ -21,7 +21,10 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> anyhow::Result<Option<Log
 }
 
 impl LogTold {
-    /// For people.
+    /// Show it to people.
+    ///
+    /// # Errors
+    /// If nothing can be printed.
     pub fn show(&self, printer: &Printer) -> anyhow::Result<()> {
         printer.result(&show::line(self))?;
         printer.lines(&show::actions(self))?;
