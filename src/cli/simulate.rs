@@ -43,9 +43,9 @@ pub(crate) struct SimulateArgs {
     pub(crate) json: bool,
 }
 
-/// A classic task instead of the plant: a log of decisions.
+/// A task that somebody acts in, instead of the plant: a log of decisions.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Args)]
-#[command(next_help_heading = "A classic task instead of the plant")]
+#[command(next_help_heading = "A task that somebody acts in, instead of the plant")]
 pub(crate) struct TaskArgs {
     /// Write a log of actions and rewards in this task, and a study of it for `calib control`
     #[arg(long, value_name = "TASK", value_enum)]
@@ -65,6 +65,8 @@ pub(crate) enum Task {
     Acrobot,
     /// Balance a pole on a cart
     CartPole,
+    /// Operate a membrane plant, by one of eight recipes every half hour
+    Membrane,
     /// Swing a pendulum up and hold it there
     Pendulum,
     /// Cross a square around two puddles
@@ -80,6 +82,10 @@ pub(crate) enum Policies {
     Medium,
     /// Every action alike
     Random,
+    /// The fixed rule of those who operate it (membrane)
+    Rule,
+    /// The same, but two actions of ten are random
+    Perturbed,
 }
 
 /// The plant, where no study describes it.
@@ -148,6 +154,7 @@ impl From<Task> for TaskKind {
         match task {
             Task::Acrobot => Self::Acrobot,
             Task::CartPole => Self::CartPole,
+            Task::Membrane => Self::Membrane,
             Task::Pendulum => Self::Pendulum,
             Task::PuddleWorld => Self::PuddleWorld,
         }
@@ -160,6 +167,8 @@ impl From<Policies> for Quality {
             Policies::NearOptimal => Self::NearOptimal,
             Policies::Medium => Self::Medium,
             Policies::Random => Self::Random,
+            Policies::Rule => Self::Rule,
+            Policies::Perturbed => Self::Perturbed,
         }
     }
 }

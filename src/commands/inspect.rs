@@ -3,10 +3,13 @@ use calib_data::{
     Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
 };
 use calib_pipeline::{
-    Descriptions, Job, Outcome, Printer, Request, check_log, data_of,
+    Descriptions, Job, LogTold, Outcome, Printer, Request, check_log, data_of,
     output::{bytes, count, span, table},
     working_files,
 };
+
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::{import::shape_name, inspect_channels::show_channels};
 use crate::cli::InspectArgs;
@@ -17,8 +20,12 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
+    let acted = match &job {
+        Some(job) => calib_pipeline::inspect_actions(job, printer)?,
+        None => None,
+    };
     if printer.is_for_machines() {
-        printer.json(&profile)?;
+        printer.json(&Inspected { profile: &profile, control: acted })?;
     } else {
         show_log(&profile, printer)?;
         let descriptions = match &job {
@@ -34,6 +41,9 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
         let deployments: Vec<_> = deployments.into_iter().map(of).collect::<anyhow::Result<_>>()?;
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
+        if let Some(acted) = acted {
+            acted.show(printer)?;
+        }
     }
     for name in
         job.iter().flat_map(|job| calib_pipeline::unknown_sensors(&job.study().sensors, &profile))
@@ -60,6 +70,16 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
         );
     }
     Ok(if usable { Outcome::Done } else { Outcome::Negative })
+}
+
+/// What is told to machines.
+#[derive(Serialize, JsonSchema)]
+pub(super) struct Inspected<'a> {
+    #[serde(flatten)]
+    profile: &'a Profile,
+    /// What a log of decisions did; of a study with `[control]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    control: Option<LogTold>,
 }
 
 /// A study's own sections, or the defaults for data alone.

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use calib_data::{Imported, Profile};
+use calib_data::Imported;
 use calib_pipeline::JsonDocuments;
 use schemars::Schema;
 
-use super::{dtw::Results, explain::Explained};
+use super::{dtw::Results, explain::Explained, inspect::Inspected};
 
 /// The schemas of what all commands print, by command; `docs/json` in the repository.
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
@@ -14,7 +14,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
         ("dtw", JsonDocuments::of::<Results>()),
         ("explain", JsonDocuments::of::<Explained>()),
         ("import", JsonDocuments::of::<Imported>()),
-        ("inspect", JsonDocuments::of::<Profile>()),
+        ("inspect", JsonDocuments::of::<Inspected<'_>>()),
     ];
     let own = own.into_iter().map(|(command, documents)| (command, documents.schema(command)));
     calib_pipeline::json_schemas().into_iter().chain(own).collect()

@@ -79,3 +79,30 @@ fn mistakes_in_the_section_say_what_to_do() {
     let told = place.calib(&["control", "plain.toml"]).fails(2);
     assert!(told.contains("[control]"), "{told}");
 }
+
+#[test]
+fn a_plant_that_somebody_operates_is_logged_and_inspected() {
+    let place = Place::new();
+    let args = ["simulate", "plant", "--task", "membrane", "--policy", "perturbed"];
+    place.calib(&[&args[..], &["--transitions", "1500"]].concat()).succeeds();
+    let study = "plant/study.toml";
+    let told = place.calib(&["inspect", study]).succeeds();
+    for part in ["DOSE_MG_L=2", "known in states", "taken where", "1,500 transitions"] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&["inspect", study, "--json"]).succeeds()).expect("JSON");
+    let control = &json["control"];
+    assert_eq!(control["actions"].as_array().map(Vec::len), Some(8));
+    assert_eq!(control["columns"].as_array().map(Vec::len), Some(4), "accounts are no state");
+    // A network beside tiles, in few steps; its page has figures and loads nothing.
+    let set = "control.grid={ algorithm = ['expected_sarsa', 'deep_q_learning'] }";
+    let few = ["--set", "control.steps=600", "--set", "control.model.members=2"];
+    place.calib(&[&["control", study, "--set", set][..], &few].concat()).ends(&[0, 1]);
+    let page = fs::read_to_string(place.path().join("plant/study-results/control/report.html"))
+        .expect("a page");
+    assert!(page.contains("Where along TURBIDITY_NTU actions are known"));
+    assert!(!page.contains("src=\"http"), "loads nothing");
+    let told = place.calib(&["simulate", "x", "--task", "acrobot", "--policy", "rule"]).fails(2);
+    assert!(told.contains("nobody operates acrobot"), "{told}");
+}

@@ -97,7 +97,7 @@ impl Study<'_> {
 
     /// One log of each behaviour and length.
     fn log<T: Task>(&self, kind: TaskKind, task: &T, number: usize, truth: &[f64]) -> Outcome<()> {
-        for quality in Quality::ALL {
+        for quality in Quality::PUBLISHED {
             for length in [500, 5000] {
                 let name = format!("{}/{}/{length}/{number}", kind.name(), quality.name());
                 let path = self.directory.join("logs.jsonl");

@@ -5,7 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, ControlError, Decisions, Ending, Environment, Span, life::Episodes, log::Columns,
+    Agent, ControlError, Decisions, Ending, Environment, Rule, Span, Task, life::Episodes,
+    log::Columns,
 };
 
 /// How good the behaviour is that a log is recorded under.
@@ -19,17 +20,27 @@ pub enum Quality {
     Medium,
     /// Every action alike.
     Random,
+    /// The fixed rule of those who operate the plant, where there is one.
+    Rule,
+    /// The same, but for two actions of ten that are random.
+    Perturbed,
 }
 
 impl Quality {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::NearOptimal, Self::Medium, Self::Random];
+    /// Those of the literature's protocol.
+    pub const PUBLISHED: [Self; 3] = [Self::NearOptimal, Self::Medium, Self::Random];
 
-    /// Share of actions that are random, of what was learnt.
+    /// Whether it needs a rule.
+    pub const fn is_rule(self) -> bool {
+        matches!(self, Self::Rule | Self::Perturbed)
+    }
+
+    /// Share of actions that are random.
     pub const fn random_share(self) -> f64 {
         match self {
-            Self::NearOptimal => 0.0,
+            Self::NearOptimal | Self::Rule => 0.0,
             Self::Medium => 0.3,
+            Self::Perturbed => 0.2,
             Self::Random => 1.0,
         }
     }
@@ -40,6 +51,8 @@ impl Quality {
             Self::NearOptimal => "near_optimal",
             Self::Medium => "medium",
             Self::Random => "random",
+            Self::Rule => "rule",
+            Self::Perturbed => "perturbed",
         }
     }
 }
@@ -55,6 +68,17 @@ pub enum Behaviour {
         agent: Box<Agent>,
         /// The share.
         random: f64,
+    },
+    /// A fixed rule, but for a share of actions that are random.
+    Fixed {
+        /// The rule.
+        rule: Rule,
+        /// Lowest and highest value of each column, which states are scaled by.
+        ranges: &'static [(&'static str, f64, f64)],
+        /// The share.
+        random: f64,
+        /// What the rule says now.
+        says: usize,
     },
 }
 
@@ -84,21 +108,33 @@ impl Behaviour {
         Self::Learnt { agent: Box::new(agent), random: 0.0 }
     }
 
+    /// What those who operate `T` do, if there is such a rule.
+    pub fn rule_of<T: Task>() -> Option<Self> {
+        let rule = T::rule()?;
+        Some(Self::Fixed { rule, ranges: T::columns(), random: 0.0, says: 0 })
+    }
+
     /// The same policy, which takes a random action in this share of its steps.
     #[must_use]
     pub fn perturbed(self, share: f64) -> Self {
         match self {
             Self::Random => Self::Random,
             Self::Learnt { agent, .. } => Self::Learnt { agent, random: share },
+            Self::Fixed { rule, ranges, says, .. } => {
+                Self::Fixed { rule, ranges, random: share, says }
+            }
         }
     }
 
     fn act(&mut self, actions: usize, rng: &mut Rng) -> usize {
         match self {
             Self::Random => rng.below(actions),
-            Self::Learnt { random, .. } if *random > 0.0 && rng.unit() < *random => {
+            Self::Learnt { random, .. } | Self::Fixed { random, .. }
+                if *random > 0.0 && rng.unit() < *random =>
+            {
                 rng.below(actions)
             }
+            Self::Fixed { says, .. } => *says,
             Self::Learnt { agent, .. } => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
         }
     }
@@ -106,6 +142,13 @@ impl Behaviour {
     fn see(&mut self, state: &[f32], first: bool) {
         match self {
             Self::Random => {}
+            Self::Fixed { rule, ranges, says, .. } => {
+                let own = |(&of, (_, low, high)): (&f32, &(_, f64, f64))| {
+                    low + f64::from(of) * (high - low)
+                };
+                let observed: Vec<f64> = state.iter().zip(*ranges).map(own).collect();
+                *says = rule(&observed);
+            }
             Self::Learnt { agent, .. } if first => agent.look(state),
             Self::Learnt { agent, .. } => agent.go_on(state),
         }
@@ -148,6 +191,8 @@ pub struct Recorded {
     pub actions: Vec<Option<u16>>,
     /// The reward that led to each row; NaN in the first of an episode.
     pub rewards: Vec<f32>,
+    /// What is logged of the step that led to each row beside state and reward, row-major; NaN in the first of an episode.
+    pub beside: Vec<f64>,
     /// Whether each row is terminal.
     pub endings: Vec<Ending>,
     /// Rows of each episode.
@@ -165,10 +210,14 @@ pub fn record(
     let mut rng = seed.rng();
     let mut state = vec![0.0; environment.columns()];
     let mut log = Recorded::default();
+    let mut beside = Vec::new();
+    environment.log(&mut beside);
+    let unknown = vec![f64::NAN; beside.len()];
     let mut left = transitions;
     while left > 0 {
         environment.start(&mut rng, &mut state);
         log.row(&state, f32::NAN, Ending::Continues);
+        log.beside.extend_from_slice(&unknown);
         behaviour.see(&state, true);
         let mut length = 1;
         while left > 0 && length <= timeout {
@@ -178,6 +227,7 @@ pub fn record(
                 *last = Some(action as u16);
             }
             log.row(&state, outcome.reward as f32, outcome.ending);
+            environment.log(&mut log.beside);
             left -= 1;
             length += 1;
             if outcome.ending == Ending::Terminal {

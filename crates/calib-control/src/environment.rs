@@ -44,4 +44,7 @@ pub trait Environment {
 
     /// Take `action`: the next state is put in `state`.
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome;
+
+    /// Add what a log has of the last step beside state and reward.
+    fn log(&self, _logged: &mut Vec<f64>) {}
 }

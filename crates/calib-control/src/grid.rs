@@ -25,6 +25,18 @@ pub struct Grid {
     pub tilings: Option<Vec<usize>>,
     /// Numbers of tiles of a column.
     pub tiles: Option<Vec<usize>>,
+    /// Discounts γ.
+    pub gamma: Option<Vec<f64>>,
+    /// Units of each hidden layer.
+    pub hidden_width: Option<Vec<usize>>,
+    /// Numbers of hidden layers.
+    pub hidden_layers: Option<Vec<usize>>,
+    /// Transitions of a batch.
+    pub batch: Option<Vec<usize>>,
+    /// Latest transitions that batches are drawn from.
+    pub replay: Option<Vec<usize>>,
+    /// Steps from one target network to the next.
+    pub target_steps: Option<Vec<usize>>,
 }
 
 /// Make of every candidate one for each value of a field.
@@ -82,8 +94,23 @@ impl Grid {
         each(&mut all, "lambda", self.lambda.as_ref(), |of, value| of.lambda = value)?;
         each(&mut all, "tilings", self.tilings.as_ref(), |of, value| of.tilings = value)?;
         each(&mut all, "tiles", self.tiles.as_ref(), |of, value| of.tiles = value)?;
+        each(&mut all, "gamma", self.gamma.as_ref(), |of, value| of.gamma = value)?;
+        self.networks(&mut all)?;
         all.iter().try_for_each(AgentConfig::check)?;
         Ok(all)
+    }
+
+    /// The fields of networks.
+    fn networks(&self, all: &mut Vec<AgentConfig>) -> Result<(), ControlError> {
+        each(all, "hidden_width", self.hidden_width.as_ref(), |of, value| {
+            of.hidden_width = value;
+        })?;
+        each(all, "hidden_layers", self.hidden_layers.as_ref(), |of, value| {
+            of.hidden_layers = value;
+        })?;
+        each(all, "batch", self.batch.as_ref(), |of, value| of.batch = value)?;
+        each(all, "replay", self.replay.as_ref(), |of, value| of.replay = value)?;
+        each(all, "target_steps", self.target_steps.as_ref(), |of, value| of.target_steps = value)
     }
 
     /// What distinguishes candidates: the names of swept fields and how a candidate has them.
@@ -91,6 +118,7 @@ impl Grid {
         let algorithm = match agent.algorithm {
             Algorithm::ExpectedSarsa => "expected_sarsa",
             Algorithm::QLearning => "q_learning",
+            Algorithm::DeepQLearning => "deep_q_learning",
         };
         let all = [
             ("algorithm", self.algorithm.is_some(), algorithm.to_owned()),
@@ -102,6 +130,12 @@ impl Grid {
             ("lambda", self.lambda.is_some(), agent.lambda.to_string()),
             ("tilings", self.tilings.is_some(), agent.tilings.to_string()),
             ("tiles", self.tiles.is_some(), agent.tiles.to_string()),
+            ("gamma", self.gamma.is_some(), agent.gamma.to_string()),
+            ("hidden_width", self.hidden_width.is_some(), agent.hidden_width.to_string()),
+            ("hidden_layers", self.hidden_layers.is_some(), agent.hidden_layers.to_string()),
+            ("batch", self.batch.is_some(), agent.batch.to_string()),
+            ("replay", self.replay.is_some(), agent.replay.to_string()),
+            ("target_steps", self.target_steps.is_some(), agent.target_steps.to_string()),
         ];
         all.into_iter().filter(|of| of.1).map(|(name, _, value)| (name, value)).collect()
     }

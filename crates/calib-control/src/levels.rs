@@ -46,7 +46,12 @@ impl Levels {
 
     /// What an action is called: its values by column.
     pub fn name(&self, action: usize, columns: &[String]) -> String {
-        let told = |(column, value): (&String, &f64)| format!("{column}={value}");
+        let told = |(column, &value): (&String, &f64)| {
+            // A log of single precision holds 0.28 as 0.2800000011920929.
+            let short = value as f32;
+            let own = if f64::from(short) == value { short.to_string() } else { value.to_string() };
+            format!("{column}={own}")
+        };
         let told: Vec<String> = columns.iter().zip(&self.values[action]).map(told).collect();
         told.join(" ")
     }
@@ -66,6 +71,8 @@ mod tests {
         assert_eq!(levels.of_rows, [Some(2), Some(0), Some(0), None, Some(1)]);
         let names = ["dose", "pump"].map(str::to_owned);
         assert_eq!(levels.name(1, &names), "dose=1 pump=2");
+        let precise = Levels::new(&[vec![f64::from(0.28_f32)], vec![0.28]], 8).expect("one");
+        assert_eq!(precise.name(0, &names), "dose=0.28 pump=0.28");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Agents that act: logs of decisions, models with actions, control agents, sweeps and verdicts of returns.
 //!
 //! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
-//! - [`Task`], [`Acrobot`], [`CartPole`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
+//! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
 mod agent;
@@ -18,6 +18,7 @@ mod model;
 mod reward;
 mod sweep;
 mod task;
+mod usage;
 mod verdict;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
@@ -33,5 +34,8 @@ pub use log::{Columns, Decisions};
 pub use model::{ActionModel, ActionModelConfig, Coverage, Pessimism, Starts, Walk};
 pub use reward::{Reward, Term};
 pub use sweep::{Extent, Run, sweep, truth};
-pub use task::{Acrobot, Begin, CartPole, Pendulum, PuddleWorld, Simulated, Task, TaskKind};
+pub use task::{
+    Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
+};
+pub use usage::{CoverageMap, Spread};
 pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};

@@ -17,7 +17,8 @@ pub struct Run {
     pub run: usize,
     /// The candidate.
     pub candidate: usize,
-    /// Mean return an episode, learning included; −∞ if it diverged.
+    /// Mean return an episode, learning included; −∞ if it diverged (`"-inf"` in files).
+    #[serde(with = "calib_stats::diverged")]
     pub mean_return: f64,
     /// Episodes that ended or were cut at the timeout.
     pub episodes: usize,
@@ -118,7 +119,8 @@ fn one_life(
     span: Span,
     seed: Seed,
 ) -> Life {
-    let mut agent = Agent::new(config, environment.columns(), environment.actions());
+    let mut agent =
+        Agent::seeded(config, environment.columns(), environment.actions(), seed.child("agent"));
     live(&mut agent, environment, span, seed)
 }
 

@@ -64,7 +64,9 @@ pub struct ReturnVerdict {
     pub default: Option<usize>,
     /// Ranks over the members, 1 for the highest mean return.
     pub selection: Selection,
-    /// Mean return of each candidate over the runs of each member, `[members][candidates]`.
+    /// Mean return of each candidate over the runs of each member, `[members][candidates]` (`"-inf"` in files where it diverged).
+    #[serde(with = "calib_stats::diverged::rows")]
+    #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
     /// Mean return of the chosen one minus that of the default, in the model, over members.
     pub over_default: Option<Difference>,

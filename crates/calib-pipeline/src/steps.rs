@@ -11,7 +11,7 @@ use crate::{
     Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
     agents::pretrain as agents,
     chain, check as checking, cluster,
-    control::{self as controls, SimulateTask, SimulatedTask},
+    control::{self as controls, LogTold, SimulateTask, SimulatedTask},
     each::{Which, each},
     external,
     log::simulate as simulation,
@@ -132,6 +132,14 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(controls::run(job, printer)?)
+}
+
+/// What the log of a study with `[control]` did: its actions, where they were taken, and where it says what they do. Nothing of another study.
+///
+/// # Errors
+/// As [`control`].
+pub fn inspect_actions(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
+    Ok(controls::inspect(job, printer)?)
 }
 
 /// Write the log of a policy in a classic task, and a study of it.

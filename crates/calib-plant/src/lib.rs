@@ -25,6 +25,11 @@
 //! - **Change from year to year**, if it is asked for ([`ChangeOptions`]): new membranes, other feeds, moved sensors, changed
 //!   settings, new pumps, at dates that [`Plant::changes`] tells.
 //!
+//! # Operated by somebody else
+//!
+//! [`OperatedPlant`] is the membrane of such a plant with its recipe left open: every half hour somebody chooses one of [`RECIPES`]. What the
+//! half hour brought and cost is its [`Account`].
+//!
 //! # Sources
 //!
 //! Tags, most ranges and the statistics of the schedule come from `normalization_ranges.json` and
@@ -52,10 +57,12 @@ mod fluctuation;
 mod hydraulics;
 mod membrane;
 mod mode;
+mod operated;
 mod options;
 mod plant;
 mod process;
 mod quality;
+mod recipe;
 mod schedule;
 mod signal;
 mod statistics;
@@ -67,8 +74,10 @@ pub use change::{
 };
 pub use channel::{ChannelInfo, Fate};
 pub use mode::Mode;
+pub use operated::{Account, DECISION_SECS, OperatedPlant, Reading, TRIP_KPA};
 pub use options::{OptionsError, PlantOptions};
 pub use plant::{DayLog, Plant};
+pub use recipe::{RECIPES, Recipe, operators_rule};
 
 /// The three sensors that the paper predicts: membrane pressure, influent temperature, influent
 /// turbidity. They are the first three channels of every plant.

@@ -39,6 +39,11 @@ impl Membrane {
         *self = Self { cake: 0.0, pores: 0.0, residue: 0.0, fitted: membranes, ..*self };
     }
 
+    /// Put it in this condition.
+    pub(crate) fn foul(&mut self, cake: f64, pores: f64) {
+        *self = Self { cake, pores, ..*self };
+    }
+
     /// A mode begins.
     pub(crate) fn enter(&mut self, mode: Mode, rng: &mut Rng) {
         if mode == Mode::BackPulse {

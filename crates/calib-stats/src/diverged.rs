@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Score")]
 #[serde(untagged)]
-pub(crate) enum Stored {
+pub enum Stored {
     /// A finite score.
     Finite(f64),
     /// The worst there is: +∞ of an error, −∞ of a return.
@@ -17,7 +17,8 @@ pub(crate) enum Stored {
 
 /// The return of a run that diverged.
 #[derive(Serialize, Deserialize, JsonSchema)]
-pub(crate) enum Infinity {
+pub enum Infinity {
+    /// −∞.
     #[serde(rename = "-inf")]
     Negative,
 }
@@ -42,32 +43,69 @@ impl From<Stored> for f64 {
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
-pub(crate) fn serialize<S: Serializer>(score: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+/// Write a score.
+///
+/// # Errors
+/// As the serialiser.
+pub fn serialize<S: Serializer>(score: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     Stored::from(*score).serialize(serializer)
 }
 
-pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+/// Read a score.
+///
+/// # Errors
+/// If it is neither a number nor an infinity.
+pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Stored::deserialize(deserializer)?.into())
 }
 
 /// The same for one score for each value of a grid.
-pub(crate) mod each {
+pub mod each {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     use super::Stored;
 
-    pub(crate) fn serialize<S: Serializer>(
-        scores: &[f64],
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    /// Write the scores.
+    ///
+    /// # Errors
+    /// As the serialiser.
+    pub fn serialize<S: Serializer>(scores: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
         scores.iter().map(|&score| Stored::from(score)).collect::<Vec<_>>().serialize(serializer)
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<Vec<f64>, D::Error> {
+    /// Read the scores.
+    ///
+    /// # Errors
+    /// If one is neither a number nor an infinity.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
         Ok(Vec::<Stored>::deserialize(deserializer)?.into_iter().map(f64::from).collect())
+    }
+}
+
+/// The same for the scores of each of several members.
+pub mod rows {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::Stored;
+
+    /// Write the scores.
+    ///
+    /// # Errors
+    /// As the serialiser.
+    pub fn serialize<S: Serializer>(rows: &[Vec<f64>], serializer: S) -> Result<S::Ok, S::Error> {
+        let stored = |row: &Vec<f64>| row.iter().map(|&score| Stored::from(score)).collect();
+        rows.iter().map(stored).collect::<Vec<Vec<Stored>>>().serialize(serializer)
+    }
+
+    /// Read the scores.
+    ///
+    /// # Errors
+    /// If one is neither a number nor an infinity.
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<Vec<f64>>, D::Error> {
+        let rows = Vec::<Vec<Stored>>::deserialize(deserializer)?.into_iter();
+        Ok(rows.map(|row| row.into_iter().map(f64::from).collect()).collect())
     }
 }
 

@@ -49,7 +49,7 @@ mod correlation;
 mod default_choice;
 mod difference;
 mod direction;
-mod diverged;
+pub mod diverged;
 mod error;
 mod error_ratio;
 mod estimate;

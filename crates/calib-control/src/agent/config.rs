@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,24 +11,34 @@ use crate::ControlError;
 pub struct AgentConfig {
     /// What it learns by.
     pub algorithm: Algorithm,
-    /// Step size α of Adam, a tiling: each weight's is α / tilings.
+    /// Step size α of Adam; of tiles, a tiling: each weight's is α / tilings.
     pub step_size: f64,
     /// Adam's β₁; 0 for no momentum.
     pub beta1: f64,
     /// Temperature of the softmax policy, in units of return; `expected_sarsa` only.
     pub temperature: f64,
-    /// Probability of a random action; `q_learning` only.
+    /// Probability of a random action; not of `expected_sarsa`.
     pub epsilon: f64,
-    /// Weights begin at this number divided by the number of tilings: optimism, which makes it explore.
+    /// Weights begin at this number divided by the number of tilings, a network's values about at this number: optimism, which makes it explore.
     pub initial_weight: f64,
     /// Decay λ of the traces; `expected_sarsa` only.
     pub lambda: f64,
     /// Discount γ.
     pub gamma: f64,
-    /// Tilings.
+    /// Tilings; not of `deep_q_learning`.
     pub tilings: usize,
-    /// Tiles of each column in a tiling.
+    /// Tiles of each column in a tiling; not of `deep_q_learning`.
     pub tiles: usize,
+    /// Units of each hidden layer of the network; this and what follows of `deep_q_learning` only.
+    pub hidden_width: usize,
+    /// Hidden layers.
+    pub hidden_layers: usize,
+    /// Transitions of a batch, one of which is learnt from each step.
+    pub batch: usize,
+    /// Latest transitions that batches are drawn from.
+    pub replay: usize,
+    /// Steps from one target network to the next.
+    pub target_steps: usize,
 }
 
 /// What an agent that acts learns by.
@@ -38,6 +50,8 @@ pub enum Algorithm {
     ExpectedSarsa,
     /// Q-learning with an ε-greedy policy: the target is the best next action. No traces.
     QLearning,
+    /// The same with a multilayer perceptron, replayed transitions and a target network.
+    DeepQLearning,
 }
 
 impl Default for AgentConfig {
@@ -53,6 +67,11 @@ impl Default for AgentConfig {
             gamma: 1.0,
             tilings: 16,
             tiles: 8,
+            hidden_width: 64,
+            hidden_layers: 2,
+            batch: 32,
+            replay: 10_000,
+            target_steps: 200,
         }
     }
 }
@@ -65,6 +84,9 @@ impl AgentConfig {
     pub fn check(&self) -> Result<(), ControlError> {
         let share = |value: f64| (0.0..=1.0).contains(&value);
         let positive = |value: f64| value > 0.0 && value.is_finite();
+        let whole = |field, value: usize, range: RangeInclusive<usize>, expected| {
+            (field, value as f64, range.contains(&value), expected)
+        };
         let checks = [
             ("step_size", self.step_size, positive(self.step_size), "a positive number"),
             ("beta1", self.beta1, (0.0..1.0).contains(&self.beta1), "from 0 to below 1"),
@@ -80,6 +102,11 @@ impl AgentConfig {
             ("gamma", self.gamma, share(self.gamma), "from 0 to 1"),
             ("tilings", self.tilings as f64, (1..=64).contains(&self.tilings), "from 1 to 64"),
             ("tiles", self.tiles as f64, (1..=64).contains(&self.tiles), "from 1 to 64"),
+            whole("hidden_width", self.hidden_width, 1..=4096, "from 1 to 4096"),
+            whole("hidden_layers", self.hidden_layers, 0..=8, "from 0 to 8"),
+            whole("batch", self.batch, 1..=4096, "from 1 to 4096"),
+            whole("replay", self.replay, self.batch..=10_000_000, "from batch to 10,000,000"),
+            whole("target_steps", self.target_steps, 1..=usize::MAX, "at least 1"),
         ];
         match checks.into_iter().find(|check| !check.2) {
             Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),

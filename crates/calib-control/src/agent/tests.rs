@@ -1,7 +1,5 @@
-use calib_core::Seed;
-
 use super::*;
-use crate::Environment;
+use crate::{Ending, Environment};
 
 /// Five places in a row, from the middle; right of the last is the end with reward 1, left of the first the end with 0.
 struct Row(i32);
@@ -70,6 +68,33 @@ fn both_algorithms_find_the_values_of_a_row() {
             assert!(agent.values()[0] < got);
         }
     }
+}
+
+#[test]
+fn a_network_finds_them_too_and_the_same_on_every_machine() {
+    let config = AgentConfig {
+        algorithm: Algorithm::DeepQLearning,
+        step_size: 0.003,
+        beta1: 0.9,
+        gamma: 0.9,
+        epsilon: 0.3,
+        hidden_width: 16,
+        hidden_layers: 1,
+        batch: 16,
+        replay: 1000,
+        target_steps: 50,
+        ..AgentConfig::default()
+    };
+    let mut agent = learnt(config);
+    for place in 2..5 {
+        agent.look(&[place as f32 / 4.0]);
+        let (expected, got) = (0.9_f64.powi(4 - place), agent.values()[1]);
+        assert!((got - expected).abs() < 0.1, "{place}: {got}, not {expected}");
+    }
+    let twice = [0, 1].map(|_| learnt(config).values().to_vec());
+    assert_eq!(twice[0], twice[1]);
+    let too_few = AgentConfig { replay: 8, ..config };
+    assert!(too_few.check().expect_err("fewer than a batch").to_string().contains("replay"));
 }
 
 #[test]

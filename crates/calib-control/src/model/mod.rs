@@ -5,7 +5,7 @@ mod radius;
 mod table;
 mod walk;
 
-use calib_core::States;
+use calib_core::{States, TransitionIndex};
 use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -122,21 +122,30 @@ impl ActionModel {
         self.worst_return
     }
 
+    /// Of every recorded next state in every member that has it: its transition, and whether each action has a transition within the radius.
+    pub(crate) fn each_within(&self, mut each: impl FnMut(TransitionIndex, &[bool])) {
+        let mut within = vec![false; self.log.levels()];
+        for (member, table) in self.tables.iter().enumerate() {
+            for transition in self.blocks.transitions_of(member) {
+                for (action, within) in within.iter_mut().enumerate() {
+                    let nearest = table.of(transition.get(), action).1.first();
+                    *within = nearest.is_some_and(|&of| of <= self.radius);
+                }
+                each(transition, &within);
+            }
+        }
+    }
+
     /// For each action, the share of the recorded next states that have a transition with that action within the radius, over all members:
     /// where the log says what the action does.
     pub fn covered(&self) -> Vec<f64> {
-        let share = |action: usize| {
-            let (mut within, mut all) = (0_usize, 0_usize);
-            for (member, table) in self.tables.iter().enumerate() {
-                for transition in self.blocks.transitions_of(member) {
-                    let nearest = table.of(transition.get(), action).1.first();
-                    within += usize::from(nearest.is_some_and(|&of| of <= self.radius));
-                    all += 1;
-                }
-            }
-            within as f64 / all.max(1) as f64
-        };
-        (0..self.log.levels()).map(share).collect()
+        let mut covered = vec![0_usize; self.log.levels()];
+        let mut all = 0_usize;
+        self.each_within(|_, within| {
+            all += 1;
+            covered.iter_mut().zip(within).for_each(|(sum, &within)| *sum += usize::from(within));
+        });
+        covered.into_iter().map(|sum| sum as f64 / all.max(1) as f64).collect()
     }
 
     /// A walk in member `member`.

@@ -31,7 +31,7 @@ fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec
         from.iter().zip(state).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
     };
     let mut all: Vec<u32> = model.log().with_action(action);
-    all.retain(|&of| model.blocks().contains(member, calib_core::TransitionIndex(of)));
+    all.retain(|&of| model.blocks().contains(member, TransitionIndex(of)));
     all.sort_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
     all.truncate(3);
     all
@@ -49,7 +49,7 @@ proptest! {
                     prop_assert_eq!(model.start_tables[member].of(start, action).0, expected);
                 }
                 for number in 0..model.log().len() {
-                    let transition = calib_core::TransitionIndex::new(number);
+                    let transition = TransitionIndex::new(number);
                     let got = model.tables[member].of(number, action).0;
                     if !model.blocks().contains(member, transition) {
                         prop_assert!(got.is_empty());
@@ -120,7 +120,7 @@ fn half_of_the_recorded_states_lie_within_the_median_radius() {
     let model = model(log(400, 9, 3), ActionModelConfig { coverage: 0.5, ..Default::default() });
     let (mut within, log) = (0, model.log());
     for number in 0..log.len() {
-        let transition = calib_core::TransitionIndex::new(number);
+        let transition = TransitionIndex::new(number);
         let member = model.blocks().block_of(transition);
         let from = log.states().row(log.transitions().source(transition).get());
         let nearest = plain(&model, member, from, usize::from(log.actions()[number]))[0];

@@ -1,7 +1,8 @@
-//! Classic tasks whose truth is known: they step as Gymnasium's do (`scripts/golden/control.py`).
+//! Tasks whose truth is known: classic ones, which step as Gymnasium's do (`scripts/golden/control.py`), and a membrane plant.
 
 mod acrobot;
 mod cart_pole;
+mod membrane;
 mod pendulum;
 mod puddle_world;
 mod simulated;
@@ -14,11 +15,15 @@ use serde::{Deserialize, Serialize};
 
 pub use acrobot::Acrobot;
 pub use cart_pole::CartPole;
+pub use membrane::Membrane;
 pub use pendulum::Pendulum;
 pub use puddle_world::PuddleWorld;
 pub use simulated::{Begin, Simulated};
 
 use crate::{AgentConfig, Outcome};
+
+/// A fixed rule: the action in what is observed, in the task's own units.
+pub type Rule = fn(&[f64]) -> usize;
 
 /// A simulated task: a state that actions change, and what is observed of it.
 pub trait Task: Clone + Send + Sync {
@@ -27,6 +32,24 @@ pub trait Task: Clone + Send + Sync {
 
     /// What the actions are called.
     fn actions() -> &'static [&'static str];
+
+    /// How a log has the actions: its columns, and the value of each action in them.
+    fn settings() -> Vec<(&'static str, Vec<f64>)> {
+        vec![("action", (0..Self::actions().len()).map(|of| of as f64).collect())]
+    }
+
+    /// Columns of what is logged beside the state, which the reward is made of; none where the reward itself is logged.
+    fn logged() -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Add what is logged of the last step beside the state.
+    fn log(&self, _logged: &mut Vec<f64>) {}
+
+    /// What those who operate it do, where there is such a rule.
+    fn rule() -> Option<Rule> {
+        None
+    }
 
     /// Begin as the task does.
     fn start(&mut self, rng: &mut Rng);
@@ -49,6 +72,8 @@ pub enum TaskKind {
     Acrobot,
     /// Balance a pole on a cart: 1 a step until it falls.
     CartPole,
+    /// Operate a membrane plant: which of eight recipes, every half hour.
+    Membrane,
     /// Swing a pendulum up and hold it there, with five torques.
     Pendulum,
     /// Cross a unit square with two puddles: −1 a step, and up to −40 more in a puddle.
@@ -57,13 +82,15 @@ pub enum TaskKind {
 
 impl TaskKind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Acrobot, Self::CartPole, Self::Pendulum, Self::PuddleWorld];
+    pub const ALL: [Self; 5] =
+        [Self::Acrobot, Self::CartPole, Self::Membrane, Self::Pendulum, Self::PuddleWorld];
 
     /// The name in studies and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Acrobot => "acrobot",
             Self::CartPole => "cart_pole",
+            Self::Membrane => "membrane",
             Self::Pendulum => "pendulum",
             Self::PuddleWorld => "puddle_world",
         }
@@ -71,11 +98,12 @@ impl TaskKind {
 
     /// The return that stands for the worst that can follow, for models that do not know what does.
     ///
-    /// The pole falls at once; of Acrobot, an episode to its timeout; of the others, about what random actions get.
+    /// The pole falls at once; the plant trips at once; of Acrobot, an episode to its timeout; of the others, about what random actions get.
     pub const fn worst_return(self) -> f64 {
         match self {
             Self::Acrobot => -500.0,
             Self::CartPole => 0.0,
+            Self::Membrane => -200.0,
             Self::Pendulum => -1500.0,
             Self::PuddleWorld => -2500.0,
         }
@@ -93,6 +121,7 @@ impl TaskKind {
         match self {
             Self::Acrobot => of(0.03, 0.9, 0.0),
             Self::CartPole => of(0.3, 0.0, 8.0),
+            Self::Membrane => AgentConfig { gamma: 0.99, tilings: 8, ..of(0.3, 0.0, 0.0) },
             Self::Pendulum | Self::PuddleWorld => of(0.3, 0.9, 0.0),
         }
     }
@@ -106,6 +135,8 @@ impl TaskKind {
     pub const fn timeout(self) -> usize {
         match self {
             Self::Acrobot | Self::CartPole | Self::PuddleWorld => 500,
+            // Ten days of half hours.
+            Self::Membrane => 480,
             Self::Pendulum => 200,
         }
     }
@@ -115,6 +146,7 @@ impl TaskKind {
         match self {
             Self::Acrobot => -100.0,
             Self::CartPole => 300.0,
+            Self::Membrane => 2000.0,
             Self::Pendulum => -300.0,
             Self::PuddleWorld => -45.0,
         }

@@ -60,4 +60,8 @@ impl<T: Task> Environment for Simulated<T> {
         self.observe(state);
         outcome
     }
+
+    fn log(&self, logged: &mut Vec<f64>) {
+        self.task.log(logged);
+    }
 }

@@ -2,7 +2,7 @@ use calib_core::Seed;
 use serde::Deserialize;
 
 use super::*;
-use crate::{Ending, Environment};
+use crate::{Behaviour, ControlConfig, Ending, Environment, Quality, record};
 
 #[derive(Deserialize)]
 struct Golden {
@@ -119,4 +119,51 @@ fn tasks_are_environments() {
     is_an_environment::<CartPole>();
     is_an_environment::<Pendulum>();
     is_an_environment::<PuddleWorld>();
+}
+
+#[test]
+fn the_reward_of_a_plant_follows_from_what_it_logs() {
+    let study = format!("actions = [\"DOSE_MG_L\"]\nreward = {}", Membrane::reward());
+    let config: ControlConfig = toml::from_str(&study).expect("valid");
+    config.check().expect("valid");
+    let mut plant = Membrane::new(Seed::new(1));
+    let mut rng = Seed::new(2).rng();
+    plant.start_anywhere(&mut rng);
+    let (mut observed, mut trips) = (Vec::new(), 0);
+    for number in 0..1500 {
+        let action = if number < 100 { number % 8 } else { 5 };
+        let outcome = plant.step(action, &mut rng);
+        plant.observe(&mut observed);
+        let mut logged = Vec::new();
+        plant.log(&mut logged);
+        let of = |name: &str| {
+            let seen = Membrane::columns().iter().position(|of| of.0 == name);
+            let beside = Membrane::logged().iter().position(|&of| of == name);
+            let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
+            vec![value.expect("a column of the log")]
+        };
+        let reward = f64::from(config.reward.of(1, of)[0]);
+        assert!((reward - outcome.reward).abs() < 1e-4, "{reward} {outcome:?}");
+        if outcome.ending == Ending::Terminal {
+            trips += 1;
+            plant.start_anywhere(&mut rng);
+        }
+    }
+    assert!(trips > 0, "some steps trip the plant");
+}
+
+#[test]
+fn operators_do_better_than_chance_and_a_log_has_what_is_beside_the_state() {
+    let span = TaskKind::Membrane.timeout();
+    let mut plant = Simulated::new(Membrane::new(Seed::new(4)), Begin::AsTheTask);
+    let mut rule = Behaviour::rule_of::<Membrane>().expect("a rule");
+    let by_rule = rule.mean_return(&mut plant, 10, span, Seed::new(5));
+    let by_chance = Behaviour::Random.mean_return(&mut plant, 10, span, Seed::new(5));
+    assert!(by_rule > by_chance + 100.0, "{by_rule} {by_chance}");
+    assert!(Behaviour::rule_of::<CartPole>().is_none());
+    let mut perturbed = rule.perturbed(Quality::Perturbed.random_share());
+    let log = record(&mut perturbed, &mut plant, 600, span, Seed::new(6));
+    assert_eq!(log.beside.len(), 4 * log.actions.len());
+    let log = log.decisions(8).expect("a log");
+    assert!(log.counts().iter().all(|&count| count > 0), "{:?}", log.counts());
 }

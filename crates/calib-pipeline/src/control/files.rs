@@ -9,6 +9,7 @@ use calib_study::Study;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::described::LogTold;
 use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
 
 pub(super) const VERDICT: &str = "verdict.json";
@@ -28,7 +29,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn format(&self) -> u32 {
         self.format
@@ -38,15 +39,9 @@ impl Manifest for ControlManifest {
 /// `verdict.json`: what the log holds, what was compared, and what to deploy.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Told {
-    /// What the actions are called, and how the log has them.
-    pub(super) actions: Vec<ActionTold>,
-    /// Columns of the states.
-    pub(super) columns: Vec<String>,
-    pub(super) transitions: usize,
-    pub(super) episodes: usize,
-    pub(super) terminals: usize,
-    /// Distance up to which a recorded transition covers a state.
-    pub(super) radius: f32,
+    /// What the log holds.
+    #[serde(flatten)]
+    pub(super) log: LogTold,
     /// What an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
     /// What was compared.
@@ -54,8 +49,15 @@ pub(crate) struct Told {
     /// What distinguishes each: field and value.
     pub(super) fields: Vec<Vec<(String, String)>>,
     pub(super) verdict: ReturnVerdict,
-    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`null` if it diverged).
-    pub(super) fitted_q_evaluation: Vec<Option<f64>>,
+    /// How each candidate learnt: the mean return an episode in each tenth of its episodes, over members and runs with at least ten
+    /// (`[candidates][tenths]`; empty without any).
+    #[serde(with = "calib_stats::diverged::rows")]
+    #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
+    pub(super) learning: Vec<Vec<f64>>,
+    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`"-inf"` if it diverged).
+    #[serde(with = "calib_stats::diverged::each")]
+    #[schemars(with = "Vec<calib_stats::diverged::Stored>")]
+    pub(super) fitted_q_evaluation: Vec<f64>,
 }
 
 /// The same for machines, with the choice before it.
@@ -71,16 +73,6 @@ impl<'a> From<&'a Told> for ToldToMachines<'a> {
     fn from(told: &'a Told) -> Self {
         Self { choice: &told.candidates[told.verdict.chosen], told }
     }
-}
-
-/// An action as the log has it.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct ActionTold {
-    pub(super) name: String,
-    /// Transitions with it.
-    pub(super) transitions: usize,
-    /// Share of the recorded states near which it was taken.
-    pub(super) covered: f64,
 }
 
 /// What a verdict follows from.

@@ -1,6 +1,6 @@
 use anyhow::{Context as _, ensure};
 use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts};
-use calib_core::{RowIndex, States};
+use calib_core::{Bounds, RowIndex, States};
 use calib_data::DataConfig;
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_study::Job;
@@ -10,12 +10,26 @@ use crate::{base::memory, log::plant_of_study::data_of, output::Printer};
 /// A log of decisions, read from the files of a study.
 pub(super) struct ActionLog {
     pub(super) decisions: Decisions,
+    pub(super) names: Names,
+    /// Of everything that the model is made of.
+    pub(super) fingerprint: Fingerprint,
+}
+
+/// What things are called, and their units.
+pub(super) struct Names {
     /// What the actions are called.
     pub(super) actions: Vec<String>,
     /// Columns of the states.
     pub(super) columns: Vec<String>,
-    /// Of everything that the model is made of.
-    pub(super) fingerprint: Fingerprint,
+    bounds: Vec<Bounds>,
+}
+
+impl Names {
+    /// A value of a column of the states in the unit of the log.
+    pub(super) fn physical(&self, column: usize, value: f64) -> f64 {
+        let Bounds { offset, scale } = self.bounds[column];
+        value * scale + offset
+    }
 }
 
 /// Read the training range of the study's log with its actions, rewards and terminals.
@@ -54,8 +68,13 @@ pub(super) fn read(
         Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
     let actions = (0..levels.values.len()).map(|of| levels.name(of, &config.actions)).collect();
     let fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
-    let columns = dataset.normaliser.columns().iter().map(|of| of.name.clone()).collect();
-    Ok(ActionLog { decisions, actions, columns, fingerprint })
+    let columns = dataset.normaliser.columns();
+    let names = Names {
+        actions,
+        columns: columns.iter().map(|of| of.name.clone()).collect(),
+        bounds: columns.iter().map(|of| of.bounds).collect(),
+    };
+    Ok(ActionLog { decisions, names, fingerprint })
 }
 
 fn fingerprint(

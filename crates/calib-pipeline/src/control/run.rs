@@ -5,13 +5,14 @@ use calib_control::{
 use calib_study::Job;
 
 use super::{
-    files::{self, ActionTold, Told},
+    described::described,
+    files::{self, Told},
     log::{self, ActionLog},
-    show,
+    page, show,
 };
 use crate::{
     base::{clock::Stopwatch, outcome::Outcome},
-    output::{Printer, count, duration},
+    output::{Printer, counted, duration},
 };
 
 /// From the log of decisions to the verdict.
@@ -44,28 +45,29 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     }
     let (told, runs) = judged(job, config, log, printer)?;
     files::write(&directory, study, &told.0, &told.1, &runs)?;
+    page::write(&directory, job, &told.1)?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
+    printer.say(&format!("the report is {}", page::path(&directory).display()));
     show::show(&told.1, printer)
 }
 
 /// What there is and what will be done.
 fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer: &Printer) {
     let decisions = &log.decisions;
+    let (episodes, terminals) = (decisions.starts().len(), decisions.terminals());
     printer.say(&format!(
-        "{} transitions in {} episodes, {} of which end in a terminal; {} actions; states of {} columns",
-        count(decisions.len()),
-        count(decisions.starts().len()),
-        count(decisions.terminals()),
-        count(decisions.levels()),
-        log.columns.len(),
+        "{}; {}; states of {}",
+        show::held(decisions.len(), episodes, terminals),
+        counted(decisions.levels(), "action"),
+        counted(log.names.columns.len(), "column"),
     ));
     let members = config.model.members;
     printer.say(&format!(
-        "{} candidates x {members} members x {} runs of {} steps",
-        count(candidates),
-        config.runs,
-        count(config.steps),
+        "{} x {members} members x {} of {}",
+        counted(candidates, "candidate"),
+        counted(config.runs, "run"),
+        counted(config.steps, "step"),
     ));
 }
 
@@ -81,7 +83,7 @@ fn judged(
     let (study, progress) = (job.study(), printer.progress());
     let seed = calib_core::Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
-    let ActionLog { decisions, actions, columns, fingerprint } = log;
+    let ActionLog { decisions, names, fingerprint } = log;
     let metric = decisions.states().clone();
     let starts = log::starts(&decisions, config.start)?;
     let observed = starts.observed.clone();
@@ -101,19 +103,13 @@ fn judged(
     let verdict = judge(&runs, candidates.len(), default, decisions, support, resamples, seed)?;
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
-    let of_action = |(name, (transitions, covered))| ActionTold { name, transitions, covered };
-    let counted = decisions.counts().into_iter().zip(model.covered());
     let told = Told {
-        actions: actions.into_iter().zip(counted).map(of_action).collect(),
-        columns,
-        transitions: decisions.len(),
-        episodes: decisions.starts().len(),
-        terminals: decisions.terminals(),
-        radius: model.radius(),
+        log: described(&model, &names)?,
         worst_return: model.worst_return(),
         fields: candidates.iter().map(|of| named(config, of)).collect(),
+        learning: learning(&runs, candidates.len()),
         verdict,
-        fitted_q_evaluation: fitted.into_iter().map(|of| of.is_finite().then_some(of)).collect(),
+        fitted_q_evaluation: fitted,
         candidates,
     };
     Ok(((fingerprint, told), runs))
@@ -122,4 +118,19 @@ fn judged(
 fn named(config: &ControlConfig, candidate: &calib_control::AgentConfig) -> Vec<(String, String)> {
     let told = config.grid.told(candidate).into_iter();
     told.map(|(field, value)| (field.to_owned(), value)).collect()
+}
+
+/// The mean curve of each candidate over the runs that have one.
+fn learning(runs: &[calib_control::Run], candidates: usize) -> Vec<Vec<f64>> {
+    let of = |candidate: usize| -> Vec<f64> {
+        let own = runs.iter().filter(|run| run.candidate == candidate);
+        let curves: Vec<&[f64]> =
+            own.map(|run| &run.curve[..]).filter(|curve| !curve.is_empty()).collect();
+        let length = curves.first().map_or(0, |curve| curve.len());
+        let mean = |tenth: usize| {
+            curves.iter().map(|curve| curve[tenth]).sum::<f64>() / curves.len() as f64
+        };
+        (0..length).map(mean).collect()
+    };
+    (0..candidates).map(of).collect()
 }

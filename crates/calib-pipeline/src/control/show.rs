@@ -1,10 +1,13 @@
-use calib_control::Doubt;
+use calib_control::{Doubt, Spread};
 use calib_stats::{Difference, Interval};
 
-use super::files::{Told, ToldToMachines};
+use super::{
+    described::{ActionTold, LogTold},
+    files::{Told, ToldToMachines},
+};
 use crate::{
     base::outcome::Outcome,
-    output::{Printer, count, percent, significant, table},
+    output::{Printer, count, counted, percent, significant, table},
 };
 
 /// Candidates that are shown.
@@ -15,7 +18,7 @@ pub(super) fn show(told: &Told, printer: &Printer) -> anyhow::Result<Outcome> {
     if printer.is_for_machines() {
         printer.json(&ToldToMachines::from(told))?;
     } else {
-        printer.lines(&actions(told))?;
+        printer.lines(&actions(&told.log))?;
         printer.lines(&candidates(told))?;
         printer.lines(&sentences(told).join("\n"))?;
     }
@@ -26,10 +29,26 @@ pub(super) fn show(told: &Told, printer: &Printer) -> anyhow::Result<Outcome> {
     Ok(if verdict.is_supported() { Outcome::Done } else { Outcome::Negative })
 }
 
+/// "2,000 transitions in 50 episodes, 1 of which ends in a terminal".
+pub(super) fn held(transitions: usize, episodes: usize, terminals: usize) -> String {
+    let verb = if terminals == 1 { "ends" } else { "end" };
+    format!(
+        "{} in {}, {} of which {verb} in a terminal",
+        counted(transitions, "transition"),
+        counted(episodes, "episode"),
+        count(terminals)
+    )
+}
+
+/// What the log holds.
+pub(super) fn line(log: &LogTold) -> String {
+    held(log.transitions, log.episodes, log.terminals)
+}
+
 /// What the log did, and where it says what an action does.
-fn actions(told: &Told) -> String {
-    let row = |action: &super::files::ActionTold| {
-        let share = action.transitions as f64 / told.transitions as f64;
+pub(super) fn actions(log: &LogTold) -> String {
+    let row = |action: &ActionTold| {
+        let share = action.transitions as f64 / log.transitions as f64;
         vec![
             action.name.clone(),
             count(action.transitions),
@@ -37,12 +56,30 @@ fn actions(told: &Told) -> String {
             percent(action.covered),
         ]
     };
-    let rows: Vec<_> = told.actions.iter().map(row).collect();
+    let rows: Vec<_> = log.actions.iter().map(row).collect();
     table(&["action", "taken", "of the log", "known in states"], &rows)
 }
 
-/// The best candidates by the rule, and what is compared with them.
-fn candidates(told: &Told) -> String {
+/// Columns of which it is told in which states an action was taken.
+const COLUMNS: usize = 6;
+
+/// In which states each action was taken: the middle of each column, and where nine of ten of its values lie.
+pub(super) fn states(log: &LogTold) -> String {
+    let told = |[low, middle, high]: &Spread| {
+        format!("{} ({} to {})", significant(*middle), significant(*low), significant(*high))
+    };
+    let row = |action: &ActionTold| {
+        let own = action.states.iter().take(COLUMNS).map(told);
+        std::iter::once(action.name.clone()).chain(own).collect::<Vec<_>>()
+    };
+    let rows: Vec<_> = log.actions.iter().map(row).collect();
+    let mut header = vec!["taken where"];
+    header.extend(log.columns.iter().take(COLUMNS).map(String::as_str));
+    table(&header, &rows)
+}
+
+/// The best candidates by the rule, in its order, and the default.
+pub(super) fn best(told: &Told, count: usize) -> Vec<usize> {
     let (verdict, selection) = (&told.verdict, &told.verdict.selection);
     let mut order: Vec<usize> = (0..told.candidates.len()).collect();
     order.sort_by(|&a, &b| {
@@ -50,8 +87,15 @@ fn candidates(told: &Told) -> String {
         let (one, other) = (rank(a), rank(b));
         one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)).then(a.cmp(&b))
     });
-    order.truncate(SHOWN);
+    order.truncate(count);
     order.extend(verdict.default.filter(|of| !order.contains(of)));
+    order
+}
+
+/// The best candidates by the rule, and what is compared with them.
+fn candidates(told: &Told) -> String {
+    let (verdict, selection) = (&told.verdict, &told.verdict.selection);
+    let order = best(told, SHOWN);
     let resamples = verdict.chosen_of_resamples.iter().sum::<usize>().max(1) as f64;
     let row = |&candidate: &usize| {
         let mark = match candidate {
@@ -67,7 +111,7 @@ fn candidates(told: &Told) -> String {
             significant(selection.mean_errors[candidate]),
             percent(verdict.coverage[candidate].uncovered()),
             percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
-            fitted.map_or_else(|| "diverged".to_owned(), significant),
+            if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
         ]
     };
     let rows: Vec<_> = order.iter().map(row).collect();
@@ -78,7 +122,7 @@ fn candidates(told: &Told) -> String {
 }
 
 /// What distinguishes a candidate.
-fn name(told: &Told, candidate: usize) -> String {
+pub(super) fn name(told: &Told, candidate: usize) -> String {
     let fields = &told.fields[candidate];
     if fields.is_empty() {
         return "the agent".to_owned();
@@ -87,7 +131,7 @@ fn name(told: &Told, candidate: usize) -> String {
     fields.iter().map(one).collect::<Vec<_>>().join(" ")
 }
 
-fn sentences(told: &Told) -> Vec<String> {
+pub(super) fn sentences(told: &Told) -> Vec<String> {
     let verdict = &told.verdict;
     let verb = if verdict.is_supported() {
         "deploy"
@@ -127,10 +171,10 @@ fn interval(of: Interval) -> String {
 }
 
 /// Why the log does not support the choice, and what to do.
-fn reason(doubt: &Doubt, told: &Told) -> String {
+pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
     match doubt {
         Doubt::ActionNeverTaken { action } => {
-            let name = told.actions.get(*action).map_or("?", |of| of.name.as_str());
+            let name = told.log.actions.get(*action).map_or("?", |of| of.name.as_str());
             format!("{name} was never taken: no model knows what it does; record some steps with it")
         }
         Doubt::Uncovered { share } => format!(
@@ -139,9 +183,10 @@ fn reason(doubt: &Doubt, told: &Told) -> String {
             percent(*share)
         ),
         Doubt::FewTerminals { terminals } => format!(
-            "only {} episodes end in a terminal, and choices depend on what leads there; record more, or allow fewer \
+            "only {} {} in a terminal, and choices depend on what leads there; record more, or allow fewer \
              with control.fewest_terminals",
-            count(*terminals)
+            counted(*terminals, "episode"),
+            if *terminals == 1 { "ends" } else { "end" }
         ),
         Doubt::NotToldApart => {
             "all candidates rank alike in every member; sweep values that differ more, or longer (control.steps)"

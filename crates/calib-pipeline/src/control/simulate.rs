@@ -3,10 +3,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use calib_control::{
-    Acrobot, Agent, Begin, Behaviour, CartPole, Ending, Environment as _, Pendulum, PuddleWorld,
-    Quality, Recorded, Simulated, Span, Task, TaskKind, record,
+    Acrobot, Agent, Begin, Behaviour, CartPole, Ending, Environment as _, Membrane, Pendulum,
+    PuddleWorld, Quality, Recorded, Simulated, Span, Task, TaskKind, record,
 };
 use calib_core::{Seed, Timestamp};
 use calib_data::table::write_log;
@@ -14,9 +14,10 @@ use calib_files::write_atomically;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::show::held;
 use crate::output::Printer;
 
-/// A log to write of a classic task.
+/// A log to write of a task whose truth is known.
 #[derive(Clone, Debug)]
 pub struct SimulateTask {
     /// Where it goes.
@@ -33,7 +34,7 @@ pub struct SimulateTask {
     pub standing: crate::Standing,
 }
 
-/// A log of a classic task.
+/// A log of a task whose truth is known.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SimulatedTask {
     /// The log.
@@ -54,10 +55,8 @@ impl SimulatedTask {
     /// What there is now, in words.
     pub fn line(&self) -> String {
         format!(
-            "{} transitions in {} episodes, {} of which end in a terminal, in {}; the policy gets {:.1} an episode",
-            self.transitions,
-            self.episodes,
-            self.terminals,
+            "{}, in {}; the policy gets {:.1} an episode",
+            held(self.transitions, self.episodes, self.terminals),
             self.log.display(),
             self.behaviour
         )
@@ -66,11 +65,16 @@ impl SimulatedTask {
 
 /// Steps after which behaviour that is not near-optimal stops learning.
 const LEARNING: usize = 200_000;
-/// Microseconds from one row to the next, and from one episode to the next: a gap, which ends a segment.
-const STEP: i64 = 1_000_000;
-const PAUSE: i64 = 60_000_000;
+/// Microseconds from one row to the next; episodes are sixty of them apart: a gap, which ends a segment.
+const fn step(kind: TaskKind) -> i64 {
+    match kind {
+        TaskKind::Membrane => 1_800_000_000,
+        _ => 1_000_000,
+    }
+}
+const PAUSE: i64 = 60;
 
-/// Write the log of a policy in a classic task, and a study of it.
+/// Write the log of a policy in a task, and a study of it.
 pub(crate) fn simulate(wanted: &SimulateTask, printer: &Printer) -> anyhow::Result<SimulatedTask> {
     ensure!(wanted.transitions > 0, "--transitions must be at least 1");
     let log = wanted.directory.join("log.parquet");
@@ -85,6 +89,10 @@ pub(crate) fn simulate(wanted: &SimulateTask, printer: &Printer) -> anyhow::Resu
     match wanted.task {
         TaskKind::Acrobot => of(wanted, &Acrobot::default(), &log, &study),
         TaskKind::CartPole => of(wanted, &CartPole::default(), &log, &study),
+        TaskKind::Membrane => {
+            let plant = Membrane::new(Seed::new(wanted.seed));
+            of(wanted, &plant, &log, &study)
+        }
         TaskKind::Pendulum => of(wanted, &Pendulum::default(), &log, &study),
         TaskKind::PuddleWorld => of(wanted, &PuddleWorld::default(), &log, &study),
     }
@@ -99,20 +107,14 @@ fn of<T: Task>(
     let (kind, timeout) = (wanted.task, wanted.task.timeout());
     let seed = Seed::new(wanted.seed).child(kind.name()).child(wanted.policy.name());
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
-    let mut behaviour = if wanted.policy == Quality::Random {
-        Behaviour::Random
-    } else {
-        let agent = Agent::new(kind.good_agent(), world.columns(), world.actions());
-        let span = Span { steps: LEARNING, timeout };
-        let wants = kind.near_optimal();
-        Behaviour::learnt(agent, &mut world, wants, span, seed.child("behaviour"))
-            .perturbed(wanted.policy.random_share())
-    };
+    let mut behaviour = behaviour::<T>(wanted, &mut world, seed)?;
     let behaved = behaviour.mean_return(&mut world, 100, timeout, seed.child("behaved"));
-    let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
+    // A plant begins where it is cleaned.
+    let begin = if T::rule().is_some() { Begin::AsTheTask } else { Begin::Anywhere };
+    let mut logged = Simulated::new(task.clone(), begin);
     let recorded =
-        record(&mut behaviour, &mut anywhere, wanted.transitions, timeout, seed.child("log"));
-    write(log, &recorded, T::columns())?;
+        record(&mut behaviour, &mut logged, wanted.transitions, timeout, seed.child("log"));
+    write::<T>(log, &recorded, step(kind))?;
     let text = text(kind, wanted.seed);
     write_atomically(study, |file| file.write_all(text.as_bytes()))?;
     Ok(SimulatedTask {
@@ -125,39 +127,73 @@ fn of<T: Task>(
     })
 }
 
-/// A row a step, in the task's own units; episodes a minute apart.
-fn write(
-    path: &Path,
-    recorded: &Recorded,
-    columns: &[(&'static str, f64, f64)],
-) -> anyhow::Result<()> {
+/// The policy that is asked for.
+fn behaviour<T: Task>(
+    wanted: &SimulateTask,
+    world: &mut Simulated<T>,
+    seed: Seed,
+) -> anyhow::Result<Behaviour> {
+    let (kind, policy) = (wanted.task, wanted.policy);
+    if policy == Quality::Random {
+        return Ok(Behaviour::Random);
+    }
+    if policy.is_rule() {
+        let rule = Behaviour::rule_of::<T>().with_context(|| {
+            format!(
+                "nobody operates {} by a rule; take --policy near-optimal, medium or random",
+                kind.name()
+            )
+        })?;
+        return Ok(rule.perturbed(policy.random_share()));
+    }
+    let agent = Agent::new(kind.good_agent(), world.columns(), world.actions());
+    let span = Span { steps: LEARNING, timeout: kind.timeout() };
+    let wants = kind.near_optimal();
+    let learnt = Behaviour::learnt(agent, world, wants, span, seed.child("behaviour"));
+    Ok(learnt.perturbed(policy.random_share()))
+}
+
+/// A row a step, in the task's own units; episodes a gap apart.
+fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> anyhow::Result<()> {
     let mut timestamps = Vec::with_capacity(recorded.actions.len());
     // 2024-01-01.
     let mut now = 1_704_067_200_000_000;
     for &length in &recorded.lengths {
         for _ in 0..length {
             timestamps.push(Timestamp::from_micros(now));
-            now += STEP;
+            now += step;
         }
-        now += PAUSE;
+        now += PAUSE * step;
     }
-    let width = columns.len();
-    let mut channels: Vec<(&str, Vec<f32>)> = Vec::with_capacity(width + 3);
-    for (place, &(name, low, high)) in columns.iter().enumerate() {
+    let width = T::columns().len();
+    let mut channels: Vec<(&str, Vec<f32>)> = Vec::new();
+    for (place, &(name, low, high)) in T::columns().iter().enumerate() {
         let scaled = recorded.states.iter().skip(place).step_by(width);
         let own = |&of: &f32| (low + f64::from(of) * (high - low)) as f32;
         channels.push((name, scaled.map(own).collect()));
     }
-    let action = |of: &Option<u16>| of.map_or(f32::NAN, f32::from);
-    channels.push(("action", recorded.actions.iter().map(action).collect()));
-    channels.push(("reward", recorded.rewards.clone()));
-    let terminal = |&of: &Ending| f32::from(u8::from(of == Ending::Terminal));
-    channels.push(("terminal", recorded.endings.iter().map(terminal).collect()));
+    for (name, values) in T::settings() {
+        let set =
+            |of: &Option<u16>| of.map_or(f32::NAN, |action| values[usize::from(action)] as f32);
+        channels.push((name, recorded.actions.iter().map(set).collect()));
+    }
+    for (place, &name) in T::logged().iter().enumerate() {
+        let own = recorded.beside.iter().skip(place).step_by(T::logged().len());
+        channels.push((name, own.map(|&of| of as f32).collect()));
+    }
+    if T::logged().is_empty() {
+        channels.push(("reward", recorded.rewards.clone()));
+        let terminal = |&of: &Ending| f32::from(u8::from(of == Ending::Terminal));
+        channels.push(("terminal", recorded.endings.iter().map(terminal).collect()));
+    }
     Ok(write_log(path, &timestamps, &channels)?)
 }
 
-/// A study of the log, with the published grid.
+/// A study of the log.
 fn text(kind: TaskKind, seed: u64) -> String {
+    if kind == TaskKind::Membrane {
+        return membrane_text(seed);
+    }
     format!(
         "# A log of {name} and the published grid of 54 agents: `calib control` says which to deploy.\n\
          seed = {seed}\n\n\
@@ -171,5 +207,34 @@ fn text(kind: TaskKind, seed: u64) -> String {
         terminal = if kind.ends() { "terminal = \"terminal\"\n" } else { "" },
         timeout = kind.timeout(),
         worst = kind.worst_return(),
+    )
+}
+
+/// A study of a membrane plant: four settings, a reward in cents, and what is in neither.
+fn membrane_text(seed: u64) -> String {
+    let settings = Membrane::settings();
+    let settings: Vec<&str> = settings.iter().map(|of| of.0).collect();
+    let (state, logged) = (Membrane::columns(), Membrane::logged());
+    let exclude = &logged[..logged.len() - 1];
+    let cleaned = logged[logged.len() - 1];
+    format!(
+        "# A log of a membrane plant whose recipe is chosen every half hour: `calib control` says which agent to deploy.\n\
+         # The state is {state}.\n\
+         seed = {seed}\n\n\
+         [data]\npath = \"log.parquet\"\ntrain_fraction = 1.0\n\
+         exclude = {exclude:?} # of the step before, and no state\n\n\
+         [preprocess]\noutliers = \"keep\"\n\n\
+         [control]\nactions = {settings:?}\n\
+         terminal = \"{cleaned}\" # the plant tripped and was cleaned\n\
+         reward = {reward} # in cents\n\
+         timeout = {timeout} # ten days\nworst_return = {worst:?}\nsteps = 17520 # a year\n\
+         fewest_terminals = 0 # a careful plant hardly trips\n\n\
+         [control.agent]\ngamma = 0.99 # an episode need not end\ntilings = 8\n\n\
+         [control.grid]\nstep_size = [0.003, 0.03, 0.3]\ntemperature = [1.0, 10.0, 100.0]\n\
+         initial_weight = [0.0, 400.0]\n",
+        state = state.iter().map(|of| of.0).collect::<Vec<_>>().join(", "),
+        reward = Membrane::reward(),
+        timeout = TaskKind::Membrane.timeout(),
+        worst = TaskKind::Membrane.worst_return(),
     )
 }

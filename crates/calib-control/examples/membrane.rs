@@ -1,0 +1,254 @@
+//! Does an agent that was tuned in the model of a plant's log beat the operators' rule, and its own default? The simulated plant is the truth:
+//!
+//! ```sh
+//! cargo run --release -p calib-control --example membrane -- DIR [PLANTS] [TRANSITIONS] [TRUTH_RUNS] [rule|perturbed|random]
+//! ```
+//!
+//! `DIR/plants.jsonl` has a line for every plant; what is there is not done again. Then `DIR/POLICY-TRANSITIONS.md` is written: means over plants with
+//! 95 % t-intervals.
+
+use std::{
+    error::Error,
+    fmt::Write as _,
+    fs::{self, OpenOptions},
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+
+use calib_control::{
+    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Extent, Grid, Membrane,
+    Quality, Simulated, Span, Starts, Support, TaskKind, fitted_q_evaluation, judge, live, record,
+    regret, sweep, truth,
+};
+use calib_core::{Seed, Silent, States};
+use calib_stats::summarise;
+use serde_json::{Value, json};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// A year of half hours: how long an agent lives, in the model and in the plant.
+const STEPS: usize = 17_520;
+const KIND: TaskKind = TaskKind::Membrane;
+
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |place: usize, default: usize| -> Outcome<usize> {
+        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
+    };
+    let directory = Path::new(arguments.first().ok_or("where to write?")?);
+    let (plants, transitions, truth_runs) = (number(1, 20)?, number(2, 5000)?, number(3, 3)?);
+    let policy: Quality = match arguments.get(4) {
+        Some(name) => serde_json::from_value(json!(name))?,
+        None => Quality::Perturbed,
+    };
+    fs::create_dir_all(directory)?;
+    let study = Study { directory: directory.to_owned(), transitions, truth_runs, policy };
+    for plant in 0..plants {
+        study.plant(plant)?;
+    }
+    study.table()
+}
+
+struct Study {
+    directory: PathBuf,
+    transitions: usize,
+    truth_runs: usize,
+    policy: Quality,
+}
+
+/// What an agent that nobody tuned is: calib's default, but for the discount of a task that need not end.
+fn default() -> AgentConfig {
+    AgentConfig { gamma: 0.99, tilings: 8, ..AgentConfig::default() }
+}
+
+fn grid() -> Grid {
+    Grid {
+        step_size: Some(vec![0.003, 0.03, 0.3]),
+        temperature: Some(vec![1.0, 10.0, 100.0]),
+        initial_weight: Some(vec![0.0, 400.0]),
+        ..Grid::default()
+    }
+}
+
+impl Study {
+    fn path(&self) -> PathBuf {
+        self.directory.join("plants.jsonl")
+    }
+
+    fn lines(&self) -> Vec<Value> {
+        let text = fs::read_to_string(self.path()).unwrap_or_default();
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let own = |line: &Value| {
+            line["policy"] == self.policy.name() && line["transitions"] == self.transitions
+        };
+        lines.filter(own).collect()
+    }
+
+    fn plant(&self, number: usize) -> Outcome<()> {
+        if self.lines().iter().any(|line| line["plant"] == number) {
+            return Ok(());
+        }
+        let line = self.one(number)?;
+        let mut file = OpenOptions::new().create(true).append(true).open(self.path())?;
+        writeln!(file, "{line}")?;
+        Ok(())
+    }
+
+    /// The log of one plant, the choice from it, and the truth.
+    fn one(&self, number: usize) -> Outcome<Value> {
+        let seed = Seed::new(19).child("membrane").number(number as u64);
+        let make = || Simulated::new(Membrane::new(seed), Begin::AsTheTask);
+        let span = Span { steps: STEPS, timeout: KIND.timeout() };
+        let mut operators = self.operators()?;
+        let (model, starts) = self.model(&mut operators, &mut make(), seed)?;
+        let candidates = grid().candidates(default())?;
+        let untuned = candidates.iter().position(|of| *of == default());
+        let extent = Extent { runs: 1, span };
+        let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
+        let log = model.log();
+        // Plants hardly ever trip: terminals are few wherever operators are careful.
+        let support = Support { fewest_terminals: 0, ..Support::default() };
+        let verdict = judge(&runs, candidates.len(), untuned, log, support, 200, seed)?;
+        let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, span.timeout, &Silent)?;
+        let best_fitted =
+            (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
+        let extent = Extent { runs: self.truth_runs, span };
+        let lives = truth(make, &candidates, extent, seed, &Silent)?;
+        let mean = |candidate: usize| {
+            lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64
+        };
+        let means: Vec<f64> = (0..candidates.len()).map(mean).collect();
+        let taught = |config| self.taught(&model, config, make, span, seed);
+        let by_policy = |of: &mut Behaviour| {
+            of.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
+        };
+        let mut rule = Behaviour::rule_of::<Membrane>().ok_or("a plant has a rule")?;
+        Ok(json!({
+            "plant": number, "policy": self.policy, "transitions": self.transitions,
+            "actions": log.counts(), "terminals": log.terminals(), "covered": model.covered(),
+            "truth": means, "chosen": verdict.chosen, "fitted": best_fitted, "default": untuned,
+            "taught": taught(candidates[verdict.chosen]), "taught_default": taught(default()),
+            "rule": by_policy(&mut rule), "logged": by_policy(&mut operators),
+            "uncovered": verdict.coverage[verdict.chosen].uncovered(),
+            "doubts": verdict.doubts, "model": verdict.selection.mean_errors,
+            "percentile": regret(&means, verdict.chosen).percentile,
+        }))
+    }
+
+    /// Whose actions are logged.
+    fn operators(&self) -> Outcome<Behaviour> {
+        if self.policy == Quality::Random {
+            return Ok(Behaviour::Random);
+        }
+        let rule = Behaviour::rule_of::<Membrane>().ok_or("a plant has a rule")?;
+        Ok(rule.perturbed(self.policy.random_share()))
+    }
+
+    /// The model of a log of theirs, and where its episodes begin.
+    fn model(
+        &self,
+        operators: &mut Behaviour,
+        plant: &mut Simulated<Membrane>,
+        seed: Seed,
+    ) -> Outcome<(ActionModel, States)> {
+        let seed = seed.child("log");
+        let log = record(operators, plant, self.transitions, KIND.timeout(), seed).decisions(8)?;
+        let states = log.states().clone();
+        let first: Vec<f32> =
+            log.starts().into_iter().flat_map(|row| states.row(row.get()).to_vec()).collect();
+        let starts = States::new(first, log.starts().len(), states.columns())?;
+        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
+        let config = ActionModelConfig::default();
+        let worst = KIND.worst_return();
+        Ok((ActionModel::build(log, &states, begin, &config, worst, &Silent)?, starts))
+    }
+
+    /// The true mean return of an agent that learnt in every member, one after the other, before it came to the plant.
+    fn taught(
+        &self,
+        model: &ActionModel,
+        config: AgentConfig,
+        make: impl Fn() -> Simulated<Membrane>,
+        span: Span,
+        seed: Seed,
+    ) -> f64 {
+        let mut agent = Agent::new(config, 4, 8);
+        for member in 0..model.members() {
+            let seed = seed.child("taught").number(member as u64);
+            live(&mut agent, &mut model.walk(member), span, seed);
+        }
+        let run = |run: usize| {
+            let seed = seed.child("truth").number(run as u64);
+            live(&mut agent.clone(), &mut make(), span, seed).mean_return()
+        };
+        (0..self.truth_runs).map(run).sum::<f64>() / self.truth_runs as f64
+    }
+
+    fn table(&self) -> Outcome<()> {
+        let lines = self.lines();
+        let ways = ways();
+        let mut text = String::new();
+        writeln!(text, "{} plants, {} policy\n", lines.len(), self.policy.name())?;
+        writeln!(text, "| | return an episode | tuned less this | taught less this |")?;
+        writeln!(text, "|---|---|---|---|")?;
+        for (name, of) in &ways {
+            let own: Vec<f64> = lines.iter().map(of).collect();
+            let less = |way: usize| -> Outcome<String> {
+                let over: Vec<f64> =
+                    lines.iter().map(|line| ways[way].1(line) - of(line)).collect();
+                told(&over)
+            };
+            writeln!(text, "| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?)?;
+        }
+        let percent =
+            |key: &str| lines.iter().map(|line| 100.0 * read(line, key)).collect::<Vec<f64>>();
+        let refused = lines.iter().filter(|line| line["doubts"] != json!([])).count();
+        writeln!(
+            text,
+            "\npercentile of the choice {}; {} % of its steps in the model not covered; {refused} refused",
+            told(&percent("percentile"))?,
+            told(&percent("uncovered"))?
+        )?;
+        let name = format!("{}-{}.md", self.policy.name(), self.transitions);
+        Ok(fs::write(self.directory.join(name), text)?)
+    }
+}
+
+fn read(line: &Value, key: &str) -> f64 {
+    line[key].as_f64().unwrap_or(f64::NAN)
+}
+
+/// The true returns of all configurations.
+fn all(line: &Value) -> Vec<f64> {
+    line["truth"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
+}
+
+/// The true return of the configuration that `key` names.
+fn truth_of(line: &Value, key: &str) -> f64 {
+    let chosen = line[key].as_u64().unwrap_or(0) as usize;
+    line["truth"][chosen].as_f64().unwrap_or(f64::NAN)
+}
+
+/// What is compared, by name.
+type Way = (&'static str, fn(&Value) -> f64);
+
+fn ways() -> [Way; 9] {
+    [
+        ("tuned in the model", |line| truth_of(line, "chosen")),
+        ("the same, taught in the model first", |line| read(line, "taught")),
+        ("chosen by fitted Q evaluation", |line| truth_of(line, "fitted")),
+        ("default configuration", |line| truth_of(line, "default")),
+        ("the same, taught in the model first", |line| read(line, "taught_default")),
+        ("random configuration", |line| all(line).iter().sum::<f64>() / all(line).len() as f64),
+        ("best configuration", |line| all(line).into_iter().fold(f64::NEG_INFINITY, f64::max)),
+        ("operators' rule", |line| read(line, "rule")),
+        ("what was logged", |line| read(line, "logged")),
+    ]
+}
+
+/// The mean and half its 95 % interval.
+fn told(values: &[f64]) -> Outcome<String> {
+    let of = summarise(values)?;
+    let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
+    Ok(format!("{:.0} ± {half:.0}", of.mean))
+}

@@ -1,0 +1,188 @@
+use calib_core::{Rng, Seed};
+use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+
+use super::AgentConfig;
+use crate::{Ending, Outcome};
+
+/// Values from a multilayer perceptron, q(s, ·) being its outputs, learnt by Q-learning from replayed transitions (Mnih et al. 2015).
+///
+/// Every step one batch is drawn from the last `replay` transitions, each as likely, and Adam steps down the mean of ½(q(s, a) − y)² with
+/// y = r + γ max q⁻(s', ·), or r at a terminal. The target network q⁻ becomes the other one every `target_steps` steps.
+#[derive(Clone, Debug)]
+pub(super) struct Network {
+    online: Mlp,
+    target: Mlp,
+    adam: Adam,
+    /// Of one state, and of a batch.
+    one: Workspace,
+    batch: Workspace,
+    replay: Replay,
+    rng: Rng,
+    steps: usize,
+    state: Vec<f32>,
+    drawn: Drawn,
+}
+
+/// The latest transitions; the oldest is replaced.
+#[derive(Clone, Debug)]
+struct Replay {
+    columns: usize,
+    most: usize,
+    oldest: usize,
+    states: Vec<f32>,
+    nexts: Vec<f32>,
+    taken: Vec<(usize, Outcome)>,
+}
+
+/// A batch.
+#[derive(Clone, Debug, Default)]
+struct Drawn {
+    states: Vec<f32>,
+    nexts: Vec<f32>,
+    taken: Vec<(usize, Outcome)>,
+    targets: Vec<f64>,
+    gradients: Vec<f32>,
+}
+
+impl Replay {
+    fn keep(&mut self, state: &[f32], action: usize, outcome: Outcome, next: &[f32]) {
+        if self.taken.len() < self.most {
+            self.states.extend_from_slice(state);
+            self.nexts.extend_from_slice(next);
+            self.taken.push((action, outcome));
+            return;
+        }
+        let start = self.oldest * self.columns;
+        self.states[start..start + self.columns].copy_from_slice(state);
+        self.nexts[start..start + self.columns].copy_from_slice(next);
+        self.taken[self.oldest] = (action, outcome);
+        self.oldest = (self.oldest + 1) % self.most;
+    }
+
+    fn draw(&self, count: usize, rng: &mut Rng, drawn: &mut Drawn) {
+        drawn.states.clear();
+        drawn.nexts.clear();
+        drawn.taken.clear();
+        for _ in 0..count {
+            let number = rng.below(self.taken.len());
+            let of = number * self.columns..(number + 1) * self.columns;
+            drawn.states.extend_from_slice(&self.states[of.clone()]);
+            drawn.nexts.extend_from_slice(&self.nexts[of]);
+            drawn.taken.push(self.taken[number]);
+        }
+    }
+}
+
+impl Network {
+    pub(super) fn new(config: &AgentConfig, columns: usize, actions: usize, seed: Seed) -> Self {
+        let hidden = vec![config.hidden_width; config.hidden_layers];
+        let sizes = [vec![columns], hidden, vec![actions]].concat();
+        let mut online = Mlp::new(&sizes, seed.child("network"));
+        // Values begin near the initial weight: optimism, as of tiles.
+        let bias = online.layers().last().map(|layer| layer.bias.clone()).unwrap_or_default();
+        online.parameters_mut()[bias].iter_mut().for_each(|of| *of += config.initial_weight as f32);
+        let rule = AdamRule {
+            learning_rate: config.step_size,
+            beta1: config.beta1,
+            ..AdamRule::default()
+        };
+        Self {
+            adam: Adam::new(rule, online.parameter_count()),
+            one: Workspace::new(&online, 1),
+            batch: Workspace::new(&online, config.batch),
+            target: online.clone(),
+            online,
+            replay: Replay {
+                columns,
+                most: config.replay,
+                oldest: 0,
+                states: Vec::new(),
+                nexts: Vec::new(),
+                taken: Vec::new(),
+            },
+            rng: seed.child("replay").rng(),
+            steps: 0,
+            state: vec![0.0; columns],
+            drawn: Drawn::default(),
+        }
+    }
+
+    /// Be in `state`, whose values are put in `values`.
+    pub(super) fn go_on(&mut self, state: &[f32], values: &mut [f64]) {
+        self.state.copy_from_slice(state);
+        let outputs = self.online.forward(&self.state, &mut self.one);
+        values.iter_mut().zip(outputs).for_each(|(value, &output)| *value = f64::from(output));
+    }
+
+    /// Learn from what `action` led to, among others, and be in `next`, whose values are put in `values`.
+    pub(super) fn learn(
+        &mut self,
+        config: &AgentConfig,
+        action: usize,
+        outcome: Outcome,
+        next: &[f32],
+        values: &mut [f64],
+    ) {
+        self.replay.keep(&self.state, action, outcome, next);
+        if self.replay.taken.len() >= config.batch {
+            self.update(config);
+            self.steps += 1;
+            if self.steps.is_multiple_of(config.target_steps) {
+                self.target.clone_from(&self.online);
+            }
+        }
+        self.go_on(next, values);
+    }
+
+    fn update(&mut self, config: &AgentConfig) {
+        let drawn = &mut self.drawn;
+        self.replay.draw(config.batch, &mut self.rng, drawn);
+        let actions = self.online.outputs();
+        let next = self.target.forward(&drawn.nexts, &mut self.batch);
+        let best = |values: &[f32]| values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        drawn.targets.clear();
+        drawn.targets.extend(drawn.taken.iter().zip(next.chunks(actions)).map(
+            |((_, outcome), values)| match outcome.ending {
+                Ending::Terminal => outcome.reward,
+                Ending::Continues => outcome.reward + config.gamma * f64::from(best(values)),
+            },
+        ));
+        let outputs = self.online.forward(&drawn.states, &mut self.batch);
+        drawn.gradients.clear();
+        drawn.gradients.resize(outputs.len(), 0.0);
+        for (row, (&(action, _), target)) in drawn.taken.iter().zip(&drawn.targets).enumerate() {
+            let place = row * actions + action;
+            let error = f64::from(outputs[place]) - target;
+            drawn.gradients[place] = (error / config.batch as f64) as f32;
+        }
+        let gradients = self.online.backward(&drawn.states, &drawn.gradients, &mut self.batch);
+        self.adam.step(self.online.parameters_mut(), gradients);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_is_replaced() {
+        let (states, nexts, taken) = (Vec::new(), Vec::new(), Vec::new());
+        let mut replay = Replay { columns: 1, most: 3, oldest: 0, states, nexts, taken };
+        for number in 0..5 {
+            let outcome = Outcome { reward: f64::from(number), ending: Ending::Continues };
+            replay.keep(&[number as f32], 0, outcome, &[number as f32 + 1.0]);
+        }
+        assert_eq!(replay.states, [3.0, 4.0, 2.0]);
+        assert_eq!(replay.nexts, [4.0, 5.0, 3.0]);
+        let mut drawn = Drawn::default();
+        replay.draw(40, &mut Seed::new(1).rng(), &mut drawn);
+        assert!(
+            drawn
+                .states
+                .iter()
+                .zip(&drawn.taken)
+                .all(|(&of, (_, outcome))| { f64::from(of) == outcome.reward })
+        );
+        assert!((2..5).all(|number| drawn.states.contains(&(number as f32))));
+    }
+}

@@ -1,0 +1,138 @@
+//! What a log did, and where.
+
+use calib_core::TransitionIndex;
+use calib_stats::quantile;
+
+use crate::{ActionModel, ControlError, Decisions};
+
+/// In which states an action was taken: the 5 %, 50 % and 95 % quantiles of a column.
+pub type Spread = [f64; 3];
+
+impl Decisions {
+    /// In which states each action was taken, `[actions][columns]`; no columns for an action that never was.
+    ///
+    /// # Errors
+    /// If a state is not a number.
+    pub fn spreads(&self) -> Result<Vec<Vec<Spread>>, ControlError> {
+        (0..self.levels()).map(|action| self.spread(action)).collect()
+    }
+
+    fn spread(&self, action: usize) -> Result<Vec<Spread>, ControlError> {
+        let sources = self.transitions().sources();
+        let rows: Vec<usize> =
+            self.with_action(action).iter().map(|&of| sources[of as usize] as usize).collect();
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let of = |column: usize| -> Result<Spread, ControlError> {
+            let value = |&row: &usize| f64::from(self.states().row(row)[column]);
+            let values: Vec<f64> = rows.iter().map(value).collect();
+            Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
+        };
+        (0..self.states().columns()).map(of).collect()
+    }
+}
+
+/// Where along one column the log says what each action does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoverageMap {
+    /// Parts of the column by its quantiles: the upper bound of each, as states are scaled.
+    pub upper: Vec<f64>,
+    /// Recorded states in each part, over all members.
+    pub states: Vec<usize>,
+    /// Share of the states of a part that have a transition with the action within the radius, `[actions][parts]`.
+    pub covered: Vec<Vec<f64>>,
+}
+
+impl ActionModel {
+    /// Where along `column` the log says what each action does: the recorded states in `parts` parts that hold about as many each.
+    ///
+    /// Parts that would be empty, because many values are equal, are left out.
+    ///
+    /// # Errors
+    /// If a state is not a number.
+    ///
+    /// # Panics
+    /// If there is no such column.
+    pub fn coverage_map(&self, column: usize, parts: usize) -> Result<CoverageMap, ControlError> {
+        let log = self.log();
+        let value = |number: usize| {
+            let next = log.transitions().next(TransitionIndex::new(number));
+            f64::from(log.states().row(next.get())[column])
+        };
+        let values: Vec<f64> = (0..log.len()).map(value).collect();
+        let mut upper = (1..=parts)
+            .map(|part| quantile(&values, part as f64 / parts as f64))
+            .collect::<Result<Vec<f64>, _>>()?;
+        upper.dedup();
+        let mut states = vec![0; upper.len()];
+        let mut covered = vec![vec![0.0; upper.len()]; log.levels()];
+        self.each_within(|transition, within| {
+            let part = upper.partition_point(|&of| of < values[transition.get()]);
+            let part = part.min(upper.len() - 1);
+            states[part] += 1;
+            for (own, &within) in covered.iter_mut().zip(within) {
+                own[part] += f64::from(u8::from(within));
+            }
+        });
+        for own in &mut covered {
+            own.iter_mut().zip(&states).for_each(|(own, &all)| *own /= all.max(1) as f64);
+        }
+        Ok(CoverageMap { upper, states, covered })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Segments, Silent, States};
+
+    use super::*;
+    use crate::{ActionModelConfig, Columns, Ending, Starts};
+
+    /// Action 1 only in the upper half of a column from 0 to 1.
+    fn log() -> Decisions {
+        let mut rng = Seed::new(1).rng();
+        let rows = 1200;
+        let values: Vec<f32> = (0..rows).map(|_| rng.unit() as f32).collect();
+        let actions: Vec<Option<u16>> =
+            values.iter().map(|&of| Some(if of > 0.5 { rng.below(2) as u16 } else { 0 })).collect();
+        let columns = Columns {
+            actions: &actions,
+            rewards: &vec![1.0; rows],
+            endings: &vec![Ending::Continues; rows],
+        };
+        let states = States::new(values, rows, 1).expect("valid");
+        Decisions::new(states, &Segments::from_lengths([rows]).expect("valid"), columns, 3)
+            .expect("valid")
+    }
+
+    #[test]
+    fn spreads_are_where_an_action_was_taken() {
+        let spreads = log().spreads().expect("numbers");
+        let [low, middle, high] = spreads[1][0];
+        assert!(low > 0.5 && (0.7..0.8).contains(&middle) && high > 0.95, "{spreads:?}");
+        assert!(spreads[0][0][0] < 0.1);
+        assert!(spreads[2].is_empty(), "never taken");
+    }
+
+    #[test]
+    fn the_map_shows_where_an_action_is_not_known() {
+        let log = log();
+        let metric = log.states().clone();
+        let starts = Starts { observed: metric.slice(0..5), metric: metric.slice(0..5) };
+        let config = ActionModelConfig::default();
+        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        let map = model.coverage_map(0, 5).expect("numbers");
+        assert_eq!(map.states.len(), 5);
+        assert_eq!(map.covered[2], [0.0; 5]);
+        assert!(map.covered[0].iter().all(|&share| share > 0.9), "{map:?}");
+        assert!(map.covered[1][0] == 0.0 && map.covered[1][4] > 0.8, "{map:?}");
+        // The parts together are the whole.
+        let all: usize = map.states.iter().sum();
+        for (action, whole) in model.covered().into_iter().enumerate() {
+            let parts = map.covered[action].iter().zip(&map.states);
+            let sum: f64 = parts.map(|(share, &states)| share * states as f64).sum();
+            assert!((sum / all as f64 - whole).abs() < 1e-9);
+        }
+    }
+}

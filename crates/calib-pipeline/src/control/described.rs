@@ -1,0 +1,80 @@
+//! What a log of decisions did, and where it says what an action does.
+
+use calib_control::{ActionModel, CoverageMap, Spread};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::log::Names;
+
+/// Parts of a column in the map of coverage.
+const PARTS: usize = 5;
+
+/// A log of decisions, as told.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct LogTold {
+    /// What the actions are called, and how the log has them.
+    pub(super) actions: Vec<ActionTold>,
+    /// Columns of the states.
+    pub(super) columns: Vec<String>,
+    pub(super) transitions: usize,
+    pub(super) episodes: usize,
+    pub(super) terminals: usize,
+    /// Distance up to which a recorded transition covers a state.
+    pub(super) radius: f32,
+    /// Where along each column the log says what each action does.
+    pub(super) map: Vec<ColumnMap>,
+}
+
+/// An action as the log has it.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(super) struct ActionTold {
+    pub(super) name: String,
+    /// Transitions with it.
+    pub(super) transitions: usize,
+    /// Share of the recorded states near which it was taken.
+    pub(super) covered: f64,
+    /// In which states it was taken: the 5 %, 50 % and 95 % quantiles of each column, in its unit; none if it never was.
+    pub(super) states: Vec<Spread>,
+}
+
+/// Where along a column the log says what each action does.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(super) struct ColumnMap {
+    pub(super) column: String,
+    /// Upper bound of each part, in the unit of the column.
+    pub(super) upper: Vec<f64>,
+    /// Recorded states in each part, over all members.
+    pub(super) states: Vec<usize>,
+    /// Share of the states of each part near which the action was taken, `[actions][parts]`.
+    pub(super) covered: Vec<Vec<f64>>,
+}
+
+/// Describe the log of `model`.
+pub(super) fn described(model: &ActionModel, names: &Names) -> anyhow::Result<LogTold> {
+    let log = model.log();
+    let own = |spreads: Vec<Spread>| -> Vec<Spread> {
+        let of = |(place, spread): (usize, Spread)| spread.map(|of| names.physical(place, of));
+        spreads.into_iter().enumerate().map(of).collect()
+    };
+    let counted = log.counts().into_iter().zip(model.covered()).zip(log.spreads()?);
+    let told = |(name, ((transitions, covered), spreads)): (&String, _)| ActionTold {
+        name: name.clone(),
+        transitions,
+        covered,
+        states: own(spreads),
+    };
+    let map = |(place, column): (usize, &String)| -> anyhow::Result<ColumnMap> {
+        let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
+        let upper = upper.into_iter().map(|of| names.physical(place, of)).collect();
+        Ok(ColumnMap { column: column.clone(), upper, states, covered })
+    };
+    Ok(LogTold {
+        actions: names.actions.iter().zip(counted).map(told).collect(),
+        columns: names.columns.clone(),
+        transitions: log.len(),
+        episodes: log.starts().len(),
+        terminals: log.terminals(),
+        radius: model.radius(),
+        map: names.columns.iter().enumerate().map(map).collect::<Result<_, _>>()?,
+    })
+}

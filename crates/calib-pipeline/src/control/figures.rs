@@ -1,0 +1,252 @@
+//! Figures of the report on agents that act.
+
+use calib_report::{
+    Axis, Cell, Chart, Colour, Dash, Marker, OverviewFigure, Point, Rule, Scale, Series, Side,
+    Table,
+};
+use calib_stats::{Summary, summarise};
+
+use super::{described::ColumnMap, files::Told, show};
+
+/// Columns whose map is drawn.
+pub(super) const MAPS: usize = 8;
+/// Candidates whose curves are drawn, beside the default.
+const CURVES: usize = 5;
+
+const MARKERS: [Marker; 5] =
+    [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
+const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
+
+/// All figures with the names of their files.
+pub(super) fn all(told: &Told) -> Vec<(&'static str, OverviewFigure)> {
+    const SENSITIVITIES: &[&str] = &[
+        "sensitivity-1",
+        "sensitivity-2",
+        "sensitivity-3",
+        "sensitivity-4",
+        "sensitivity-5",
+        "sensitivity-6",
+    ];
+    const COVERAGES: [&str; MAPS] = [
+        "coverage-1",
+        "coverage-2",
+        "coverage-3",
+        "coverage-4",
+        "coverage-5",
+        "coverage-6",
+        "coverage-7",
+        "coverage-8",
+    ];
+    let fields = told.fields.first().map_or(0, Vec::len);
+    let mut all: Vec<_> = (0..fields)
+        .zip(SENSITIVITIES)
+        .map(|(field, &name)| (name, sensitivity(told, field)))
+        .collect();
+    all.extend(learning(told).map(|figure| ("learning", figure)));
+    let maps = told.log.map.iter().zip(COVERAGES);
+    all.extend(maps.map(|(map, name)| (name, coverage(told, map))));
+    all
+}
+
+fn series(number: usize, label: &str, points: Vec<Point>) -> Series {
+    Series {
+        label: label.to_owned(),
+        side: Side::Left,
+        colour: Colour::Curve(number),
+        dash: DASHES[number / 6 % DASHES.len()],
+        width: 1.6,
+        marker: Some(MARKERS[number % MARKERS.len()]),
+        points,
+    }
+}
+
+/// A point for each entry of `values`, from `first` on.
+fn points(first: f64, values: &[f64]) -> Vec<Point> {
+    let of = |(place, &y): (usize, &f64)| Point { x: first + place as f64, y, interval: None };
+    values.iter().enumerate().map(of).collect()
+}
+
+/// A way to make one number of many.
+type Pooled = fn(&[f64]) -> f64;
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn highest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Return in the model against one swept field: the mean, and the best, of the candidates that have a value, with intervals over members.
+fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
+    let value = |candidate: usize| told.fields[candidate][field].1.as_str();
+    let mut values: Vec<&str> = Vec::new();
+    for candidate in 0..told.fields.len() {
+        if !values.contains(&value(candidate)) {
+            values.push(value(candidate));
+        }
+    }
+    let summary = |own: &str, pooled: Pooled| -> Option<Summary> {
+        let of_member = |returns: &Vec<f64>| {
+            let with = (0..returns.len()).filter(|&of| value(of) == own);
+            pooled(&with.map(|of| returns[of]).collect::<Vec<f64>>())
+        };
+        summarise(&told.verdict.members.iter().map(of_member).collect::<Vec<f64>>()).ok()
+    };
+    let ways = [("mean of the candidates", mean as Pooled), ("best of the candidates", highest)];
+    let point = |(place, own): (usize, &&str), pooled: Pooled| {
+        let summary = summary(own, pooled);
+        let interval = summary.and_then(|of| of.interval).map(|of| (of.low, of.high));
+        let y = summary.map_or(f64::NAN, |of| of.mean);
+        Point { x: place as f64, y, interval }
+    };
+    let drawn: Vec<Series> = ways
+        .iter()
+        .enumerate()
+        .map(|(number, &(label, pooled))| {
+            let own = values.iter().enumerate().map(|of| point(of, pooled));
+            series(number, label, own.collect())
+        })
+        .collect();
+    let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|of| {
+        let (low, high) = of.interval.unwrap_or((of.y, of.y));
+        [of.y, low, high]
+    });
+    let scale = Scale::linear_around(&ends.filter(|of| of.is_finite()).collect::<Vec<_>>());
+    let name = &told.fields[0][field].0;
+    let title = format!("Return in the model against {name}");
+    let mark = |candidate: usize, label: &str, dash: Dash| {
+        let place = values.iter().position(|&of| of == value(candidate)).unwrap_or(0);
+        Rule { x: place as f64, label: label.to_owned(), dash }
+    };
+    let default = told.verdict.default.filter(|&of| value(of) != value(told.verdict.chosen));
+    let mut rules = vec![mark(told.verdict.chosen, "chosen", Dash::Solid)];
+    rules.extend(default.map(|of| mark(of, "default", Dash::Dashed)));
+    let row = |(place, own): (usize, &&str)| {
+        let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
+        std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
+    };
+    OverviewFigure {
+        caption: "Mean return an episode in the model, learning included, over all candidates with the value, and of the best of them in each \
+                  member; 95 % intervals over members. It ranks values and does not say what the plant will give."
+            .to_owned(),
+        table: Table {
+            title: title.clone(),
+            columns: std::iter::once(name.clone())
+                .chain(ways.iter().map(|way| way.0.to_owned()))
+                .collect(),
+            rows: values.iter().enumerate().map(row).collect(),
+            ..Table::default()
+        },
+        chart: Chart {
+            description: format!("Mean return an episode in the model for each {name}."),
+            title,
+            x: Axis {
+                label: name.clone(),
+                scale: Scale::names(values.iter().map(|&of| of.to_owned()).collect()),
+            },
+            left: Axis { label: "return an episode, in the model".to_owned(), scale },
+            right: None,
+            series: drawn,
+            rules,
+        },
+    }
+}
+
+/// How the best candidates and the default learnt; nothing where no run had ten episodes.
+fn learning(told: &Told) -> Option<OverviewFigure> {
+    let order = show::best(told, CURVES);
+    let with: Vec<usize> = order.into_iter().filter(|&of| !told.learning[of].is_empty()).collect();
+    let curves: Vec<&Vec<f64>> = with.iter().map(|&of| &told.learning[of]).collect();
+    let finite: Vec<f64> =
+        curves.iter().copied().flatten().copied().filter(|of| of.is_finite()).collect();
+    if finite.is_empty() {
+        return None;
+    }
+    let label = |candidate: usize| {
+        let role = match candidate {
+            of if of == told.verdict.chosen => " (chosen)",
+            of if Some(of) == told.verdict.default => " (default)",
+            _ => "",
+        };
+        format!("{}{role}", show::name(told, candidate))
+    };
+    let drawn = with.iter().zip(&curves).enumerate();
+    let drawn = drawn.map(|(number, (&of, curve))| series(number, &label(of), points(1.0, curve)));
+    let title = "How candidates learn in the model".to_owned();
+    let row = |tenth: usize| {
+        let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
+        std::iter::once(Cell::Count(tenth as u64 + 1)).chain(shown).collect()
+    };
+    Some(OverviewFigure {
+        caption: "Mean return of the episodes in each tenth of a run, over members and runs: the best candidates by worst rank, and the \
+                  default. A curve that still rises would gain from more steps."
+            .to_owned(),
+        table: Table {
+            title: title.clone(),
+            columns: std::iter::once("tenth".to_owned())
+                .chain(with.iter().map(|&of| label(of)))
+                .collect(),
+            rows: (0..curves[0].len()).map(row).collect(),
+            ..Table::default()
+        },
+        chart: Chart {
+            description: "Return an episode against the part of the run.".to_owned(),
+            title,
+            x: Axis {
+                label: "tenth of the episodes".to_owned(),
+                scale: Scale::linear(1.0, curves[0].len() as f64),
+            },
+            left: Axis {
+                label: "return an episode, in the model".to_owned(),
+                scale: Scale::linear_around(&finite),
+            },
+            right: None,
+            series: drawn.collect(),
+            rules: Vec::new(),
+        },
+    })
+}
+
+/// Where along a column the log says what each action does.
+fn coverage(told: &Told, map: &ColumnMap) -> OverviewFigure {
+    let title = format!("Where along {} actions are known", map.column);
+    let percent = |shares: &Vec<f64>| shares.iter().map(|of| 100.0 * of).collect::<Vec<f64>>();
+    let own = told.log.actions.iter().zip(&map.covered).enumerate();
+    let drawn = own.map(|(number, (action, shares))| {
+        series(number, &action.name, points(0.0, &percent(shares)))
+    });
+    let name = |upper: &f64| format!("to {}", calib_report::number(*upper));
+    let names: Vec<String> = map.upper.iter().map(name).collect();
+    let row = |(part, name): (usize, &String)| {
+        let shares = map.covered.iter().map(|of| Cell::Percent(of[part]));
+        std::iter::once(Cell::Text(name.clone())).chain(shares).collect()
+    };
+    OverviewFigure {
+        caption: format!(
+            "Share of the recorded states in each fifth of {} near which the action was taken. What a choice does where curves are low rests on \
+             steps from elsewhere.",
+            map.column
+        ),
+        table: Table {
+            title: title.clone(),
+            columns: std::iter::once(map.column.clone())
+                .chain(told.log.actions.iter().map(|of| of.name.clone()))
+                .collect(),
+            rows: names.iter().enumerate().map(row).collect(),
+            ..Table::default()
+        },
+        chart: Chart {
+            description: format!("Coverage of each action along {}.", map.column),
+            title,
+            x: Axis { label: map.column.clone(), scale: Scale::names(names) },
+            left: Axis {
+                label: "states in which it is known (%)".to_owned(),
+                scale: Scale::linear(0.0, 100.0),
+            },
+            right: None,
+            series: drawn.collect(),
+            rules: Vec::new(),
+        },
+    }
+}

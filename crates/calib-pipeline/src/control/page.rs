@@ -1,0 +1,109 @@
+//! The report on agents that act: one page, and its figures as files.
+
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+
+use calib_files::write_atomically;
+use calib_report::{Cell, Figure, Overview, Table};
+use calib_study::Job;
+
+use super::{figures, files::Told, show};
+use crate::rollouts::figures as drawn;
+
+/// Where the page is.
+pub(super) fn path(directory: &Path) -> PathBuf {
+    directory.join("report.html")
+}
+
+/// Write the page, and each figure as SVG and PNG.
+pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<()> {
+    let figures = figures::all(told);
+    for (name, figure) in &figures {
+        drawn::write(directory, name, &Figure::new(figure.chart.clone()))?;
+    }
+    let page = Overview {
+        title: "An agent that acts".to_owned(),
+        subtitle: Some(show::line(&told.log)),
+        findings: show::sentences(told),
+        warnings: told.verdict.doubts.iter().map(|doubt| show::reason(doubt, told)).collect(),
+        figures: figures.into_iter().map(|(_, figure)| figure).collect(),
+        tables: [vec![candidates(told), actions(told)], maps(told)].concat(),
+        command: job.command("control"),
+    };
+    let html = page.html();
+    Ok(write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?)
+}
+
+fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
+    texts.map(str::to_owned).to_vec()
+}
+
+/// Every candidate, in the order of the rule.
+fn candidates(told: &Told) -> Table {
+    let (verdict, selection) = (&told.verdict, &told.verdict.selection);
+    let row = |candidate: usize| {
+        let role = match candidate {
+            of if of == verdict.chosen => "chosen",
+            of if Some(of) == verdict.default => "default",
+            _ => "",
+        };
+        let numbers = [selection.mean_errors[candidate], told.fitted_q_evaluation[candidate]];
+        vec![
+            Cell::Text(show::name(told, candidate)),
+            Cell::Text(role.to_owned()),
+            Cell::Count(selection.worst_ranks[candidate] as u64),
+            Cell::Number(numbers[0]),
+            Cell::Percent(verdict.coverage[candidate].uncovered()),
+            Cell::Number(numbers[1]),
+        ]
+    };
+    Table {
+        title: "Candidates".to_owned(),
+        caption: "By worst rank over the members. The return in the model ranks candidates; it is not what the plant will give. Not covered: \
+                  steps for which the log has no such action near."
+            .to_owned(),
+        columns: texts(["candidate", "", "worst rank", "model return", "not covered", "fitted Q"]),
+        rows: show::best(told, told.candidates.len()).into_iter().map(row).collect(),
+        best: None,
+    }
+}
+
+fn actions(told: &Told) -> Table {
+    let log = &told.log;
+    let row = |action: &super::described::ActionTold| {
+        vec![
+            Cell::Text(action.name.clone()),
+            Cell::Count(action.transitions as u64),
+            Cell::Percent(action.transitions as f64 / log.transitions as f64),
+            Cell::Percent(action.covered),
+        ]
+    };
+    Table {
+        title: "Actions".to_owned(),
+        caption: "How often each action was taken, and in what share of the recorded states a step with it lies within the radius.".to_owned(),
+        columns: texts(["action", "taken", "of the log", "known in states"]),
+        rows: log.actions.iter().map(row).collect(),
+        best: None,
+    }
+}
+
+/// The numbers of the maps, a table a column.
+fn maps(told: &Told) -> Vec<Table> {
+    let of = |map: &super::described::ColumnMap| {
+        let part = |upper: &f64| format!("to {}", calib_report::number(*upper));
+        let row = |(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
+            let shares = covered.iter().map(|&share| Cell::Percent(share));
+            std::iter::once(Cell::Text(action.name.clone())).chain(shares).collect()
+        };
+        Table {
+            title: format!("Coverage along {}", map.column),
+            caption: "Share of the recorded states of each fifth of the column near which the action was taken.".to_owned(),
+            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(part)).collect(),
+            rows: told.log.actions.iter().zip(&map.covered).map(row).collect(),
+            best: None,
+        }
+    };
+    told.log.map.iter().take(figures::MAPS).map(of).collect()
+}
