@@ -93,6 +93,26 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         done.insert(sensor.clone(), agent);
     }
     let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
+    let manifest = tabled(study, &parts, agents, diverged, &directory)?;
+    if !missing.is_empty() {
+        let wall_secs = clock.elapsed().as_secs_f64();
+        write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
+    }
+    claim.complete(&manifest)?;
+    file.remove();
+    shares::remove(&directory)?;
+    finish(job, &manifest, trained, clock, printer)?;
+    Ok(tell_of_diverged(study, &manifest, printer))
+}
+
+/// The manifest of these agents, whose learning curves it writes.
+fn tabled(
+    study: &Study,
+    parts: &Parts,
+    agents: Vec<PretrainedAgent>,
+    diverged: BTreeMap<String, usize>,
+    directory: &std::path::Path,
+) -> anyhow::Result<PretrainManifest> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
     let mut manifest = PretrainManifest {
         format: PretrainManifest::FORMAT,
@@ -109,15 +129,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let curves = pretrain_files::curves(&manifest.agents);
     artefact::write_table(curves, &directory.join(CURVES))?;
     manifest.files = artefact::fingerprints(&directory, [CURVES])?;
-    if !missing.is_empty() {
-        let wall_secs = clock.elapsed().as_secs_f64();
-        write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
-    }
-    claim.complete(&manifest)?;
-    file.remove();
-    shares::remove(&directory)?;
-    finish(job, &manifest, trained, clock, printer)?;
-    Ok(tell_of_diverged(study, &manifest, printer))
+    Ok(manifest)
 }
 
 /// Say which sensors have no agent.
