@@ -128,7 +128,7 @@ fn tabled(
     };
     let curves = pretrain_files::curves(&manifest.agents);
     artefact::write_table(curves, &directory.join(CURVES))?;
-    manifest.files = artefact::fingerprints(&directory, [CURVES])?;
+    manifest.files = artefact::fingerprints(directory, [CURVES])?;
     Ok(manifest)
 }
 
