@@ -66,7 +66,7 @@ pub trait Environment: Sync {
     /// Number of runs.
     fn runs(&self) -> usize;
 
-    /// Fingerprint of what the stream of `run` is made from, beside the [`Span`] of the plan.
+    /// Fingerprint of what the stream of `run` is made from, beside the [`Span`](crate::Span) of the plan.
     fn inputs(&self, run: usize) -> Fingerprint;
 
     /// The stream of `run`.
