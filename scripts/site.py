@@ -32,6 +32,7 @@ CONTENTS = [
             {"A year of data": "docs/guides/a-year-of-data.md"},
             {"More than one machine": "docs/guides/cluster.md"},
             {"calib from Python": "docs/guides/python.md"},
+            {"Agents of any program": "docs/guides/external-agents.md"},
         ]
     },
     {
