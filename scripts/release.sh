@@ -20,7 +20,7 @@ version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Carg
 architecture=$(dpkg --print-architecture)
 # The same commit gives the same archives.
 when=$(git log -1 --format=%ct)
-export SOURCE_DATE_EPOCH=$when CALIB_COMMIT=${CALIB_COMMIT:-$(git rev-parse --short HEAD)}
+export CALIB_COMMIT=${CALIB_COMMIT:-$(git rev-parse --short HEAD)}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
@@ -33,6 +33,8 @@ if [ -z "${CALIB_BINARY:-}" ]; then
 fi
 install -m 755 "$CALIB_BINARY" "$calib"
 strip "$calib"
+# Only now: packages that look at it would be compiled again.
+export SOURCE_DATE_EPOCH=$when
 if ldd "$calib" 2>&1 | grep -q '=>'; then
     echo "release.sh: the binary is not static:" >&2
     ldd "$calib" >&2
