@@ -63,7 +63,7 @@ fn a_study_is_run_stopped_and_gone_on_with() {
     let file = folder.path().join("study.toml");
     std::fs::write(&file, STUDY).expect("writable");
     let job = Job::resolve(Request::new(&file)).expect("a study");
-    let stopping = Kept { until: Some("Heading(\"sweep\")"), ..Kept::default() };
+    let stopping = Kept { until: Some("] sweep\")"), ..Kept::default() };
     let stopped = calib_pipeline::run(&job, &Printer::new(Arc::new(stopping)));
     assert!(stopped.expect_err("it is asked to stop").was_interrupted());
     assert!(folder.path().join("study-results/model/manifest.json").exists());

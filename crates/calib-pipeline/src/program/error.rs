@@ -47,7 +47,11 @@ pub(super) enum ProgramError {
 fn at_last(text: &str) -> String {
     match text.trim() {
         "" => String::new(),
-        text => format!("; at last it said:\n{text}"),
+        text => {
+            let lines: Vec<&str> =
+                text.lines().map(str::trim).filter(|of| !of.is_empty()).collect();
+            format!("; at last it said: {}", lines.join(" | "))
+        }
     }
 }
 
