@@ -31,7 +31,7 @@ cd python/tests
 cd "$clean"
 "$clean/bin/python" -m mypy.stubtest calib_rl._calib
 # Every name that is there for users has a type. Gymnasium says too little of its own classes for those that are built on them.
-"$clean/bin/pyright" --pythonpath "$clean/bin/python" --verifytypes calib_rl --ignoreexternal >types || true
+PATH=$clean/bin:$PATH pyright --verifytypes calib_rl --ignoreexternal >types || true
 grep -q '^Type completeness score' types
 if grep -E ' error: ' types | grep -vE '/gym\.py:|Type of (metaclass|base class) unknown'; then exit 1; fi
 "$clean/bin/calib" --version

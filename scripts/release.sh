@@ -15,6 +15,14 @@ out=${1:-dist}
 quick=${CALIB_RELEASE:-}
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
+if [ -n "$(ls -A "$out")" ]; then
+    echo "release.sh: $out is not empty; name another folder, or empty it: what lies there would be released as well" >&2
+    exit 1
+fi
+if ! git diff --quiet HEAD; then
+    echo "release.sh: there are changes that no commit has; commit them, or put them aside" >&2
+    exit 1
+fi
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
 # As Debian calls it.
 architecture=$(dpkg --print-architecture)
@@ -54,7 +62,7 @@ echo "== archive"
 name=calib-$version-linux-$(uname -m)
 mkdir "$work/$name"
 cp -r "$calib" "$share/man" "$share/completions" README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT "$work/$name"
-tar --sort=name --mtime="@$when" --owner=0 --group=0 --numeric-owner -C "$work" -c "$name" | gzip -9n > "$out/$name.tar.gz"
+tar --mode=u=rwX,go=rX --sort=name --mtime="@$when" --owner=0 --group=0 --numeric-owner -C "$work" -c "$name" | gzip -9n > "$out/$name.tar.gz"
 
 echo "== Debian package"
 package=$work/package
@@ -88,7 +96,7 @@ dpkg-deb --root-owner-group -Zxz --build "$package" "$out/calib-rl_${version}_$a
 if [ "$quick" != quick ]; then
     echo "== wheel"
     bash scripts/python_wheel.sh
-    cp "${CALIB_TOOLS:-target/tools}"/dist/*.whl "$out"
+    cp "${CALIB_TOOLS:-target/tools}"/dist/*-"$version"-*.whl "$out"
 fi
 
 echo "== checksums"

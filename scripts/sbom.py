@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""What is in the command: every crate that it is linked from, as CycloneDX 1.5, on stdout.
+"""What is in the command: every crate of the workspace and what they depend on, as CycloneDX 1.5, on stdout.
 
     python3 scripts/sbom.py [TARGET]
 
-From `cargo metadata` and the checksums of Cargo.lock; dependencies of tests and of builds are not in it. TARGET is by default Linux on x86-64.
+From `cargo metadata` and the checksums of Cargo.lock; dependencies of tests and of build scripts are not in it;
+macros, which run while it is compiled, are. TARGET is by default Linux on x86-64.
 """
 
 import json

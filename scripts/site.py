@@ -88,7 +88,8 @@ def pages(contents: list) -> list[str]:
 
 def interpreter() -> Path:
     """A Python that has MkDocs."""
-    home = Path(os.environ.get("CALIB_TOOLS", ROOT / "target" / "tools")) / "site"
+    # Not resolved: an environment may be a link.
+    home = Path(os.path.abspath(os.environ.get("CALIB_TOOLS", ROOT / "target" / "tools"))) / "site"
     python = home / "bin" / "python"
     if not (home / PINNED).exists():
         subprocess.run([sys.executable, "-m", "venv", home], check=True)

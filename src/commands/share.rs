@@ -48,7 +48,9 @@ pub(super) fn share(
     let of: usize = of.parse().ok().filter(|of| *of > 0).with_context(form)?;
     let number = number("--share", own, environment)?;
     Share::new(number, of)
-        .with_context(|| format!("there is no share {number} of {of}: they are counted from 0"))
+        .with_context(|| {
+            format!("there is no share {number} of {of}: they are 0 to {}; of an array of tasks, ask for --array=0-{}", of - 1, of - 1)
+        })
 }
 
 /// The job, of which only a share is to be done where one was asked for.

@@ -68,7 +68,7 @@ impl ProgressMonitor {
         let Some(Stage { number, of, later }) = self.stage else { return String::new() };
         let all = later.filter(|later| *later > 0.0).and_then(|later| {
             let after = Duration::try_from_secs_f64((elapsed + left).as_secs_f64() * later).ok()?;
-            Some(format!(", up to {} for all of the run", duration(left + after)))
+            Some(format!(", about {} for all sweeps", duration(left + after)))
         });
         format!("; step {number} of {of}{}", all.unwrap_or_default())
     }

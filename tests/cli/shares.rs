@@ -72,7 +72,7 @@ fn what_a_share_has_made_is_not_believed_when_it_is_damaged() {
     let place = Place::with_study();
     place.edit_study("[sweep]", "[pretrain]\nepochs = 2\nfraction = 0.4\n\n[sweep]");
     place.calib(&["pretrain", "study.toml", "--share", "0/1"]).succeeds();
-    let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
+    let weights = place.path().join("study-results/pretrain/shares/PIT300.safetensors");
     let mut bytes = std::fs::read(&weights).expect("written");
     *bytes.last_mut().expect("not empty") ^= 1;
     std::fs::write(&weights, bytes).expect("written");

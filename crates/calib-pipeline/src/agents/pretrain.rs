@@ -73,10 +73,12 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         claim.begin()?;
         file.remove();
+        shares::remove(&directory)?;
     }
     let trained = missing.len() + of_shares.len();
     let pretrained = train(study, &parts, &missing, &file, printer)?;
     claim.begin()?;
+    shares::take(&directory, &of_shares)?;
     let mut diverged = of_shares.diverged;
     done.extend(of_shares.agents);
     for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use calib_agent::{PretrainingDiverged, StateFile};
-use calib_files::{file_name, read_sealed_json, remove_folder, write_sealed_json};
+use calib_files::{file_name, link_or_copy, read_sealed_json, remove_folder, write_sealed_json};
 use calib_study::{Job, Share};
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,8 @@ pub(super) fn finished(
     for Wanted { sensor, key, .. } in wanted.iter().filter(|of| !done.contains_key(&of.sensor)) {
         match read_sealed_json(&record(directory, sensor)) {
             Ok(Ended::Trained(agent))
-                if agent.key == *key && artefact::are_whole(directory, &agent.files) =>
+                if agent.key == *key
+                    && artefact::are_whole(&directory.join(SHARES), &agent.files) =>
             {
                 found.agents.insert(sensor.clone(), *agent);
             }
@@ -104,7 +105,9 @@ pub(super) fn run(
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent);
                 let of = (sensor.as_str(), *column);
-                let agent = write_agent(&directory, of, key.clone(), config, width, pretrained)?;
+                // Beside the agents that the manifest tells of, until all are there.
+                let place = directory.join(SHARES);
+                let agent = write_agent(&place, of, key.clone(), config, width, pretrained)?;
                 Ended::Trained(Box::new(agent))
             }
             Err(PretrainingDiverged { epoch }) => {
@@ -115,13 +118,28 @@ pub(super) fn run(
         write_sealed_json(&record(&directory, sensor), &ended)?;
     }
     file.remove();
+    let made = finished(&directory, wanted, &BTreeMap::new());
+    let diverged: Vec<&str> =
+        own.iter().copied().filter(|sensor| made.diverged.contains_key(*sensor)).collect();
     printer.result(&format!(
         "share {share}: {} pre-trained, of {} in all",
-        counted(own.len(), "agent"),
+        counted(own.len() - diverged.len(), "agent"),
         wanted.len()
     ))?;
     printer.next(&[job.command("pretrain")]);
-    Ok(Outcome::Done)
+    if diverged.is_empty() {
+        return Ok(Outcome::Done);
+    }
+    printer.error(&format!("the agents for {} diverged", diverged.join(", ")));
+    Ok(Outcome::Negative)
+}
+
+/// Put what shares have made where the manifest will look for it.
+pub(super) fn take(directory: &Path, found: &OfShares) -> anyhow::Result<()> {
+    for name in found.agents.values().flat_map(|agent| agent.files.keys()) {
+        link_or_copy(&directory.join(SHARES).join(name), &directory.join(name))?;
+    }
+    Ok(())
 }
 
 /// All of it is in the manifest.

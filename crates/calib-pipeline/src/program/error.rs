@@ -41,6 +41,12 @@ pub(super) enum ProgramError {
         "`{command}` answered {wanted} states with {got} predictions: expected as many, or fewer where the last is null"
     )]
     Count { command: String, got: usize, wanted: usize },
+    /// It is another program by now.
+    #[error(
+        "a file of `{command}` was changed while the sweep ran; what was made before stays, and the same command makes all of it \
+         again with the program as it is now"
+    )]
+    Changed { command: String },
 }
 
 /// What a program has said of itself at last.

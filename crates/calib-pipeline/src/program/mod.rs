@@ -91,7 +91,9 @@ impl ExternalAgents {
                 predicted.updates = answer.updates;
                 let got = answer.finite();
                 let is_diverged = got.len() < part.len() && answer.ends_early();
-                if got.len() != part.len() && !is_diverged {
+                if answer.predictions.len() > part.len()
+                    || (got.len() != part.len() && !is_diverged)
+                {
                     let (got, wanted) = (answer.predictions.len(), part.len());
                     return Err(failed(ProgramError::Count { command: self.shown(), got, wanted }));
                 }
@@ -131,7 +133,10 @@ impl Program for ExternalAgents {
             .map(|agent| self.predicted(&mut process, wanted, agent, monitor))
             .collect::<Result<Vec<_>, _>>()?;
         process.finish().map_err(failed)?;
-        Ok(all)
+        // Each unit starts the files that are there then: what others made must have started the same.
+        let same =
+            fingerprint(&self.command, &self.folder).is_ok_and(|now| now == self.fingerprint);
+        if same { Ok(all) } else { Err(failed(ProgramError::Changed { command: self.shown() })) }
     }
 }
 

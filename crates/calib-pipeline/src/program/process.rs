@@ -166,8 +166,23 @@ impl<'p> Process<'p> {
 impl Drop for Process<'_> {
     fn drop(&mut self) {
         // One that has ended already cannot be ended, which is as well.
+        #[cfg(unix)]
+        if matches!(self.child.try_wait(), Ok(None)) {
+            kill_group(self.child.id());
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// End a process that leads a group, and what it has started.
+#[cfg(unix)]
+fn kill_group(leader: u32) {
+    let Ok(leader) = libc::pid_t::try_from(leader) else { return };
+    // SAFETY: no memory is involved; the leader was not waited for, so that its number is no other group's.
+    #[expect(unsafe_code, reason = "the standard library ends single processes only")]
+    unsafe {
+        libc::kill(-leader, libc::SIGKILL);
     }
 }
 

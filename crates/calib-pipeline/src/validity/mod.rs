@@ -192,10 +192,12 @@ struct All {
 fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> anyhow::Result<All> {
     let clock = Stopwatch::start();
     let mut all = All::default();
-    let count = listing.studies.len();
-    let mut ran = 0;
     let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
-    for (number, study) in listing.studies.iter().enumerate().filter(|(place, _)| is_own(place)) {
+    let own = listing.studies.iter().enumerate().filter(|(place, _)| is_own(place));
+    let own: Vec<&Listed> = own.map(|(_, study)| study).collect();
+    let count = own.len();
+    let mut ran = 0;
+    for (number, study) in own.into_iter().enumerate() {
         let task = Task::of(study.study(), study.study().sweep.steps).text();
         printer.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
         let left = args.extent != ValidityExtent::Judge
