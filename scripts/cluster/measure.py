@@ -1,6 +1,6 @@
 """What dividing a sweep costs: plan, start, merge; predicted against actual cost; two workers against one; a shard's start on a large model.
 
-    python3 scripts/cluster/measure.py [CALIB] [--only NAME] [--days DAYS]
+    python3 scripts/cluster/measure.py [CALIB] [--only NAME] [--days DAYS] [--period SECONDS]
 
 Times are processor times of calib where the machine may have other work, and wall times are said to be such.
 """
@@ -115,8 +115,8 @@ def workers(calib):
     print(f"the same work takes {sum(used[2]) / sum(used[1]):.2f} x the processor time with two workers")
 
 
-def start(calib, days):
-    calib.study(**{**AGENTS, "days": days, "channels": 480, "period": 60, "steps": 300, "online": 1, "members": 1})
+def start(calib, days, period):
+    calib.study(**{**AGENTS, "days": days, "channels": 480, "period": period, "steps": 300, "online": 1, "members": 1})
     manifest = json.loads((calib.folder / "study-results/model/manifest.json").read_text())
     _, _, told = calib.plan("plan", 1000)
     size = sum(path.stat().st_size for path in (calib.folder / "plan/inputs/0").rglob("*") if path.is_file())
@@ -134,8 +134,9 @@ def main():
     parser.add_argument("calib", nargs="?", default=root / "target/release/calib", type=Path)
     parser.add_argument("--only")
     parser.add_argument("--days", type=float, default=365)
+    parser.add_argument("--period", type=int, default=60, help="seconds between rows of the year")
     options = parser.parse_args()
-    for measure in (overhead, prediction, workers, lambda calib: start(calib, options.days)):
+    for measure in (overhead, prediction, workers, lambda calib: start(calib, options.days, options.period)):
         name = getattr(measure, "__name__", "")
         name = "start" if name == "<lambda>" else name
         if options.only in (None, name):

@@ -130,9 +130,36 @@ fn a_sweep_that_does_not_fit_is_refused_with_advice() {
 }
 
 #[test]
+fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
+    let place = Place::with_study();
+    place.edit_study("member_runs = 2", "member_runs = 4");
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2, 1e38]");
+    let chosen = |place: &Place| {
+        let told = place.calib(&["evaluate", "study.toml", "--json"]).stdout();
+        let verdict: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        let of = |one: &serde_json::Value| one["chosen"].as_u64().expect("a number");
+        verdict["verdicts"].as_array().expect("a list").iter().map(of).collect::<Vec<_>>()
+    };
+    let made = |place: &Place| runs(place).column::<u32>("candidate").expect("there").len();
+    for command in ["build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    let (whole, all) = (chosen(&place), made(&place));
+    place.edit_study("member_runs = 4", "member_runs = 4\nrace = \"halving\"");
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    assert_eq!(chosen(&place), whole);
+    let left = made(&place);
+    assert!(left < all * 3 / 4, "{left} of {all} runs");
+    let shown = place.calib(&["evaluate", "study.toml"]).stdout();
+    assert!(shown.contains("the race dropped"), "{shown}");
+    let refused = place.calib(&["sweep", "study.toml", "--set", "sweep.race=true"]).fails(2);
+    assert!(refused.contains("sweep.race: expected one of the names"), "{refused}");
+}
+
+#[test]
 fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
     let place = Place::with_study();
-    place.edit_study("member_runs = 2", "member_runs = 3\nrace = true");
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"sure\"");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
     for command in ["build-model", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();

@@ -59,6 +59,38 @@ pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D:
     Ok(Stored::deserialize(deserializer)?.into())
 }
 
+/// The same for one score for each value of a grid, if they are known.
+pub mod each_if_known {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+
+    use super::Stored;
+
+    /// Write the scores.
+    ///
+    /// # Errors
+    /// As the serialiser.
+    pub fn serialize<S: Serializer>(
+        scores: &Option<Vec<f64>>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let stored = |scores: &Vec<f64>| -> Vec<Stored> {
+            scores.iter().map(|&score| Stored::from(score)).collect()
+        };
+        scores.as_ref().map(stored).serialize(serializer)
+    }
+
+    /// Read the scores.
+    ///
+    /// # Errors
+    /// If one is neither a number nor an infinity.
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<Vec<f64>>, D::Error> {
+        let stored = Option::<Vec<Stored>>::deserialize(deserializer)?;
+        Ok(stored.map(|scores| scores.into_iter().map(f64::from).collect()))
+    }
+}
+
 /// The same for one score for each value of a grid.
 pub mod each {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -121,6 +153,20 @@ mod tests {
             let read: Summary = serde_json::from_str(&text).unwrap();
             assert_eq!((read.mean, read.diverged), (summary.mean, summary.diverged), "{text}");
         }
+    }
+
+    #[test]
+    fn scores_that_may_be_unknown_survive_a_file() {
+        #[derive(serde::Serialize, serde::Deserialize, PartialEq, Debug)]
+        struct Of {
+            #[serde(default, with = "super::each_if_known")]
+            scores: Option<Vec<f64>>,
+        }
+        for scores in [None, Some(vec![0.5, f64::INFINITY])] {
+            let text = serde_json::to_string(&Of { scores: scores.clone() }).unwrap();
+            assert_eq!(serde_json::from_str::<Of>(&text).unwrap(), Of { scores }, "{text}");
+        }
+        assert_eq!(serde_json::from_str::<Of>("{}").unwrap().scores, None);
     }
 
     #[test]

@@ -37,6 +37,12 @@ pub struct Summary {
     pub interval: Option<Interval>,
 }
 
+impl Summary {
+    /// Of no runs: as bad as can be.
+    pub const NONE: Self =
+        Self { runs: 0, diverged: 0, mean: f64::INFINITY, std: None, interval: None };
+}
+
 /// Summarises `runs` `[runs]`: one number for each run, never for each time step.
 ///
 /// mean = Σx / n, std = √(Σ(x − mean)² / (n − 1)), interval = mean ± t · std / √n,

@@ -48,6 +48,8 @@ fn in_words(expected: &str) -> &str {
         "a string" | "path string" => "text",
         "a sequence" => "a list",
         "a map" => "a section",
+        // Where one of a few names belongs, and there is no name at all.
+        "string only" => "one of the names that `calib explain` lists for the key, in quotes",
         of if of.starts_with("struct ") => "a section",
         of => of,
     }
@@ -58,6 +60,7 @@ fn value(got: &str) -> String {
     match got {
         "sequence" => "a list".to_owned(),
         "map" => "a section".to_owned(),
+        "unit variant" => "another type".to_owned(),
         of => match of.strip_prefix("string ") {
             Some(text) => format!("the text {text}"),
             None => of.split('`').nth(1).unwrap_or(of).to_owned(),

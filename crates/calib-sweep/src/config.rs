@@ -5,7 +5,7 @@ use calib_model::StartKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Axis, Sampling};
+use crate::{Axis, RaceRule, Sampling};
 
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,12 +39,25 @@ pub struct SweepConfig {
     pub sampling: Sampling,
     /// Combinations that `random` and `sobol` draw (default 20).
     pub samples: usize,
-    /// Whether values that are surely worse than the leader make no more runs (default false): see [`Plan::race`](crate::Plan::race).
-    pub race: bool,
-    /// The probability with which the best value may be dropped, at most (default 0.05).
+    /// Whether values that are behind make no more runs (default: all values make all runs).
+    pub race: RaceKind,
+    /// Of the race `sure`: the probability with which the best value may be dropped, at most (default 0.05).
     pub race_error_rate: f64,
     /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
     pub grid: BTreeMap<String, Axis>,
+}
+
+/// Whether values that are behind make no more runs, and when; see [`RaceRule`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RaceKind {
+    /// All values make all runs.
+    #[default]
+    None,
+    /// A value that is surely worse than the leader makes no more.
+    Sure,
+    /// The worse half makes no more, again and again.
+    Halving,
 }
 
 /// Whether agents have learnt before they are deployed.
@@ -57,6 +70,15 @@ pub enum Beginning {
 }
 
 impl SweepConfig {
+    /// The rule of its race, if it is one.
+    pub fn race_rule(&self) -> Option<RaceRule> {
+        match self.race {
+            RaceKind::None => None,
+            RaceKind::Sure => Some(RaceRule::Surely { error_rate: self.race_error_rate }),
+            RaceKind::Halving => Some(RaceRule::Halving),
+        }
+    }
+
     /// Runs of every value in a network.
     pub fn runs_of_network(&self) -> usize {
         self.network_runs.unwrap_or(self.member_runs)
@@ -88,7 +110,7 @@ impl Default for SweepConfig {
             curve_points: 50,
             sampling: Sampling::Grid,
             samples: 20,
-            race: false,
+            race: RaceKind::None,
             race_error_rate: 0.05,
             grid: BTreeMap::from([(
                 "learning_rate".to_owned(),

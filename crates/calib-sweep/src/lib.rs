@@ -7,7 +7,7 @@
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
-//! - [`Plan::race`]: values that are surely worse than the leader make no more runs.
+//! - [`Plan::race`]: values that are behind make no more runs.
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
@@ -54,7 +54,7 @@ mod windows;
 pub use axis::{Axis, AxisError};
 pub use candidate::{Candidate, candidates, written};
 pub use closed::ClosedEnvironment;
-pub use config::{Beginning, SweepConfig};
+pub use config::{Beginning, RaceKind, SweepConfig};
 pub use environment::{Environment, EnvironmentId, NotFinite, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
@@ -63,7 +63,7 @@ pub use member::{MemberEnvironment, RolloutOptions};
 pub use pass::Start;
 pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready};
 pub use program::{Predicted, Program, Stopped, Wanted};
-pub use race::raced;
+pub use race::{RaceRule, raced};
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;

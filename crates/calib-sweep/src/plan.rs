@@ -6,7 +6,9 @@ use rayon::prelude::*;
 
 use crate::{
     Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN, pass::Pass, race::Race,
+    UnitResult, UnitStore, WORK_BETWEEN,
+    pass::Pass,
+    race::{Race, RaceRule, Streams},
 };
 
 mod key;
@@ -124,26 +126,28 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// The same plan as a race, in rounds of one rollout a member and as large a share of the windows of the log: after each, values that are
-    /// surely worse than the leader are dropped, and a sensor makes no more runs once one value is left. Online always trains all values.
-    /// Every run that is made is the one that it would be without the race.
+    /// The same plan as a race: after each round values that are behind are dropped, by `rule`, and a sensor makes no more runs once one
+    /// value is left. Online always trains all values. Every run that is made is the one that it would be without the race.
     ///
     /// # Errors
     /// An error rate that is not above 0 and at most 0.5.
-    pub fn race(mut self, error_rate: f64) -> Result<Self, SweepError> {
-        let of = |wanted: fn(EnvironmentId) -> bool| {
-            self.environments.iter().filter(move |environment| wanted(environment.id()))
-        };
-        let is_member = |id| matches!(id, EnvironmentId::Member(_));
-        let members = of(is_member).filter_map(|environment| match environment.id() {
-            EnvironmentId::Member(member) => Some(member),
-            EnvironmentId::Online | EnvironmentId::LogReplay => None,
-        });
-        let rounds = of(is_member).map(|environment| environment.runs()).min().unwrap_or(0);
-        let windows = of(|id| id == EnvironmentId::LogReplay).map(|of| of.runs()).sum();
-        let members = (members.collect(), rounds);
-        let values = self.candidates.len();
-        self.race = Some(Race::new(members, windows, values, self.options.part, error_rate)?);
+    pub fn race(mut self, rule: RaceRule) -> Result<Self, SweepError> {
+        let mut streams = Streams { members: Vec::new(), runs: usize::MAX, windows: 0 };
+        for environment in &self.environments {
+            match environment.id() {
+                EnvironmentId::Member(member) => {
+                    streams.members.push(member);
+                    streams.runs = streams.runs.min(environment.runs());
+                }
+                EnvironmentId::LogReplay => streams.windows += environment.runs(),
+                EnvironmentId::Online => {}
+            }
+        }
+        if streams.members.is_empty() {
+            streams.runs = 0;
+        }
+        let race = Race::new(&streams, self.candidates.len(), self.options.part, rule)?;
+        self.race = Some(race);
         Ok(self)
     }
 

@@ -8,8 +8,8 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 use calib_sweep::{
-    Baseline, Candidate, EnvironmentId, Judging, Rule, RunRow, SensorVerdict, Unit, UnitResult,
-    raced, verdict,
+    Baseline, Candidate, EnvironmentId, Judging, RaceRule, Rule, RunRow, SensorVerdict, Unit,
+    UnitResult, raced, verdict,
 };
 use serde::Deserialize;
 
@@ -222,7 +222,8 @@ fn a_race_drops_what_numpy_drops() {
         }
     }
     let values = streams[0][0].len();
-    let made = raced(&results, values, Part::WholeRun, 0.05).expect("finite");
+    let made = raced(&results, values, Part::WholeRun, RaceRule::Surely { error_rate: 0.05 })
+        .expect("finite");
     for (round, left) in after.iter().enumerate() {
         let next: Vec<&UnitResult> =
             made.iter().filter(|result| result.unit.run == round + 1).collect();

@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeMap,
     fs,
+    path::Path,
     sync::atomic::{AtomicU64, Ordering},
 };
 
@@ -19,7 +20,7 @@ use calib_model::{
 };
 use calib_sweep::{
     Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
-    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
+    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, RaceRule, ReplayEnvironment,
     RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError, UnitResult,
     UnitStore, Windows, candidates, raced, verdict,
 };
@@ -310,34 +311,72 @@ fn agents_start_from_checkpoints() {
     }
 }
 
-#[test]
-fn a_race_is_the_whole_sweep_with_runs_left_out() {
-    let study = Study::new();
-    let directory = tempfile::tempdir().expect("a directory");
-    let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let runs = 4;
-    let whole = study.with_runs(1, runs, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
-    let race = |store: &UnitStore| {
-        study.with_runs(1, runs, |plan| {
-            let plan = plan.race(0.05).expect("a rate");
-            let completed =
-                plan.complete(plan.stored(store).expect("read"), store, &Silent).expect("runs");
-            let stored = plan.stored(store).expect("read");
-            assert_eq!((plan.left(&stored), plan.passes(&stored)).0.expect("counted"), 0);
-            completed.results
-        })
-    };
-    let (one, four) = (store("one"), store("four"));
-    let alone = in_pool(1, || race(&one));
-    assert_eq!(alone, in_pool(4, || race(&four)));
+const SURELY: RaceRule = RaceRule::Surely { error_rate: 0.05 };
 
-    // The value that diverges is dropped after the first round, the slow ones when that is sure; runs that are made are the same.
-    let expected = raced(&whole, 4, Part::WholeRun, 0.05).expect("finite");
+/// The whole sweep of four values, and the same as a race, which is what is left of it.
+fn whole_and_raced(
+    study: &Study,
+    directory: &Path,
+    rule: RaceRule,
+) -> (Vec<UnitResult>, Vec<UnitResult>) {
+    let store = |name: &str| UnitStore::new(directory.join(name));
+    let whole = study.with_runs(1, 4, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
+    let alone = in_pool(1, || race(study, rule, &store("one")));
+    assert_eq!(alone, in_pool(4, || race(study, rule, &store("four"))));
+    let expected = raced(&whole, 4, Part::WholeRun, rule).expect("finite");
     assert_eq!(alone.len(), expected.len());
     for (made, expected) in alone.iter().zip(&expected) {
         assert_eq!((&made.unit, &made.rows), (&expected.unit, &expected.rows), "{}", made.unit);
     }
-    let rows = |results: &[UnitResult]| results.iter().map(|of| of.rows.len()).sum::<usize>();
+    (whole, alone)
+}
+
+fn race(study: &Study, rule: RaceRule, store: &UnitStore) -> Vec<UnitResult> {
+    study.with_runs(1, 4, |plan| {
+        let plan = plan.race(rule).expect("a rate");
+        let completed =
+            plan.complete(plan.stored(store).expect("read"), store, &Silent).expect("runs");
+        let stored = plan.stored(store).expect("read");
+        assert_eq!((plan.left(&stored), plan.passes(&stored)).0.expect("counted"), 0);
+        completed.results
+    })
+}
+
+fn rows(results: &[UnitResult]) -> usize {
+    results.iter().map(|of| of.rows.len()).sum()
+}
+
+#[test]
+fn a_halving_keeps_the_better_half_again_and_again() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let (whole, made) = whole_and_raced(&study, directory.path(), RaceRule::Halving);
+    let choosing = |of: &&UnitResult| of.unit.environment != EnvironmentId::Online;
+    let in_members =
+        |of: &[UnitResult]| rows(&of.iter().filter(choosing).cloned().collect::<Vec<_>>());
+    assert!(
+        in_members(&made) * 2 < in_members(&whole),
+        "{} {}",
+        in_members(&made),
+        in_members(&whole)
+    );
+    let verdict = judged(&study, &made);
+    assert_eq!(verdict.chosen, judged(&study, &whole).chosen);
+    assert!(verdict.dropped.iter().any(|of| of.candidate == 3), "{:?}", verdict.dropped);
+    assert!(verdict.selection.mean_errors[verdict.chosen].is_finite());
+    for dropped in &verdict.dropped {
+        assert!(dropped.runs < dropped.of_runs, "{dropped:?}");
+    }
+    let order: Vec<usize> = verdict.dropped.iter().map(|of| of.runs).collect();
+    assert!(order.is_sorted_by(|a, b| a >= b), "who lasted longer is better: {order:?}");
+}
+
+#[test]
+fn a_race_is_the_whole_sweep_with_runs_left_out() {
+    let study = Study::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    // The value that diverges is dropped after the first round, the slow ones when that is sure; runs that are made are the same.
+    let (whole, alone) = whole_and_raced(&study, directory.path(), SURELY);
     assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
     let left = |run: usize| {
         let unit = |result: &&UnitResult| {
@@ -352,20 +391,22 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
 
     let judged_race = judged(&study, &alone);
     let of_whole = judged(&study, &whole);
+    let members = of_whole.members.len();
     assert_eq!(judged_race.chosen, of_whole.chosen);
-    assert!(judged_race.dropped.iter().any(|of| (of.candidate, of.runs) == (3, 1)));
+    assert!(judged_race.dropped.iter().any(|of| (of.candidate, of.runs) == (3, members)));
     assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
     assert!(of_whole.dropped.is_empty());
     let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
     assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all values");
 
     // A unit of the first round lost: it is run again, and nothing else.
+    let one = UnitStore::new(directory.path().join("one"));
     let lost = one.directory().join("A/member-1/run-0000.json");
     let later = one.directory().join("A/member-2/run-0000.json");
     fs::remove_file(lost).expect("was there");
     let written = || fs::metadata(&later).and_then(|of| of.modified()).expect("there");
     let before = written();
-    assert_eq!(race(&one), alone);
+    assert_eq!(race(&study, SURELY, &one), alone);
     assert_eq!(written(), before);
 }
 

@@ -55,6 +55,8 @@ pub struct RankAgreement {
     pub stability: Option<f64>,
     /// Mean over pairs of the share of updates that a race would have saved.
     pub saved: Option<f64>,
+    /// The same of a race by halving.
+    pub saved_by_halving: Option<f64>,
 }
 
 impl MethodSummary {
@@ -95,6 +97,7 @@ impl RankAgreement {
         let known: Vec<f64> = of.iter().flatten().copied().collect();
         let stable: Vec<f64> = own.iter().flatten().filter_map(|of| of.stability).collect();
         let saved: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved).collect();
+        let halving: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved_by_halving).collect();
         if known.is_empty() {
             return Ok(None);
         }
@@ -107,6 +110,7 @@ impl RankAgreement {
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
             saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
+            saved_by_halving: (!halving.is_empty()).then(|| mean(&halving)).transpose()?,
         }))
     }
 }

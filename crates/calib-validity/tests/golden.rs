@@ -86,6 +86,7 @@ fn pair(of: GoldenPair) -> Pair {
         chosen: of.chosen,
         stability: None,
         saved: None,
+        saved_by_halving: None,
         rules: of.rules.into_iter().map(|(rule, chosen)| RuleChoice { rule, chosen }).collect(),
         spearman: None,
         one_step: None,

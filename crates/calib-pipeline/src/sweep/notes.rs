@@ -60,10 +60,9 @@ pub(crate) fn failed_rollouts(
     notes
 }
 
-/// What a race saved, in words; nothing where it dropped no value.
-pub(crate) fn saved(results: &[UnitResult], values: usize) -> Option<String> {
+/// What a race saved of `all` runs of a value, in words; nothing where it dropped none.
+pub(crate) fn saved(results: &[UnitResult], all: usize) -> Option<String> {
     let made: usize = results.iter().map(|result| result.rows.len()).sum();
-    let all = results.len() * values;
     (made < all).then(|| {
         let share = percent((all - made) as f64 / all as f64);
         format!("the race dropped values early, and so spared {share} of the runs; see the verdict for which, and when")
@@ -94,8 +93,8 @@ mod tests {
             not_finite: None,
             rows: (0..values).map(row).collect(),
         };
-        assert_eq!(saved(&[result(0, 4), result(1, 4)], 4), None);
-        let told = saved(&[result(0, 4), result(1, 2)], 4).expect("two runs were not made");
+        assert_eq!(saved(&[result(0, 4), result(1, 4)], 8), None);
+        let told = saved(&[result(0, 4), result(1, 2)], 8).expect("two runs were not made");
         assert!(told.contains("spared 25 % of the runs"), "{told}");
     }
 }

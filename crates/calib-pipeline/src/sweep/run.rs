@@ -239,7 +239,7 @@ fn manifest_of(
 ) -> anyhow::Result<SweepManifest> {
     let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
-    printer.say_all(saved(results, candidates.len()).as_slice());
+    printer.say_all(saved(results, setting.runs()).as_slice());
     let failed = failed_rollouts(results, &dataset.normaliser, printer);
     let notes = [
         setting.notes.clone(),

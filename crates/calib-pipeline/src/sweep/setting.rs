@@ -99,6 +99,13 @@ impl Setting {
         open_all(&self.environments.described, sources, rolling)
     }
 
+    /// Runs in all: of every value, for every sensor, in every environment.
+    pub(crate) fn runs(&self) -> usize {
+        let of_each: usize =
+            self.environments.described.iter().map(|environment| environment.inputs().len()).sum();
+        of_each * self.sensors.len() * self.candidates.len()
+    }
+
     /// The plan of a sweep in these environments.
     pub(crate) fn plan<'a>(
         &'a self,
@@ -125,8 +132,10 @@ pub(crate) fn agent_seed(study: &Study) -> Seed {
 
 /// The plan as a race, where the study has one.
 pub(crate) fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
-    let sweep = &study.sweep;
-    if sweep.race { plan.race(sweep.race_error_rate) } else { Ok(plan) }
+    match study.sweep.race_rule() {
+        Some(rule) => plan.race(rule),
+        None => Ok(plan),
+    }
 }
 
 /// The values that a study sweeps.

@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use calib_agent::Part;
-use calib_sweep::{Baseline, Candidate, SensorVerdict, SweepError, Truth};
+use calib_sweep::{Baseline, Candidate, RaceRule, SensorVerdict, SweepError, Truth};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
 use super::{race, studies::Listed, task::Task};
@@ -196,12 +196,17 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> anyhow::Result<ModelP
         distance.mean
     });
     let share = verdict.stability.iter().find(|of| of.candidate == verdict.chosen);
-    let raced = race::outcome(&model.judged, verdict)?;
+    let error_rate = model.judged.job.study().sweep.race_error_rate;
+    let raced = race::outcome(&model.judged, verdict, RaceRule::Surely { error_rate })?;
+    let halved = race::outcome(&model.judged, verdict, RaceRule::Halving)?;
     let rules = verdict
         .rules
         .iter()
         .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
-        .chain([RuleChoice { rule: "raced".to_owned(), chosen: raced.chosen }]);
+        .chain(
+            [("raced", raced.chosen), ("halved", halved.chosen)]
+                .map(|(rule, chosen)| RuleChoice { rule: rule.to_owned(), chosen }),
+        );
     Ok(ModelPair {
         model: model.name.clone(),
         chosen: verdict.chosen,
@@ -212,6 +217,7 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> anyhow::Result<ModelP
         },
         rules: rules.collect(),
         saved: Some(raced.saved),
+        saved_by_halving: Some(halved.saved),
         spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
         one_step: of_sensor.and_then(|of| of.error.rmse),
         one_step_relative: of_sensor.and_then(|of| of.error.relative),

@@ -1,7 +1,7 @@
-//! What a race would have saved, and chosen: read off the results of a whole sweep.
+//! What races would have saved, and chosen: read off the results of a whole sweep.
 
 use calib_core::Seed;
-use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
+use calib_sweep::{EnvironmentId, Judging, RaceRule, SensorVerdict, UnitResult, raced, verdict};
 
 use crate::verdict::evaluate::Judged;
 
@@ -13,14 +13,18 @@ pub(super) struct Outcome {
     pub(super) saved: f64,
 }
 
-/// Of the sensor of `whole`, by the same part of each run and the same rule.
-pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> anyhow::Result<Outcome> {
+/// Of the sensor of `whole`, by the same part of each run and the same rule of choosing.
+pub(super) fn outcome(
+    judged: &Judged,
+    whole: &SensorVerdict,
+    race: RaceRule,
+) -> anyhow::Result<Outcome> {
     let Judged { job, manifest, results, .. } = judged;
     let study = job.study();
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();
     let own: Vec<UnitResult> = own.collect();
     let values = manifest.candidates.len();
-    let left = raced(&own, values, whole.part, study.sweep.race_error_rate)?;
+    let left = raced(&own, values, whole.part, race)?;
     let judging = Judging {
         part: whole.part,
         rule: whole.rule,

@@ -110,14 +110,25 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
             number(of.smallest),
             of.stability.map_or(Cell::Missing, Cell::Percent),
             of.saved.map_or(Cell::Missing, Cell::Percent),
+            of.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
         ]
     });
     table(
         "Agreement of rankings with Online, and how firm choices are",
         "Spearman's correlation of the model's ranking of the values with their regrets Online, mean over pairs. Same choice: the share \
          of other draws of members, runs and windows of the log from which the same value is chosen. A race saves: the share of the \
-         updates in members and on the log that sweep.race would not have made; what it would have chosen is the rule \"raced\".",
-        &["model", "pairs", "correlation", "95 %", "smallest", "same choice", "a race saves"],
+         updates in members and on the log that sweep.race = \"sure\" would not have made; what it would have chosen is the rule \"raced\". \
+         Halving: the same of sweep.race = \"halving\", and the rule \"halved\".",
+        &[
+            "model",
+            "pairs",
+            "correlation",
+            "95 %",
+            "smallest",
+            "same choice",
+            "a race saves",
+            "halving",
+        ],
         rows.collect(),
     )
 }

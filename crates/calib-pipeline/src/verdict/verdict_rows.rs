@@ -170,7 +170,7 @@ pub(crate) fn sensitivity(
         label: label.to_owned(),
         source,
         over: if scores.streams == 1 { Samples::Runs } else { Samples::Windows },
-        summaries: scores.candidates.iter().copied().map(Some).collect::<Vec<Option<Summary>>>(),
+        summaries: scores.candidates.iter().map(|of| (of.runs > 0).then_some(*of)).collect(),
     };
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
@@ -220,16 +220,24 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
         return None;
     }
     let streams = verdict.members.iter().chain(&verdict.log_replay).map(|of| of.streams).sum();
-    let point = |&mean_log: &f64| {
+    let point = |(value, &mean_log): (usize, &f64)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());
-        Some(Summary { mean, std: None, interval: None, runs: streams, diverged })
+        // What a race dropped was not measured on all streams, and cannot be compared.
+        let is_dropped = verdict.dropped.iter().any(|dropped| dropped.candidate == value);
+        (!is_dropped).then_some(Summary {
+            mean,
+            std: None,
+            interval: None,
+            runs: streams,
+            diverged,
+        })
     };
     Some(ErrorCurve {
         label: format!("{model}, by which it chose"),
         source: ErrorSource::Evidence,
         over: Samples::Streams,
-        summaries: verdict.scores.iter().map(point).collect(),
+        summaries: verdict.scores.iter().enumerate().map(point).collect(),
     })
 }
 

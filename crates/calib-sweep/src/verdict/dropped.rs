@@ -1,5 +1,7 @@
 //! Values that a race dropped, in the verdict.
 
+use std::collections::BTreeSet;
+
 use calib_stats::{Selection, StatsError, select};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,18 +14,18 @@ use crate::{EnvironmentId, UnitResult, unit::infinite};
 pub struct Dropped {
     /// Position of the candidate in the sweep.
     pub candidate: usize,
-    /// Runs that it made in every member, each of all steps.
+    /// Runs that it made in the members, all together, each of all steps.
     pub runs: usize,
     /// Runs that the others made.
     pub of_runs: usize,
-    /// Mean error over members of those runs.
+    /// Mean error over the members that it made runs in; infinite if it made none.
     #[serde(with = "infinite")]
     #[schemars(with = "Option<f64>")]
     pub mean_error: f64,
 }
 
 /// The dropped ones among `grid` candidates, best first: those that went on for longer, then those with the lower
-/// error. `mean_errors` is `[members, candidates]`.
+/// error. `mean_errors` is `[members, candidates]`, the members in the order of their numbers.
 pub(super) fn dropped(
     results: &[&UnitResult],
     grid: usize,
@@ -31,15 +33,32 @@ pub(super) fn dropped(
 ) -> Vec<Dropped> {
     let mut runs = vec![0; grid];
     for result in results {
-        if result.unit.environment == EnvironmentId::Member(0) {
+        if matches!(result.unit.environment, EnvironmentId::Member(_)) {
             for row in result.rows.iter().filter(|row| row.candidate < grid) {
                 runs[row.candidate] += 1;
             }
         }
     }
+    let members: BTreeSet<EnvironmentId> = results
+        .iter()
+        .map(|result| result.unit.environment)
+        .filter(|of| matches!(of, EnvironmentId::Member(_)))
+        .collect();
+    let members: Vec<EnvironmentId> = members.into_iter().collect();
     let of_runs = runs.iter().copied().max().unwrap_or(0);
+    // A member that it made no run in has no error of it, which is as large as can be there.
+    let made_some = |place: usize, candidate: usize| {
+        results.iter().any(|result| {
+            result.unit.environment == members[place]
+                && result.rows.iter().any(|row| row.candidate == candidate)
+        })
+    };
     let mean = |candidate: usize| {
-        mean_errors.iter().map(|member| member[candidate]).sum::<f64>() / mean_errors.len() as f64
+        let own: Vec<f64> = (0..members.len())
+            .filter(|&place| made_some(place, candidate))
+            .map(|place| mean_errors[place][candidate])
+            .collect();
+        if own.is_empty() { f64::INFINITY } else { own.iter().sum::<f64>() / own.len() as f64 }
     };
     let mut dropped: Vec<Dropped> = (0..grid)
         .filter(|&candidate| runs[candidate] < of_runs)

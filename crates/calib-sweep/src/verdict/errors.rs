@@ -142,13 +142,19 @@ impl Errors {
             made.then(|| (stream.group, stream.mean(candidate)))
         };
         let (groups, errors): (Vec<usize>, Vec<f64>) = self.streams.iter().filter_map(of).unzip();
+        if groups.is_empty() {
+            return Ok(Vec::new());
+        }
         let means = cluster_means(&groups, &errors)?;
         Ok(means.into_iter().map(|(_, mean)| mean).collect())
     }
 
-    /// Mean error of each candidate over independent groups of the streams that it was trained on.
+    /// Mean error of each candidate over independent groups of the streams that it was trained on; +∞ if it was dropped before the first.
     pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
-        let mean = |candidate: usize| Ok(calib_stats::mean(&self.of_groups(candidate)?)?);
+        let mean = |candidate: usize| match &self.of_groups(candidate)?[..] {
+            [] => Ok(f64::INFINITY),
+            errors => Ok(calib_stats::mean(errors)?),
+        };
         (0..self.totals.len()).map(mean).collect()
     }
 
@@ -164,7 +170,7 @@ impl Errors {
                 [one] => one.runs.iter().filter_map(|run| run[candidate]).collect(),
                 _ => self.of_groups(candidate)?,
             };
-            Ok(summarise(&each)?)
+            Ok(if each.is_empty() { Summary::NONE } else { summarise(&each)? })
         };
         let skill =
             |&(rmse, std): &(f64, f64)| (rmse.is_finite() && std > 0.0).then_some(1.0 - rmse / std);

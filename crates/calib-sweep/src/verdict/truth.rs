@@ -82,7 +82,9 @@ pub struct Truth {
     pub horizons: f64,
     /// The value that is best over all windows; none if every value diverged.
     pub best: Option<usize>,
-    /// Regret of each value; none if every value diverged.
+    /// Regret of each value, infinite (`null` in files) where it diverged; none if every value did.
+    #[serde(default, with = "calib_stats::diverged::each_if_known")]
+    #[schemars(with = "Option<Vec<calib_stats::diverged::Stored>>")]
     pub regrets: Option<Vec<f64>>,
     /// How the choice does.
     pub choice: Agreement,

@@ -27,6 +27,7 @@ fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
         chosen,
         stability: Some(0.75),
         saved: Some(if name == "a" { 0.5 } else { 0.25 }),
+        saved_by_halving: None,
         rules: vec![rule("worst_rank", chosen), rule("pooled", 0)],
         spearman: Some(spearman),
         one_step: Some(one_step),

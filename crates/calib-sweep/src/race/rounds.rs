@@ -1,0 +1,153 @@
+//! Which runs are made in which round.
+
+use std::{collections::BTreeMap, ops::Range};
+
+use crate::EnvironmentId;
+
+/// One run in an environment.
+pub(super) type Run = (EnvironmentId, usize);
+
+/// What values are told apart by: runs in members, and windows of the replayed log.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Streams {
+    /// Numbers of the members.
+    pub(crate) members: Vec<usize>,
+    /// Runs in each of them.
+    pub(crate) runs: usize,
+    /// Windows of the log.
+    pub(crate) windows: usize,
+}
+
+impl Streams {
+    pub(super) fn count(&self) -> usize {
+        self.members.len() * self.runs + self.windows
+    }
+
+    /// Round r is the r-th run of every member and as large a share of the windows, in their order.
+    pub(super) fn run_by_run(&self) -> Rounds {
+        let round = |round: usize| {
+            let members = self.members.iter().map(|&of| (EnvironmentId::Member(of), round));
+            let of_round = |window: &usize| window * self.runs / self.windows.max(1) == round;
+            let windows = (0..self.windows).filter(of_round);
+            members.chain(windows.map(|window| (EnvironmentId::LogReplay, window))).collect()
+        };
+        Rounds::new((0..self.runs).map(round).collect())
+    }
+
+    /// The first round has N / 2^⌈log₂ values⌉ of the N streams, at least two, and each one after it as many as all before, so
+    /// that all rounds take the same work when half of the values go after each.
+    pub(super) fn doubling(&self, values: usize) -> Rounds {
+        let all = self.spread();
+        let halvings = values.max(1).next_power_of_two();
+        let mut until = all.len().div_ceil(halvings).max(2);
+        let (mut rounds, mut from) = (Vec::new(), 0);
+        while from < all.len() {
+            let end = until.min(all.len());
+            rounds.push(all[from..end].to_vec());
+            (from, until) = (end, 2 * until);
+        }
+        Rounds::new(rounds)
+    }
+
+    /// All streams in an order of which each beginning has members and windows in their proportion, and windows from all of the log.
+    fn spread(&self) -> Vec<Run> {
+        let members = (0..self.runs)
+            .flat_map(|run| self.members.iter().map(move |&of| (EnvironmentId::Member(of), run)));
+        let windows = far_apart(self.windows).map(|window| (EnvironmentId::LogReplay, window));
+        let mut placed: Vec<(f64, Run)> = placed(members, self.members.len() * self.runs)
+            .chain(placed(windows, self.windows))
+            .collect();
+        // Stable: where places are equal the member comes first.
+        placed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        placed.into_iter().map(|(_, run)| run).collect()
+    }
+}
+
+/// Each of `count` runs with its place between 0 and 1.
+fn placed(runs: impl Iterator<Item = Run>, count: usize) -> impl Iterator<Item = (f64, Run)> {
+    runs.enumerate().map(move |(number, run)| ((number as f64 + 0.5) / count as f64, run))
+}
+
+/// The numbers below `count`, such that each beginning is spread over all of them: by bits reversed.
+fn far_apart(count: usize) -> impl Iterator<Item = usize> {
+    let all = count.next_power_of_two();
+    let bits = all.trailing_zeros();
+    (0..all)
+        .map(
+            move |number| if bits == 0 { 0 } else { number.reverse_bits() >> (usize::BITS - bits) },
+        )
+        .filter(move |&number| number < count)
+}
+
+/// The runs of each round, in a fixed order.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Rounds {
+    runs: Vec<Vec<Run>>,
+    round_of: BTreeMap<Run, usize>,
+}
+
+impl Rounds {
+    fn new(runs: Vec<Vec<Run>>) -> Self {
+        let numbered = runs.iter().enumerate();
+        let round_of = numbered.flat_map(|(round, runs)| runs.iter().map(move |&run| (run, round)));
+        Self { round_of: round_of.collect(), runs }
+    }
+
+    /// Numbers of the rounds after which something is decided, which is all of them but the last of a halving.
+    pub(super) fn numbers(&self) -> Range<usize> {
+        0..self.runs.len()
+    }
+
+    pub(super) fn of(&self, run: Run) -> Option<usize> {
+        self.round_of.get(&run).copied()
+    }
+
+    pub(super) fn runs(&self, round: usize) -> &[Run] {
+        &self.runs[round]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn each_stream_is_in_one_round(members in 1_usize..8, runs in 1_usize..6, windows in 0_usize..40, values in 2_usize..40) {
+            let streams = Streams { members: (0..members).collect(), runs, windows };
+            for rounds in [streams.run_by_run(), streams.doubling(values)] {
+                let mut all: Vec<Run> = rounds.numbers().flat_map(|round| rounds.runs(round).to_vec()).collect();
+                prop_assert_eq!(all.len(), streams.count());
+                all.sort_unstable();
+                all.dedup();
+                prop_assert_eq!(all.len(), streams.count());
+                for round in rounds.numbers() {
+                    for &run in rounds.runs(round) {
+                        prop_assert_eq!(rounds.of(run), Some(round));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_halving_doubles_what_is_known() {
+        let streams = Streams { members: (0..5).collect(), runs: 3, windows: 15 };
+        let rounds = streams.doubling(11);
+        let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
+        assert_eq!(sizes, [2, 2, 4, 8, 14]);
+        let (member, log) = (EnvironmentId::Member, EnvironmentId::LogReplay);
+        assert_eq!(rounds.runs(0), [(member(0), 0), (log, 0)]);
+        assert_eq!(rounds.runs(1), [(member(1), 0), (log, 8)]);
+        assert_eq!(rounds.runs(2), [(member(2), 0), (log, 4), (member(3), 0), (log, 12)]);
+    }
+
+    #[test]
+    fn what_is_far_apart_fills_gaps() {
+        assert_eq!(far_apart(6).collect::<Vec<_>>(), [0, 4, 2, 1, 5, 3]);
+        assert_eq!(far_apart(1).collect::<Vec<_>>(), [0]);
+        assert_eq!(far_apart(0).count(), 0);
+    }
+}
