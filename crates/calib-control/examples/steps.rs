@@ -1,19 +1,22 @@
 //! Takes steps, for whoever measures how many a second (`scripts/peers/control_steps.py`):
 //!
 //! ```sh
-//! cargo run --release -p calib-control --example steps -- acrobot|cart_pole|puddle_world task|model|agent-task|agent-model STEPS
+//! cargo run --release -p calib-control --example steps -- acrobot|cart_pole|puddle_world task|model|agent-task|agent-model|deep-task|join|join-passive STEPS
 //! ```
 //!
 //! `task` and `model` take random actions in the simulator, and in a model of 5,000 random transitions of it; `agent-…` lets Expected Sarsa(λ)
-//! learn there. With 0 steps it makes only what it needs for them, which is to be subtracted.
+//! learn there, `deep-…` Q-learning with a network. `join` makes the tables of a model of so many random transitions, `join-passive` those of a model of
+//! the same states without actions. With 0 steps it makes only what it needs for them, which is to be subtracted.
 
 use std::error::Error;
 
 use calib_control::{
-    Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Ending, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live, record,
+    Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Algorithm, Begin, Behaviour,
+    CartPole, Ending, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live,
+    record,
 };
 use calib_core::{Seed, Silent};
+use calib_knn::{KnnModel, ModelConfig};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -32,9 +35,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<(), Box<dyn Error>> {
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
     let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
-    let recorded = record(&mut Behaviour::Random, &mut anywhere, 5000, 500, Seed::new(1));
+    let rows = if what.starts_with("join") { steps.max(100) } else { 5000 };
+    let recorded = record(&mut Behaviour::Random, &mut anywhere, rows, 500, Seed::new(1));
     let log = recorded.decisions(world.actions())?;
     let metric = log.states().clone();
+    if what == "join-passive" {
+        let config = ModelConfig { recurrent: false, ..ModelConfig::default() };
+        KnnModel::build(metric, log.transitions().clone(), &config, &Silent)?;
+        return Ok(());
+    }
     let starts = Starts { observed: metric.slice(0..30), metric: metric.slice(0..30) };
     let config = ActionModelConfig::default();
     let model = ActionModel::build(log, &metric, starts, &config, kind.worst_return(), &Silent)?;
@@ -42,8 +51,10 @@ fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<()
     match what {
         "task" => at_random(&mut world, steps),
         "model" => at_random(&mut walk, steps),
-        "agent-task" => learning(&mut world, kind, steps),
-        "agent-model" => learning(&mut walk, kind, steps),
+        "agent-task" => learning(&mut world, kind.good_agent(), steps),
+        "agent-model" => learning(&mut walk, kind.good_agent(), steps),
+        "deep-task" => learning(&mut world, deep(), steps),
+        "join" => {}
         other => return Err(format!("`{other}` is nothing to do there").into()),
     }
     Ok(())
@@ -65,8 +76,13 @@ fn at_random(environment: &mut dyn Environment, steps: usize) {
     std::hint::black_box(&state);
 }
 
-fn learning(environment: &mut dyn Environment, kind: TaskKind, steps: usize) {
-    let config = AgentConfig { tilings: 16, ..kind.good_agent() };
+/// Q-learning with a network of 2 × 64 units, a batch of 32 each step.
+fn deep() -> AgentConfig {
+    AgentConfig { algorithm: Algorithm::DeepQLearning, step_size: 1e-4, ..AgentConfig::default() }
+}
+
+fn learning(environment: &mut dyn Environment, config: AgentConfig, steps: usize) {
+    let config = AgentConfig { tilings: 16, ..config };
     let mut agent = Agent::new(config, environment.columns(), environment.actions());
     let life = live(&mut agent, environment, Span { steps, timeout: 500 }, Seed::new(3));
     std::hint::black_box(life.mean_return());
