@@ -1,0 +1,109 @@
+"""Streams of states that agents learn from, and one agent on one of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _calib
+from .._progress import Observer, observer
+from .._study import Study
+from ._protocol import Agent, Factory, Task, Values, is_number, made
+
+
+class Stream:
+    """A run's stream of states.
+
+    Attributes:
+        environment: ``"member:0"`` …, ``"online"`` or ``"log-replay"``.
+        run: Number of the run there.
+        seed: For the agents of the run.
+        steps: Steps of the run. The stream has more states, so that the last returns are complete; agents do not see them.
+    """
+
+    def __init__(self, native: _calib.Streams, position: int, told: tuple[str, int, int, int, str, int]) -> None:
+        self._native = native
+        self.position = position
+        self.environment: str = told[0]
+        self.run: int = told[1]
+        self.start_row: int = told[2]
+        self.seed: int = told[3]
+        self.inputs: str = told[4]
+        self.steps: int = told[5]
+
+    def states(self) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
+        """Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges."""
+        return self._native.states(self.position)
+
+    def __repr__(self) -> str:
+        return f"<calib_rl.agents.Stream: {self.environment}, run {self.run}, {self.steps} steps>"
+
+
+class Streams:
+    """The streams of a study, whose model must be built.
+
+    Args:
+        study: The study.
+        progress: Whether to print what is done, or an observer.
+    """
+
+    def __init__(self, study: Study, *, progress: bool | Observer = False) -> None:
+        self.study = study
+        self._native = _calib.Streams.of_job(study._job, observer(progress))
+        self.all: list[Stream] = [Stream(self._native, position, told) for position, told in enumerate(self._native.runs())]
+        self.sensors: dict[str, int] = dict(self._native.sensors())
+        self.gamma: float = self._native.gamma
+        self.part: str = self._native.part
+
+    def task(self, stream: Stream, sensor: str, columns: int) -> Task:
+        """What an agent of this stream is to predict."""
+        return Task(sensor, self.sensors[sensor], columns, self.gamma, stream.seed)
+
+    def run(
+        self, factory: Factory, stream: Stream, sensor: str, values: Values, candidate: int = 0
+    ) -> tuple[_calib.Score, Agent]:
+        """Run one agent over one stream.
+
+        Args:
+            factory: Makes the agent: ``factory(task, **values)``.
+            stream: One of `all`.
+            sensor: What to predict.
+            values: Hyperparameters.
+            candidate: Their position among those that are compared.
+
+        Returns:
+            Its score, whose ``nrmse`` is +∞ where a prediction was not finite, and the agent as it was at the end.
+        """
+        states, pieces = stream.states()
+        task = self.task(stream, sensor, states.shape[1])
+        agent = made(factory, task, values)
+        predictions, updates = predicted(agent, states, pieces, task.column, stream.steps)
+        score = self._native.score(stream.position, sensor, candidate, predictions, updates)
+        return score, agent
+
+
+def predicted(
+    agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
+) -> tuple[NDArray[np.float32], int]:
+    """What an agent predicts on ``steps`` states, learning from each; up to the first that is no number. And how often it learnt."""
+    predictions = np.zeros(steps, np.float32)
+    rewards = states[:, column].astype(float).tolist()
+    predict, update = agent.predict, agent.update
+    begin = getattr(agent, "begin", None)
+    updates = 0
+    for start, end in pieces:
+        if start >= steps:
+            break
+        if begin is not None:
+            begin()
+        for t in range(start, min(end - 1, steps)):
+            prediction = float(predict(states[t]))
+            if not is_number(prediction):
+                predictions[t] = math.nan
+                return predictions, updates
+            predictions[t] = prediction
+            update(states[t], rewards[t + 1], states[t + 1])
+            updates += 1
+    return predictions, updates

@@ -1,0 +1,135 @@
+"""Agents of every value in every environment."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._progress import Observer, observer
+from .._study import Study
+from ._protocol import Factory, Values
+from ._runs import AgentRuns
+from ._streams import Streams
+from ._unit import Unit, open_streams, plain, run_there, run_unit
+
+
+def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
+    """All combinations of values.
+
+    Examples:
+        >>> grid({"a": [1, 2], "b": ["x"]})
+        [{'a': 1, 'b': 'x'}, {'a': 2, 'b': 'x'}]
+    """
+    return [dict(zip(values, combination)) for combination in product(*values.values())]
+
+
+class Sweep:
+    """Runs of agents in the environments of a study.
+
+    Args:
+        study: The study; its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs; ``agent.gamma`` which
+            return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
+        folder: Where results go; ``agents`` in the results of the study without it.
+        progress: Whether to print what is done, or an observer.
+    """
+
+    def __init__(
+        self, study: Study, folder: str | os.PathLike[str] | None = None, *, progress: bool | Observer = True
+    ) -> None:
+        self.study = study
+        self.folder: Path = Path(folder) if folder is not None else study.results / "agents"
+        self._observer = observer(progress)
+        study.build_model(progress=False)
+        self.streams: Streams = Streams(study)
+
+    def run(
+        self,
+        factory: Factory,
+        values: Mapping[str, Sequence[Any]] | Sequence[Values],
+        *,
+        default: Values | None = None,
+        processes: int = 1,
+        version: str = "",
+        keep_states: bool = False,
+    ) -> AgentRuns:
+        """Run an agent of every value in every environment.
+
+        What was run before is not run again, as long as the streams, the values, the factory's name and ``version`` are the same.
+
+        Args:
+            factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
+            values: Values of every hyperparameter, all of whose combinations are run, or a list of combinations.
+            default: The combination that nobody has to decide; the first without it. It is added if it is none of ``values``.
+            processes: Processes to run in; their results are the same.
+            version: Change it when the agent's code changes.
+            keep_states: Whether what each agent has learnt is pickled beside the runs.
+
+        Returns:
+            The runs.
+
+        Raises:
+            Exception: What an agent raised; runs that were finished are kept.
+        """
+        candidates = grid(values) if isinstance(values, Mapping) else [dict(of) for of in values]
+        if not candidates:
+            raise ValueError("there are no values to run")
+        if default is not None and dict(default) not in candidates:
+            candidates.append(dict(default))
+        chosen = candidates.index(dict(default)) if default is not None else 0
+        units = list(self._units(factory, candidates, version, keep_states))
+        store = self.folder / "units"
+        store.mkdir(parents=True, exist_ok=True)
+        left = [unit for unit in units if not (store / unit.key).exists()]
+        self._observer.told("talk", f"agents: {len(units)} runs, {len(units) - len(left)} of them there already")
+        if processes > 1 and left:
+            self._in_processes(factory, left, processes)
+        else:
+            for done, unit in enumerate(left):
+                run_unit(self.streams, factory, unit, store)
+                self._observer.progress("agents", done + 1, len(left))
+        described = [(json.dumps(of, default=plain), position == chosen) for position, of in enumerate(candidates)]
+        scores = []
+        for unit in units:
+            predictions, updates = np.load(store / unit.key), int((store / f"{unit.key}.updates").read_text())
+            scores.append(self.streams._native.score(unit.stream, unit.sensor, unit.candidate, predictions, updates))
+        self._observer.progress("", 0, 0)
+        runs = self.folder / "runs.parquet"
+        self.streams._native.write(os.fspath(runs), described, scores)
+        return AgentRuns(self.folder, self.study)
+
+    def _units(
+        self, factory: Factory, candidates: list[dict[str, Any]], version: str, keep_states: bool
+    ) -> Iterator[Unit]:
+        name = f"{getattr(factory, '__module__', '')}.{getattr(factory, '__qualname__', type(factory).__qualname__)}"
+        for stream in self.streams.all:
+            for sensor in self.streams.sensors:
+                for candidate, values in enumerate(candidates):
+                    what = [name, version, values, sensor, self.streams.gamma, stream.environment, stream.run]
+                    what += [stream.inputs, stream.seed, stream.steps, stream.start_row]
+                    text = json.dumps(what, sort_keys=True, default=plain)
+                    key = f"{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}.npy"
+                    yield Unit(stream.position, sensor, candidate, values, key, keep_states)
+
+    def _in_processes(self, factory: Factory, left: list[Unit], processes: int) -> None:
+        store = self.folder / "units"
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(processes, context, open_streams, (self.study._given(),)) as pool:
+            waiting: set[Future[None]] = {pool.submit(run_there, factory, unit, os.fspath(store)) for unit in left}
+            try:
+                while waiting:
+                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        future.result()
+                    self._observer.progress("agents", len(left) - len(waiting), len(left))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise

@@ -1,0 +1,61 @@
+"""One agent on one stream, and its files: in this process, or in one of several."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import _calib
+from .._study import Study
+from ._protocol import Factory, made
+from ._streams import Streams, predicted
+
+
+class Unit(NamedTuple):
+    """A run of one value for one sensor on one stream, and the name of its file."""
+
+    stream: int
+    sensor: str
+    candidate: int
+    values: dict[str, Any]
+    key: str
+    keep_states: bool
+
+
+def plain(value: Any) -> Any:
+    """A value of NumPy, or anything with a text, for JSON."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> None:
+    """Make a run, and put its predictions and updates into the store."""
+    states, pieces = streams.all[unit.stream].states()
+    task = streams.task(streams.all[unit.stream], unit.sensor, states.shape[1])
+    agent = made(factory, task, unit.values)
+    predictions, updates = predicted(agent, states, pieces, task.column, streams.all[unit.stream].steps)
+    (store / f"{unit.key}.updates").write_text(str(updates))
+    if unit.keep_states:
+        (store / f"{unit.key}.state.pickle").write_bytes(pickle.dumps(dict(agent.state_dict())))
+    unfinished = store / f".{unit.key}.{os.getpid()}.tmp"
+    with open(unfinished, "wb") as file:
+        np.save(file, predictions)
+    # The array is written last: where it is, the run is done.
+    os.replace(unfinished, store / unit.key)
+
+
+_STREAMS: list[Streams] = []
+
+
+def open_streams(given: dict[str, Any]) -> None:
+    """Begin a process: open the streams that it will need."""
+    _calib.set_threads(1)
+    _STREAMS.append(Streams(Study(**given)))
+
+
+def run_there(factory: Factory, unit: Unit, store: str) -> None:
+    """Make a run in a process that has opened the streams."""
+    run_unit(_STREAMS[0], factory, unit, Path(store))
