@@ -38,7 +38,7 @@ if grep -E ' error: ' types | grep -vE '/gym\.py:|Type of (metaclass|base class)
 
 if [ -n "${CALIB_SDIST:-}" ]; then
     cd "$root"
-    "$tools/maturin/bin/maturin" sdist --quiet --manifest-path python/Cargo.toml --out "$dist"
+    "$tools/maturin/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$dist"
     alone=$tools/sdist
     rm -rf "$alone"
     python3 -m venv "$alone"
