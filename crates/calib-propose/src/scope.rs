@@ -173,7 +173,7 @@ fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{sketch, wave};
+    use crate::testing::{Channel, sketch, wave};
 
     #[test]
     fn a_whole_log_is_taken_whole() {
@@ -184,14 +184,14 @@ mod tests {
 
     #[test]
     fn why_nothing_can_be_used_is_told_of_the_right_channel() {
-        let refused = |rows: usize, channels| {
-            Scope::of(&sketch(rows, channels)).expect_err("nothing can be used")
+        let refused = |rows: usize, name: &str, of: Channel| {
+            Scope::of(&sketch(rows, &[(name, of)])).expect_err("nothing can be used")
         };
-        let short = refused(2, &[("A", wave(40.0))]);
+        let short = refused(2, "A", wave(40.0));
         assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
-        let empty = refused(640, &[("holes", Box::new(|_| f64::NAN))]);
+        let empty = refused(640, "holes", Box::new(|_| f64::NAN));
         assert!(empty.to_string().contains("used: holes has no value"), "{empty}");
-        let seldom = refused(640, &[("A", Box::new(|row| [f64::NAN, 1.0, 2.0][row % 3]))]);
+        let seldom = refused(640, "A", Box::new(|row| [f64::NAN, 1.0, 2.0][row % 3]));
         assert!(seldom.to_string().contains("used: A misses 33 % of the rows"), "{seldom}");
     }
 
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn where_wells_come_and_go_the_dense_part_is_taken() {
-        let from = |start: usize, end: usize, length: f64| -> crate::testing::Channel {
+        let from = |start: usize, end: usize, length: f64| -> Channel {
             Box::new(move |row| {
                 if (start..end).contains(&row) { (row as f64 / length).sin() } else { f64::NAN }
             })

@@ -8,7 +8,7 @@ use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 use super::scene::{Anchor, Text, Weight};
 
-/// DejaVu Sans (`assets/fonts/LICENSE`), packed.
+/// The font `DejaVu` Sans (`assets/fonts/LICENSE`), packed.
 const REGULAR: &[u8] = include_bytes!("../../assets/fonts/DejaVuSans.ttf.gz");
 const BOLD: &[u8] = include_bytes!("../../assets/fonts/DejaVuSans-Bold.ttf.gz");
 
@@ -114,7 +114,7 @@ mod tests {
         assert!((end_right - end_left - width).abs() < 1e-3);
         let [left, _, right, _] =
             bounds("HEH", |text| text.anchor = Anchor::Middle).expect("outlines");
-        assert!(((left + right) / 2.0 - 100.0).abs() < 0.1, "{left} {right}");
+        assert!((f32::midpoint(left, right) - 100.0).abs() < 0.1, "{left} {right}");
     }
 
     #[test]

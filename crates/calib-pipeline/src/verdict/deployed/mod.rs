@@ -130,7 +130,7 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
 }
 
 /// What the agent of a candidate is given.
-pub(crate) fn values(candidate: &Candidate) -> Map<String, Value> {
+fn values(candidate: &Candidate) -> Map<String, Value> {
     candidate.values.iter().cloned().collect()
 }
 
@@ -221,6 +221,7 @@ mod tests {
         Choice {
             deployment: deployment.to_owned(),
             chosen: chosen.to_owned(),
+            values: Map::new(),
             regret,
             grade: calib_sweep::Grade::Good,
             reliance,
@@ -233,6 +234,7 @@ mod tests {
             model: "year".to_owned(),
             choices,
             for_all: "1e-4".to_owned(),
+            for_all_values: Map::new(),
             regrets,
         }
     }
