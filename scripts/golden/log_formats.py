@@ -75,6 +75,21 @@ def wide_text(wide: pd.DataFrame, out: Path) -> None:
     duckdb.sql("SELECT * REPLACE (timestamp AT TIME ZONE 'UTC' AS timestamp) FROM wide").write_csv(str(out / "duckdb-zone.csv"), quotechar='"', quoting="ALL")
 
 
+def historian_table(samples: pd.DataFrame, out: Path) -> None:
+    """The columns of Ignition's tables `sqlt_data_*`, with a tag whose values are dates."""
+    started = samples[samples["tagpath"] == "FIT100"].iloc[::20].assign(tagpath="P100/started", floatvalue=None)
+    table = pd.concat([samples, started]).sort_values("t_stamp", kind="stable")
+    table = table.drop(columns="datestring").assign(intvalue=pd.array([None] * len(table), dtype="Int64"), stringvalue=None)
+    is_date = table["tagpath"] == "P100/started"
+    dates = pd.to_datetime(table["t_stamp"], unit="ms").dt.floor("D").where(is_date)
+    table.insert(4, "datevalue", dates)
+    table.to_csv(out / "ignition-table.csv", index=False)
+    table.to_parquet(out / "ignition-table.parquet", index=False)
+    empty = table[~is_date].assign(datevalue=pd.NaT)
+    empty.to_csv(out / "ignition-no-dates.csv", index=False)
+    empty.to_parquet(out / "ignition-no-dates.parquet", index=False)
+
+
 def samples(wide: pd.DataFrame, out: Path) -> None:
     long(wide).to_csv(out / "pandas-long.csv", index=False)
     long_with_bad(wide, "Good", "Bad").to_csv(out / "pandas-long-quality.csv", index=False)
@@ -94,6 +109,7 @@ def samples(wide: pd.DataFrame, out: Path) -> None:
         }
     )
     ignition.to_csv(out / "ignition.csv", index=False)
+    historian_table(ignition, out)
     aveva = pd.DataFrame(
         {
             "DateTime": opc["timestamp"].dt.strftime("%Y-%m-%d %H:%M:%S.%f"),

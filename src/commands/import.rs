@@ -1,6 +1,6 @@
 use anyhow::ensure;
 use calib_data::{DataConfig, Imported, Shape};
-use calib_pipeline::{Outcome, Printer, output::count, working_files};
+use calib_pipeline::{Outcome, Printer, output::counted, text_left_alone, working_files};
 
 use crate::cli::ImportArgs;
 
@@ -15,6 +15,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcom
     let study = calib_study::of_data(&args.logs, &args.set)?;
     let data = DataConfig { scratch: working_files(), ..study.data };
     printer.say(&format!("import: reading {}", data.path.0.join(", ")));
+    text_left_alone(&data, printer)?;
     let imported = calib_data::import(&data, &args.out, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&imported)?;
@@ -22,9 +23,9 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcom
     }
     let Imported { shape, rows, channels, words } = imported;
     printer.result(&format!(
-        "{out}: {} rows of {} channels, from {}",
-        count(rows),
-        count(channels),
+        "{out}: {} of {}, from {}",
+        counted(rows, "row"),
+        counted(channels, "channel"),
         shape_name(shape)
     ))?;
     for (channel, words) in words {

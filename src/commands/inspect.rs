@@ -4,8 +4,8 @@ use calib_data::{
 };
 use calib_pipeline::{
     Descriptions, Job, LogTold, Outcome, Printer, Request, check_log, data_of,
-    output::{bytes, count, span, table},
-    working_files,
+    output::{bytes, count, counted, span, table},
+    text_left_alone, working_files,
 };
 
 use schemars::JsonSchema;
@@ -18,6 +18,7 @@ use crate::cli::InspectArgs;
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+    text_left_alone(&data, printer)?;
     check_log(&data)?;
     let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
     let acted = match &job {
@@ -124,9 +125,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     printer.result(&format!("read as {}", shape_name(profile.shape)))?;
     let long = profile.end.micros_since(profile.start) as f64 / 1e6;
     printer.result(&format!(
-        "{} rows in {} files ({}), {} to {}: {}, times {}",
-        count(profile.file_rows as usize),
-        count(profile.files),
+        "{} in {} ({}), {} to {}: {}, times {}",
+        counted(profile.file_rows as usize, "row"),
+        counted(profile.files, "file"),
         bytes(profile.bytes),
         format_time(profile.start),
         format_time(profile.end),

@@ -70,6 +70,15 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     );
     let deploy = &summary["what_to_deploy"][0];
     assert_eq!(deploy["choices"].as_array().expect("a list").len(), 2);
+    let rate = |words: &serde_json::Value, values: &serde_json::Value| {
+        let written = words.as_str().and_then(|words| words.split_whitespace().last());
+        assert_eq!(values["learning_rate"].as_f64(), written.and_then(|word| word.parse().ok()));
+        assert_eq!(values.as_object().map(serde_json::Map::len), Some(1), "{values}");
+    };
+    for choice in deploy["choices"].as_array().into_iter().flatten() {
+        rate(&choice["chosen"], &choice["values"]);
+    }
+    rate(&deploy["for_all"], &deploy["for_all_values"]);
     let report =
         fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
     for text in [

@@ -76,6 +76,59 @@ fn what_was_given_holds_for_the_study() {
     assert!(study.contains("exclude = [\"FIT*\", \"FQ*\"]  # given"), "{study}");
 }
 
+/// What is not a log, and what to do about it.
+#[test]
+fn what_is_no_log_is_told_at_once() {
+    let place = Place::new();
+    for (name, content, expected) in [
+        ("empty.csv", &b""[..], "empty.csv is not a readable text file: it is empty"),
+        ("empty.parquet", b"", "it is empty"),
+        ("sheet.csv", b"PK\x03\x04\x14\0", "save each sheet as CSV"),
+        ("noise.csv", b"\x7fELF\x02\x01\0\0", "export the log as CSV or Parquet"),
+        ("cut.csv.gz", b"\x1f\x8b\x08\0\0\0\0\0\0\x03\x4b", "truncated or damaged?"),
+        ("header.csv", b"time,a\n", "has no rows: of 1 file every timestamp"),
+        ("two.csv", b"time,a\n2024-01-01,1\n2024-01-02,2\n", "the log has 2 rows"),
+    ] {
+        fs::write(place.path().join(name), content).expect("written");
+        let error = place.calib(&["init", name, "study.toml"]).fails(2);
+        assert!(error.contains(expected), "{error}");
+        if name != "two.csv" {
+            let error = place.calib(&["import", name, "wide.parquet"]).fails(2);
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+    let left: Vec<_> = fs::read_dir(place.path()).expect("readable").collect();
+    assert_eq!(left.len(), 7, "nothing was written: {left:?}");
+}
+
+/// A folder of Parquet and text: which of it is read is told.
+#[test]
+fn text_that_is_left_alone_is_named() {
+    let place = Place::with_study();
+    place.write("data/notes.csv", "time,a\n2024-01-01,1\n");
+    for command in [&["inspect", "data"][..], &["import", "data", "wide.parquet"]] {
+        let run = place.calib(command);
+        let told = run.stderr();
+        assert!(
+            told.contains("1 file of text beside Parquet left alone: data/notes.csv"),
+            "{told}"
+        );
+        run.succeeds();
+    }
+}
+
+/// Whether the study can be written is known before anything is tried.
+#[cfg(unix)]
+#[test]
+fn a_study_that_cannot_be_written_is_refused_before_the_trials() {
+    let place = Place::new();
+    place.write("log.csv", &log());
+    place.write("taken", "a file");
+    let error = place.calib(&["init", "log.csv", "taken/study.toml"]).fails(2);
+    assert!(error.contains("taken"), "{error}");
+    assert!(!error.contains("measuring"), "{error}");
+}
+
 #[test]
 fn a_log_without_a_sensor_says_so() {
     let place = Place::new();

@@ -79,7 +79,7 @@ fn every_command_with_json_has_a_schema() {
     assert_eq!(with_json, known);
 }
 
-/// One value where a number stood.
+/// A word where a number stood, a key too few and one too many, at the top and further down.
 #[test]
 fn what_is_not_in_the_schema_is_found() {
     let place = Place::with_study();
@@ -93,6 +93,13 @@ fn what_is_not_in_the_schema_is_found() {
     let mut fewer = good.clone();
     fewer.as_object_mut().expect("an object").remove("gaps");
     assert!(schema::problem(&schema, &fewer).expect("a problem").contains("gaps"));
+    let mut more = good.clone();
+    more["rowz"] = Value::from(1);
+    assert!(schema::problem(&schema, &more).expect("a problem").contains("rowz"));
+    let mut deeper = good.clone();
+    deeper["channels"][0]["meen"] = Value::from(1.0);
+    let problem = schema::problem(&schema, &deeper).expect("a problem");
+    assert!(problem.contains("$.channels[0]: meen"), "{problem}");
     let mut when = good;
     when["start"] = Value::from("2022-11-01 06:00:00");
     assert!(schema::problem(&schema, &when).is_some(), "no time as RFC 3339 has it");

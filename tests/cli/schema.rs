@@ -1,6 +1,10 @@
 //! Whether a document is what its schema says: as much of JSON Schema as the schemas of `docs/json` have, and a panic at the rest.
+//!
+//! Stricter than a validator in one thing: a key that the schema does not know is a problem, as if `unevaluatedProperties` were
+//! `false` everywhere. The schemas themselves leave it open, so that who holds documents to them is not stopped by a key that a later
+//! version adds.
 
-use std::fs;
+use std::{collections::BTreeSet, fs};
 
 use serde_json::{Map, Value};
 
@@ -18,7 +22,7 @@ pub(crate) fn of(command: &str) -> Value {
 
 /// What of `value` is not as `schema` says, and where.
 pub(crate) fn problem(schema: &Value, value: &Value) -> Option<String> {
-    Checker { root: schema }.check(schema, value, "$").err()
+    Checker { root: schema }.whole(schema, value, "$").err()
 }
 
 struct Checker<'a> {
@@ -38,7 +42,56 @@ const NOTES: [&str; 9] = [
     "writeOnly",
 ];
 
+/// Which keys an object may have.
+enum Keys {
+    /// Any: it is a map, or JSON of no known form.
+    Any,
+    These(BTreeSet<String>),
+}
+
 impl Checker<'_> {
+    /// A value, and whether all of its keys are known.
+    fn whole(&self, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
+        self.check(schema, value, at)?;
+        let (Value::Object(object), Keys::These(known)) = (value, self.keys(schema, value)) else {
+            return Ok(());
+        };
+        match object.keys().find(|key| !known.contains(*key)) {
+            Some(key) => Err(format!("{at}: {key} is in no schema")),
+            None => Ok(()),
+        }
+    }
+
+    /// The keys that `schema` knows of `value`: its own, and those of every part of it that holds of the value.
+    fn keys(&self, schema: &Value, value: &Value) -> Keys {
+        let Value::Object(rules) = schema else { return Keys::Any };
+        let mut parts: Vec<&Value> = Vec::new();
+        parts.extend(rules.get("$ref").map(|path| self.target(path)));
+        for rule in ["anyOf", "oneOf", "allOf"] {
+            let all = rules.get(rule).and_then(Value::as_array).into_iter().flatten();
+            parts.extend(all.filter(|of| self.check(of, value, "$").is_ok()));
+        }
+        let own = rules.get("properties").and_then(Value::as_object);
+        let is_open = rules.get("additionalProperties").is_some_and(|says| *says != false);
+        if is_open || (own.is_none() && parts.is_empty()) {
+            return Keys::Any;
+        }
+        let mut known: BTreeSet<String> = own.into_iter().flat_map(Map::keys).cloned().collect();
+        for part in parts {
+            match self.keys(part, value) {
+                Keys::Any => return Keys::Any,
+                Keys::These(keys) => known.extend(keys),
+            }
+        }
+        Keys::These(known)
+    }
+
+    /// What a reference means.
+    fn target(&self, path: &Value) -> &Value {
+        let path = path.as_str().and_then(|path| path.strip_prefix('#')).expect("local");
+        self.root.pointer(path).expect("a definition")
+    }
+
     fn check(&self, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
         let rules: &Map<String, Value> = match schema {
             Value::Bool(true) => return Ok(()),
@@ -63,11 +116,7 @@ impl Checker<'_> {
         let refused = |why: &str| Err(format!("{at}: {value} is {why} ({rule}: {says})"));
         let list = || says.as_array().expect("a list");
         match rule {
-            "$ref" => {
-                let path = says.as_str().and_then(|path| path.strip_prefix('#')).expect("local");
-                let target = self.root.pointer(path).expect("a definition");
-                self.check(target, value, at)
-            }
+            "$ref" => self.check(self.target(says), value, at),
             "anyOf" | "oneOf" => {
                 let why: Vec<String> =
                     list().iter().filter_map(|of| self.check(of, value, at).err()).collect();
@@ -117,7 +166,7 @@ impl Checker<'_> {
                 says.as_object().expect("properties").iter().try_for_each(|(key, of)| {
                     value
                         .get(key)
-                        .map_or(Ok(()), |value| self.check(of, value, &format!("{at}.{key}")))
+                        .map_or(Ok(()), |value| self.whole(of, value, &format!("{at}.{key}")))
                 })
             }
             "additionalProperties" => {
@@ -126,7 +175,7 @@ impl Checker<'_> {
                 let others = value.as_object().into_iter().flatten().filter(|(key, _)| !named(key));
                 others.into_iter().try_for_each(|(key, value)| match says {
                     Value::Bool(false) => Err(format!("{at}: {key} is in no schema")),
-                    of => self.check(of, value, &format!("{at}.{key}")),
+                    of => self.whole(of, value, &format!("{at}.{key}")),
                 })
             }
             "items" => {
@@ -138,13 +187,13 @@ impl Checker<'_> {
                     {
                         return Ok(());
                     }
-                    self.check(says, value, &format!("{at}[{place}]"))
+                    self.whole(says, value, &format!("{at}[{place}]"))
                 })
             }
             "prefixItems" => {
                 let values = value.as_array().into_iter().flatten();
                 list().iter().zip(values).enumerate().try_for_each(|(place, (of, value))| {
-                    self.check(of, value, &format!("{at}[{place}]"))
+                    self.whole(of, value, &format!("{at}[{place}]"))
                 })
             }
             "const" | "enum" | "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum"

@@ -164,8 +164,9 @@ pub enum DataError {
     },
     /// The log has no rows.
     #[error(
-        "the log in {path} has no rows: {files} files, every timestamp is missing or every file is empty; \
-         check data.path and data.timestamp"
+        "the log in {path} has no rows: of {files} file{} every timestamp is missing or nothing but a header is there; \
+         check data.path and data.timestamp",
+        if *files == 1 { "" } else { "s" }
     )]
     NoRows {
         /// `data.path`.

@@ -72,7 +72,7 @@ pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use guard::may_be_of_a_reader;
 pub use import::{Imported, import};
-pub use log::{Declared, log_files};
+pub use log::{Declared, log_files, text_left_alone};
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Description, Duplicates,

@@ -61,6 +61,8 @@ pub struct ChannelSketch {
     pub autocorrelation: Vec<(usize, f64)>,
     /// Spikes.
     pub spikes: u64,
+    /// Values that another one of the same time contradicts.
+    pub contradicting: u64,
     /// Values at evenly spread rows, NaN where missing; all channels have the same rows.
     pub thinned: Vec<f64>,
     /// The longest run of rows that most runs of missing values do not exceed (the 95 % quantile); 0 without one.
@@ -133,6 +135,7 @@ impl Look<'_> {
             autocorrelation: moments
                 .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
             spikes,
+            contradicting: channel.contradicting,
             thinned: values.iter().step_by(step).copied().collect(),
             missing_run: missing_run(values, stretches),
             own_period_secs: own_period(values, timestamps),

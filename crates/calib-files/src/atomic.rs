@@ -26,17 +26,31 @@ pub fn write_atomically(
     replace(path, directory, fill).map_err(|source| FileError::io("write", path, source))
 }
 
+/// Whether [`write_atomically`] could begin: for what takes long before it writes.
+///
+/// # Errors
+/// If the directory cannot be made or written; `path` is untouched.
+pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    let directory = directory_of(path);
+    create_directory(directory)?;
+    temporary_in(directory).map(drop).map_err(|source| FileError::io("write", path, source))
+}
+
+fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
+    tempfile::Builder::new()
+        .prefix(&prefix())
+        .suffix(suffix())
+        .permissions(default_permissions())
+        .tempfile_in(directory)
+}
+
 fn replace(
     path: &Path,
     directory: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> io::Result<()> {
     reach(Operation::Create, path)?;
-    let mut temporary = tempfile::Builder::new()
-        .prefix(&prefix())
-        .suffix(suffix())
-        .permissions(default_permissions())
-        .tempfile_in(directory)?;
+    let mut temporary = temporary_in(directory)?;
     write_to(temporary.as_file_mut(), path, fill)?;
     reach(Operation::Sync, path)?;
     temporary.as_file().sync_all()?;
@@ -195,6 +209,18 @@ mod tests {
         let device = fs::metadata(at("null")).expect("there");
         assert!(device.file_type().is_char_device());
         assert!(write_output(directory.path(), |_| Ok(())).is_err());
+    }
+
+    #[test]
+    fn whether_a_file_could_be_written_is_told_before() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = |name: &str| directory.path().join(name);
+        check_writable(&at("new/file.txt")).expect("writable");
+        assert_eq!(fs::read_dir(at("new")).expect("made").count(), 0, "nothing is left there");
+        fs::write(at("file"), b"old").expect("written");
+        assert!(check_writable(&at("file/below")).is_err());
+        check_writable(&at("file")).expect("could be replaced");
+        assert_eq!(fs::read(at("file")).expect("readable"), b"old");
     }
 
     #[test]

@@ -47,7 +47,9 @@ mod unfinished;
 mod writer;
 
 pub use array::{Array, read_array};
-pub use atomic::{Below, link_or_copy, remove_temporaries, write_atomically, write_output};
+pub use atomic::{
+    Below, check_writable, link_or_copy, remove_temporaries, write_atomically, write_output,
+};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,

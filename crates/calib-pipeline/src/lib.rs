@@ -43,6 +43,7 @@ mod verdict;
 
 pub use base::{
     clock::Stopwatch,
+    left_alone::text_left_alone,
     memory::{MemorySize, check_log, check_table, working_files},
     options::{
         ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,

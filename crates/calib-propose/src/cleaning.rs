@@ -6,6 +6,8 @@ use crate::Scope;
 const MOST_FILLED: usize = 120;
 /// What `preprocess.fill_limit` is where nothing speaks for more.
 const LEAST_FILLED: usize = 10;
+/// Rows of the same time that contradict each other are resolved up to this share of all rows.
+const CONTRADICTED: f64 = 0.01;
 /// Channels with a value in fewer rows than this are on clocks of their own.
 const SPARSE: f64 = 0.5;
 
@@ -16,6 +18,8 @@ pub struct Cleaning {
     pub gap_tolerance: (f64, String),
     /// `preprocess.fill_limit`, and why.
     pub fill_limit: (usize, String),
+    /// `data.contradictions`, and why; `None` where it stays as it is.
+    pub contradictions: Option<(&'static str, String)>,
 }
 
 impl Cleaning {
@@ -66,8 +70,23 @@ impl Cleaning {
                 ),
             ),
         };
-        Self { gap_tolerance, fill_limit }
+        Self { gap_tolerance, fill_limit, contradictions: contradictions(sketch, scope) }
     }
+}
+
+/// A few rows of the same time that say different things, as where a clock was set back, are no reason to have no study; many are a log
+/// that is read wrongly, and stay refused.
+fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
+    let found = scope.channels.iter().map(|&channel| sketch.channels[channel].contradicting);
+    let most = found.max().filter(|most| *most > 0)?;
+    let share = most as f64 / sketch.timestamps.len().max(1) as f64;
+    (share <= CONTRADICTED).then(|| {
+        let percent = 100.0 * share;
+        let why = format!(
+            "{most} rows contradict another of the same time ({percent:.2} %), as where a clock was set back"
+        );
+        ("first", why)
+    })
 }
 
 /// The clock that channels are put on which were recorded at times of their own.
@@ -136,6 +155,20 @@ mod tests {
         let cleaning = Cleaning::of(&log, &scope);
         assert_eq!((cleaning.gap_tolerance.0, cleaning.fill_limit.0), (2.5, 120));
         assert!(cleaning.gap_tolerance.1.starts_with("9 of 9"), "{}", cleaning.gap_tolerance.1);
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_is_no_reason_to_have_no_study() {
+        let mut log = sketch(1_000, &[("A", wave(40.0)), ("B", wave(30.0))]);
+        let scope = Scope::of(&log).expect("channels");
+        let found = |log: &Sketch| Cleaning::of(log, &scope).contradictions;
+        assert_eq!(found(&log), None);
+        log.channels[1].contradicting = 10;
+        let (keep, why) = found(&log).expect("a percent");
+        assert_eq!(keep, "first");
+        assert!(why.starts_with("10 rows contradict another of the same time (1.00 %)"), "{why}");
+        log.channels[0].contradicting = 11;
+        assert_eq!(found(&log), None, "as many are a table that is read wrongly");
     }
 
     #[test]

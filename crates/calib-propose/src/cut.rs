@@ -12,7 +12,7 @@ const NEARBY: f64 = 0.08;
 /// A gap of so many periods is a place to cut.
 const GAP_PERIODS: f64 = 10.0;
 /// Rows of the log that a study wants at least.
-const LEAST: usize = 300;
+pub(crate) const LEAST: usize = 300;
 
 /// Where the log is cut into what is learnt from and what is held out.
 #[derive(Clone, Debug, PartialEq)]

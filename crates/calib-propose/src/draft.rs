@@ -113,6 +113,9 @@ impl Draft<'_> {
         text.key("held_out", &Cut::toml(&cut.held_out), "");
         let (tolerance, why) = &self.cleaning.gap_tolerance;
         text.key("gap_tolerance", &number(*tolerance), why);
+        if let Some((keep, why)) = &self.cleaning.contradictions {
+            text.key("contradictions", &quoted(keep), why);
+        }
         if !scope.left_out.is_empty() {
             text.line("exclude = [");
             for of in &scope.left_out {

@@ -14,7 +14,7 @@ pub enum ProposeError {
     NothingMoves,
     /// There is too little.
     #[error(
-        "the log has {rows} rows that can be used, and a study wants {least} at least; export a longer stretch, or at a shorter period"
+        "the log has {rows} rows that could be used, and a study wants {least} at least; export a longer stretch, or at a shorter period"
     )]
     TooShort {
         /// Usable rows.

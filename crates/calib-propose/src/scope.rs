@@ -2,7 +2,7 @@ use std::{fmt, ops::Range};
 
 use calib_data::{ChannelSketch, Sketch};
 
-use crate::ProposeError;
+use crate::{ProposeError, cut::LEAST};
 
 /// A channel is in a part of the log if it has a value in this share of its rows at least: `preprocess.max_missing` at its default.
 const PRESENT: f64 = 0.9;
@@ -93,9 +93,7 @@ impl Scope {
             }
         }
         let Some((_, part, channels)) = best else {
-            let why = sketch.channels.iter().find_map(unusable).unwrap_or(Why::Empty);
-            let of = sketch.channels.first().map_or("there is none", |of| of.name.as_str());
-            return Err(ProposeError::NoChannel(format!("{of} {why}")));
+            return Err(nothing(sketch));
         };
         let left_out = (0..sketch.channels.len())
             .filter(|channel| !channels.contains(channel))
@@ -111,6 +109,22 @@ impl Scope {
             channels,
         })
     }
+}
+
+/// Why no channel of any part can be used.
+fn nothing(sketch: &Sketch) -> ProposeError {
+    let rows = sketch.timestamps.len();
+    let of_no_use = |of: &ChannelSketch| unusable(of).map(|why| format!("{} {why}", of.name));
+    let said = match (sketch.channels.first(), sketch.channels.iter().find_map(of_no_use)) {
+        (None, _) => "there is none".to_owned(),
+        (Some(_), _) if rows < LEAST => return ProposeError::TooShort { rows, least: LEAST },
+        (Some(_), Some(said)) => said,
+        (Some(of), None) => {
+            let missing = 1.0 - share(of, &(0..sketch.bins.len()));
+            format!("{} {}", of.name, Why::Missing(missing))
+        }
+    };
+    ProposeError::NoChannel(said)
 }
 
 /// Why a channel is of no use anywhere.
@@ -159,13 +173,26 @@ fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{sketch, wave};
+    use crate::testing::{Channel, sketch, wave};
 
     #[test]
     fn a_whole_log_is_taken_whole() {
         let log = sketch(6_400, &[("A", wave(40.0)), ("B", wave(90.0))]);
         let scope = Scope::of(&log).expect("two channels");
         assert_eq!((scope.rows, scope.channels, scope.is_part), (0..6_400, vec![0, 1], false));
+    }
+
+    #[test]
+    fn why_nothing_can_be_used_is_told_of_the_right_channel() {
+        let refused = |rows: usize, name: &str, of: Channel| {
+            Scope::of(&sketch(rows, &[(name, of)])).expect_err("nothing can be used")
+        };
+        let short = refused(2, "A", wave(40.0));
+        assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
+        let empty = refused(640, "holes", Box::new(|_| f64::NAN));
+        assert!(empty.to_string().contains("used: holes has no value"), "{empty}");
+        let seldom = refused(640, "A", Box::new(|row| [f64::NAN, 1.0, 2.0][row % 3]));
+        assert!(seldom.to_string().contains("used: A misses 33 % of the rows"), "{seldom}");
     }
 
     #[test]
@@ -196,7 +223,7 @@ mod tests {
 
     #[test]
     fn where_wells_come_and_go_the_dense_part_is_taken() {
-        let from = |start: usize, end: usize, length: f64| -> crate::testing::Channel {
+        let from = |start: usize, end: usize, length: f64| -> Channel {
             Box::new(move |row| {
                 if (start..end).contains(&row) { (row as f64 / length).sin() } else { f64::NAN }
             })

@@ -6,7 +6,7 @@
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
 //! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers as people read them.
 //!
-//! Curves are laid out here and painted as SVG here; kuva, with its embedded font, turns the same layout into
+//! Curves are laid out here and painted as SVG here; tiny-skia, with a font that is compiled in, turns the same layout into
 //! pixels. Nothing depends on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
 //!
 //! ```

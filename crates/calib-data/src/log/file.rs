@@ -92,6 +92,9 @@ impl LogFile {
         let bytes =
             footer.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
         let not_parquet = |reason| DataError::NotParquet { path: source.path.clone(), reason };
+        if bytes == 0 {
+            return Err(not_parquet("it is empty".to_owned()));
+        }
         let (metadata, schema) = guard(|| {
             let mut reader = pl::ParquetReader::new(footer);
             Ok((Arc::clone(reader.get_metadata()?), reader.schema()?))

@@ -62,7 +62,7 @@ pub(super) const QUALITIES: [&str; 12] = [
     "valuequality",
 ];
 /// Columns beside a sample that are no channels.
-pub(super) const ASIDES: [&str; 22] = [
+pub(super) const ASIDES: [&str; 23] = [
     "unit",
     "units",
     "uom",
@@ -77,6 +77,7 @@ pub(super) const ASIDES: [&str; 22] = [
     "questionable",
     "substituted",
     "datestring",
+    "datevalue",
     "server",
     "source",
     "id",

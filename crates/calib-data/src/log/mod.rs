@@ -177,6 +177,15 @@ pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     Ok(source::find_files(data)?.into_iter().map(|source| source.path).collect())
 }
 
+/// The text files in folders of `data` that are left alone because Parquet lies beside them, in order of their names. Nothing of them is
+/// read: they may be lists of tags or notes, or a part of the log that somebody has to name.
+///
+/// # Errors
+/// If a folder cannot be read.
+pub fn text_left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+    source::left_alone(data)
+}
+
 /// What the footers of a log say, before anything of it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Declared {

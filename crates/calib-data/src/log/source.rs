@@ -99,6 +99,19 @@ fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(found)
 }
 
+/// Text files in the folders that `data.path` names which [`find_files`] leaves alone, in order of their names.
+pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+    let mut left = BTreeSet::new();
+    for folder in data.path.0.iter().map(Path::new).filter(|path| path.is_dir()) {
+        let mut found = Vec::new();
+        walk(folder, &mut found)?;
+        if found.iter().any(|path| is_parquet(path)) {
+            left.extend(found.into_iter().filter(|path| !is_parquet(path)));
+        }
+    }
+    Ok(left.into_iter().collect())
+}
+
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), DataError> {
     let refused = |source| FileError::io("read the folder", folder, source);
     for entry in fs::read_dir(folder).map_err(refused)? {
@@ -189,6 +202,8 @@ mod tests {
         ]);
         let names = |patterns| names(folder.path(), patterns).expect("found");
         assert_eq!(names(&["."]), ["a.parquet", "b.PQ", "day/d.parquet", "x[1].parquet"]);
+        let data = DataConfig::at(folder.path().to_owned());
+        assert_eq!(left_alone(&data).expect("readable"), [folder.path().join("c.csv")]);
         assert_eq!(names(&["*.parquet", "a.parquet"]), ["a.parquet", "x[1].parquet"]);
         assert_eq!(names(&["d*"]), ["day/d.parquet"]);
         assert_eq!(names(&["x[1].parquet"]), ["x[1].parquet"]);

@@ -37,8 +37,8 @@ impl TextFile {
         let bytes = input::size(path)?;
         let (head, compression) = head(path)?;
         let refused = |reason: String| DataError::NotText { path: path.to_owned(), reason };
-        if head.iter().take(1 << 12).any(|&byte| byte == 0) {
-            return Err(refused("it is not text".to_owned()));
+        if let Some(reason) = no_text(&head) {
+            return Err(refused(reason.to_owned()));
         }
         let dialect = Dialect::of(&head, data.separator).map_err(refused)?;
         let (skip, _) = dialect.skip;
@@ -107,6 +107,20 @@ impl TextFile {
     /// The records of a part of a block, before which there are `line` lines.
     pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
         Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
+    }
+}
+
+/// What a file is that cannot be text.
+fn no_text(head: &[u8]) -> Option<&'static str> {
+    match head {
+        [] => Some("it is empty; export it again, or leave it out"),
+        [b'P', b'K', 3 | 5, 4 | 6, ..] => {
+            Some("it is a ZIP archive or an Excel workbook; unpack it, or save each sheet as CSV")
+        }
+        _ if head.iter().take(1 << 12).any(|&byte| byte == 0) => {
+            Some("it is not text; export the log as CSV or Parquet")
+        }
+        _ => None,
     }
 }
 

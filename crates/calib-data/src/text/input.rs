@@ -53,7 +53,8 @@ pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
 
 /// What decompression says of a damaged file.
 pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> DataError {
-    DataError::NotText { path: path.to_owned(), reason: error.to_string() }
+    let reason = format!("{error} (truncated or damaged?); export it again, or leave it out");
+    DataError::NotText { path: path.to_owned(), reason }
 }
 
 /// Read until `bytes` is full or the file ends.

@@ -66,6 +66,10 @@ fn long_tables_of_other_programs_are_the_same_log() {
         "polars-long.csv",
         "duckdb-long.parquet",
         "ignition.csv",
+        "ignition-table.csv",
+        "ignition-table.parquet",
+        "ignition-no-dates.csv",
+        "ignition-no-dates.parquet",
         "aveva.csv",
         "influxdb.csv",
     ] {
@@ -252,6 +256,21 @@ fn a_long_table_is_never_one_channel() {
     // A wide table with numbers beside what looks like a sample.
     let both = text("a.csv", "time,sensor,value,pressure\n2024-01-01,x,1,2\n2024-01-02,x,1,3\n");
     assert!(message(&both, |_| {}).contains("data.shape = \"long\" or \"wide\""));
+}
+
+#[test]
+fn tags_may_be_numbers() {
+    let folder = text(
+        "sqlt_data_1_2024_03.csv",
+        "tagid,intvalue,floatvalue,stringvalue,datevalue,dataintegrity,t_stamp\n\
+         17,,1.5,,,192,1710286200000\n18,3,,,,192,1710286200000\n\
+         17,,2.5,,,192,1710286260000\n19,,,,2024-03-13 00:00:00,192,1710286260000\n",
+    );
+    let profile = folder.inspect();
+    assert_eq!((profile.shape, profile.rows), (Shape::Long, 2));
+    let missing: Vec<(&str, u64)> =
+        profile.channels.iter().map(|channel| (channel.name.as_str(), channel.missing)).collect();
+    assert_eq!(missing, [("17", 0), ("18", 1), ("19", 2)]);
 }
 
 #[test]

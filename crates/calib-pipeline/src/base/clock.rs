@@ -1,7 +1,7 @@
 //! The only place that reads the time. It is used for progress and timings, never for results.
 
 use std::{
-    thread,
+    fs, thread,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
@@ -27,6 +27,38 @@ impl Stopwatch {
     }
 }
 
+/// What something took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Taken {
+    /// On the clock.
+    pub(crate) secs: f64,
+    /// On all processors together, which other work on the machine hardly changes; 0 where the system does not say.
+    pub(crate) processor_secs: f64,
+}
+
+impl Taken {
+    /// By this work.
+    pub(crate) fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
+        let (clock, before) = (Stopwatch::start(), processor_secs());
+        let made = work();
+        let secs = clock.elapsed().as_secs_f64();
+        (made, Self { secs, processor_secs: processor_secs() - before })
+    }
+}
+
+/// Processor time of this process so far, as Linux says it.
+fn processor_secs() -> f64 {
+    fs::read_to_string("/proc/self/stat").ok().as_deref().and_then(of_stat).unwrap_or(0.0)
+}
+
+/// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.
+fn of_stat(text: &str) -> Option<f64> {
+    // The name of the program may hold spaces and brackets.
+    let (_, fields) = text.rsplit_once(')')?;
+    let mut times = fields.split_whitespace().skip(11).map(str::parse::<u64>);
+    Some((times.next()?.ok()? + times.next()?.ok()?) as f64 / 100.0)
+}
+
 /// Wait until the next change of files with these stamps gives them others: for files that were not written just now, not
 /// at all.
 #[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
@@ -35,4 +67,23 @@ pub(crate) fn settle(stamps: impl Iterator<Item = Stamp>) {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
     let longest = stamps.map(|stamp| stamp.unsettled_ns(now.unwrap_or(0))).max();
     thread::sleep(Duration::from_nanos(longest.unwrap_or(0)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processor_time_is_read_from_what_linux_says() {
+        let stat = "71 (a b) c) S 1 71 71 0 -1 4194304 150 0 0 0 1234 66 7 8 20 0 4 0 99 1 1 1";
+        assert_eq!(of_stat(stat), Some(13.0));
+        assert_eq!(of_stat("71 (a) S 1"), None);
+    }
+
+    #[test]
+    fn what_work_took_is_told_with_what_it_made() {
+        let (made, taken) = Taken::by(|| 7);
+        assert_eq!(made, 7);
+        assert!(taken.secs >= 0.0 && taken.processor_secs >= 0.0, "{taken:?}");
+    }
 }

@@ -3,6 +3,7 @@
 pub(crate) mod artefact;
 pub(crate) mod clock;
 pub(crate) mod frames;
+pub(crate) mod left_alone;
 pub(crate) mod memory;
 pub(crate) mod options;
 pub(crate) mod outcome;

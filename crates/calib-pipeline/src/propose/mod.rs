@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::{DataConfig, Sketch, sketch};
-use calib_files::write_atomically;
+use calib_files::{check_writable, write_atomically};
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
 };
@@ -19,6 +19,7 @@ use self::trial::{Trials, Workplace};
 use crate::{
     base::{
         clock::Stopwatch,
+        left_alone::text_left_alone,
         memory,
         options::{ProposeOptions, Standing},
         outcome::Outcome,
@@ -48,8 +49,10 @@ pub(crate) struct Chosen {
     horizon_secs: f64,
     /// Steps of every run.
     steps: usize,
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told: with what else it does while `calib init` measures.
     expected_secs: f64,
+    /// Processor time that it takes, in seconds, whatever else the machine does; none where the system does not say.
+    expected_processor_secs: Option<f64>,
 }
 
 /// Look at a log, and write a study of it.
@@ -66,6 +69,13 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = Look::at(args, printer)?;
+    // Before the trials, and not after them.
+    check_writable(&args.study)?;
+    if let Some((keep, why)) = &look.cleaning.contradictions {
+        printer.warn(&format!(
+            "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
+        ));
+    }
     let chosen = Proposal::of(args, &path, &look, printer)?;
     write_atomically(&args.study, |file| std::io::Write::write_all(file, chosen.text.as_bytes()))?;
     show(args, &look, &chosen, printer)?;
@@ -105,6 +115,7 @@ impl Look {
         let mut data = DataConfig { scratch: memory::working_files(), ..study.data };
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
+        text_left_alone(&data, printer)?;
         let mut sketch = sketch(&data, &printer.progress())?;
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
         if let Some(clock) = clock {
@@ -153,6 +164,7 @@ struct Proposal {
     horizon: Horizon,
     size: Size,
     expected_secs: f64,
+    expected_processor_secs: Option<f64>,
 }
 
 impl Proposal {
@@ -203,16 +215,18 @@ impl Proposal {
             let size = Size::trial(steps, sensors.proposed.len());
             (draft(spacing, &cut, horizon, &size, [""; 2]), size)
         };
-        let costs = trials.costs(steps, &mut horizon, trial)?;
+        let measured = trials.costs(steps, &mut horizon, trial)?;
+        let costs = measured.time;
         let size = Size::within(args.within, costs, steps, sensors.proposed.len());
         let expected_secs = size.secs(costs);
+        let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason = format!(
             "Sized to end within {}: about {} on this machine, {} of them for the sweep",
             span(args.within),
             span(expected_secs.round()),
             span((expected_secs - costs.fixed_secs).round())
         );
-        if expected_secs > args.within {
+        if expected_secs.round() > args.within {
             printer.warn(&format!(
                 "{} are not enough for the smallest study that says anything: about {}",
                 span(args.within),
@@ -223,7 +237,15 @@ impl Proposal {
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
         Job::of_text(Request::new(&args.study), text.clone())?;
-        Ok(Self { text, spacing, cut, horizon, size, expected_secs })
+        Ok(Self { text, spacing, cut, horizon, size, expected_secs, expected_processor_secs })
+    }
+}
+
+impl Proposal {
+    /// What is said of the processor time.
+    fn processors(&self) -> String {
+        let said = |secs: f64| format!(" ({} of processor time)", span(secs.round()));
+        self.expected_processor_secs.map(said).unwrap_or_default()
     }
 }
 
@@ -256,6 +278,7 @@ fn show(
             horizon_secs: chosen.horizon.secs,
             steps: chosen.size.steps,
             expected_secs: chosen.expected_secs,
+            expected_processor_secs: chosen.expected_processor_secs,
         });
     }
     let [train, held_out] = chosen.cut.rows.map(count);
@@ -274,11 +297,12 @@ fn show(
             chosen.horizon.gamma
         ),
         format!(
-            "{} learning rates, runs of {} steps: about {} of the {} that were asked for",
+            "{} learning rates, runs of {} steps: about {} of the {} that were asked for{}",
             chosen.size.values(),
             count(chosen.size.steps),
             span(chosen.expected_secs.round()),
-            span(args.within)
+            span(args.within),
+            chosen.processors()
         ),
     ];
     lines.iter().try_for_each(|line| printer.result(line))

@@ -9,7 +9,7 @@ use calib_study::{Job, Request};
 use crate::{
     base::{
         artefact,
-        clock::Stopwatch,
+        clock::{Stopwatch, Taken},
         options::{BuildOptions, ProposeOptions},
     },
     model::{build_model, jumps, model_files::ModelManifest},
@@ -29,6 +29,8 @@ const BUILD: f64 = 0.2;
 const SHORT: usize = 150;
 /// How much longer the others are.
 const LONGER: usize = 4;
+/// Runs whose sweep takes less than this share of the time asked for are too short to tell what a step takes.
+const WORTH: f64 = 0.01;
 /// The folder of what costs are measured with.
 const COSTS: &str = "costs";
 /// How often a horizon is halved until some step can be scored.
@@ -62,6 +64,29 @@ pub(super) fn rows_within(within: f64, build_secs: f64, rows: usize) -> usize {
     } else {
         ((measured as f64 * factor) as usize).clamp(measured, rows)
     }
+}
+
+/// What a study takes.
+pub(super) struct Measured {
+    /// On the clock.
+    pub(super) time: Costs,
+    /// On all processors together, where the system says it.
+    pub(super) processors: Option<Costs>,
+}
+
+/// A sweep that was measured.
+struct Swept {
+    agent_steps: f64,
+    taken: Taken,
+}
+
+/// The costs, if two sweeps of so many steps took so long, and all else `other_secs`.
+fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Costs {
+    // Runs that cannot be longer tell what a step takes at most.
+    let agent_step_secs =
+        if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
+    let begin = (quick - less * agent_step_secs).max(0.0);
+    Costs { fixed_secs: other_secs + begin, agent_step_secs }
 }
 
 /// What trials have in common.
@@ -130,37 +155,48 @@ impl Trials<'_> {
         Ok((spacing, why, secs))
     }
 
-    /// What a study takes, measured with short runs. The `horizon` is halved until some step of them can be scored.
+    /// What a study takes, measured with short runs, and with longer ones until these take a share of `within` that is worth measuring. The
+    /// `horizon` is halved until some step of them can be scored.
     pub(super) fn costs(
         &self,
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<Costs> {
+    ) -> anyhow::Result<Measured> {
         let silent = &self.printer.silent();
         self.printer.say("measuring how long a study takes");
         let steps = |of: usize| of.min(most_steps);
         let short = steps(SHORT.max(2 * horizon.states as usize));
-        let clock = Stopwatch::start();
-        let job = self.job(text(short, *horizon).0, COSTS)?;
-        build_model::run(&job, &BuildOptions::default(), silent)?;
-        rollout::run(&job, silent)?;
-        let before_sweep = clock.elapsed().as_secs_f64();
-        let mut swept = Vec::new();
-        for steps in [short, steps(LONGER * short)] {
-            let secs = self.sweep(steps, horizon, &text)?;
-            swept.push((text(steps, *horizon).1.agent_steps(), secs));
+        let (made, before) = Taken::by(|| {
+            let job = self.job(text(short, *horizon).0, COSTS)?;
+            build_model::run(&job, &BuildOptions::default(), silent)?;
+            rollout::run(&job, silent)
+        });
+        made?;
+        let sweep = |steps: usize, horizon: &mut Horizon| -> anyhow::Result<Swept> {
+            let taken = self.sweep(steps, horizon, &text)?;
+            Ok(Swept { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
+        };
+        let less = sweep(short, horizon)?;
+        let mut length = steps(LONGER * short);
+        let mut more = sweep(length, horizon)?;
+        while more.taken.secs < WORTH * self.args.within && steps(LONGER * length) > length {
+            length = steps(LONGER * length);
+            more = sweep(length, horizon)?;
         }
-        let clock = Stopwatch::start();
-        let job = self.job(text(steps(LONGER * short), *horizon).0, COSTS)?;
-        evaluate::run(&job, silent)?;
-        let judged = clock.elapsed().as_secs_f64();
-        let [(less, quick), (more, slow)] = [swept[0], swept[1]];
-        // Runs that cannot be longer tell what a step takes at most.
-        let agent_step_secs =
-            if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
-        let begin = (quick - less * agent_step_secs).max(0.0);
-        Ok(Costs { fixed_secs: before_sweep + begin + judged, agent_step_secs })
+        let (judged, verdict) = Taken::by(|| {
+            let job = self.job(text(length, *horizon).0, COSTS)?;
+            evaluate::run(&job, silent)
+        });
+        judged?;
+        let costs = |of: fn(Taken) -> f64| {
+            let swept = [&less, &more].map(|swept| (swept.agent_steps, of(swept.taken)));
+            costs(swept, of(before) + of(verdict))
+        };
+        Ok(Measured {
+            time: costs(|taken| taken.secs),
+            processors: (before.processor_secs > 0.0).then(|| costs(|taken| taken.processor_secs)),
+        })
     }
 
     fn sweep(
@@ -168,16 +204,17 @@ impl Trials<'_> {
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<f64> {
+    ) -> anyhow::Result<Taken> {
         for _ in 0..HALVED {
             let job = self.job(text(steps, *horizon).0, COSTS)?;
-            let clock = Stopwatch::start();
-            match sweep::run(&job, &Counted::default(), &self.printer.silent()) {
+            let silent = self.printer.silent();
+            let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), &silent));
+            match swept {
                 Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
                     let spacing_secs = horizon.secs / horizon.states;
                     *horizon = Horizon::new(horizon.secs / 2.0, spacing_secs);
                 }
-                swept => return swept.map(|_| clock.elapsed().as_secs_f64()),
+                swept => return swept.map(|_| taken),
             }
         }
         anyhow::bail!(
@@ -200,6 +237,16 @@ mod tests {
         );
         assert_eq!(rows_within(600.0, 1.0, 50_000), 50_000);
         assert_eq!(rows_within(10.0, 30.0, 1_000_000), ROWS, "what was tried is there anyway");
+    }
+
+    #[test]
+    fn what_does_not_grow_with_the_steps_is_told_from_what_does() {
+        let told = costs([(1_000.0, 3.0), (5_000.0, 7.0)], 10.0);
+        assert_eq!(told, Costs { fixed_secs: 12.0, agent_step_secs: 1e-3 });
+        let short = costs([(1_000.0, 3.0), (1_000.0, 2.0)], 10.0);
+        assert_eq!((short.fixed_secs, short.agent_step_secs), (11.0, 2e-3), "no longer runs");
+        let noisy = costs([(1_000.0, 3.0), (5_000.0, 2.0)], 0.0);
+        assert!(noisy.agent_step_secs > 0.0 && noisy.fixed_secs > 2.9, "{noisy:?}");
     }
 
     #[test]

@@ -3,11 +3,12 @@
 //! [`Chart`] says what is shown; [`layout`] turns it into marks at pixel positions ([`scene`]);
 //! [`svg`] and [`png`] paint the marks; [`data`] gives the page's script the same numbers for hovering.
 //! The layout is our own because one layout has to serve all three, with twin axes and a legend that
-//! never covers the curves; the drawing library only turns marks into pixels.
+//! never covers the curves; tiny-skia only turns marks into pixels.
 
 mod data;
 mod dates;
 mod frame;
+mod glyphs;
 mod grid;
 mod layout;
 mod legend;
@@ -177,6 +178,13 @@ impl Colour {
                 "#a87a00",
             ][step % ORDERED],
         }
+    }
+
+    /// The same, as red, green and blue.
+    pub(crate) fn rgb(self) -> [u8; 3] {
+        let rgb = u32::from_str_radix(&self.hex()[1..], 16).unwrap_or(0);
+        let [_, red, green, blue] = rgb.to_be_bytes();
+        [red, green, blue]
     }
 
     /// Name of the colour in the page's style sheet.

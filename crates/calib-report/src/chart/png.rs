@@ -1,177 +1,197 @@
-//! Scene to PNG, through kuva's rasteriser and its embedded font.
+//! Scene to PNG, through tiny-skia.
 
-use std::fmt::Write;
+use tiny_skia::{
+    Color, FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Rect as SkiaRect, Stroke,
+    StrokeDash, Transform,
+};
 
-use kuva::backend::png::PngBackend;
-use kuva::render::color::Color as KuvaColour;
-use kuva::render::render::{PathData, Primitive, Scene as KuvaScene, TextAnchor, TextSpan};
-
-use super::scene::{Anchor, CIRCLE_RADIUS, GroupKind, Mark, Rect, Scene, Text, Weight, outline};
+use super::glyphs;
+use super::scene::{CIRCLE_RADIUS, GroupKind, Mark, Rect, Scene, outline};
 use super::{Colour, Marker};
 use crate::ReportError;
 
 /// Pixels of the bitmap for each pixel of the layout.
 const PIXEL_RATIO: f32 = 2.0;
 
-const AREA_OPACITY: f64 = 0.18;
+const AREA_OPACITY: f32 = 0.18;
 
 /// Paints `scene` as the bytes of a PNG file of twice its size.
 pub(crate) fn png(scene: &Scene) -> Result<Vec<u8>, ReportError> {
-    let mut target = KuvaScene::new(scene.width, scene.height);
+    let mut canvas = Canvas::new(scene)?;
     for group in &scene.groups {
-        let clipped = matches!(group.kind, GroupKind::Series(_));
-        if clipped {
-            target.elements.push(clip_start(group.plot));
-        }
+        let clip = match group.kind {
+            GroupKind::Series(_) => canvas.clip(group.plot),
+            _ => None,
+        };
         for mark in &group.marks {
-            paint(&mut target.elements, mark);
-        }
-        if clipped {
-            target.elements.push(Primitive::ClipEnd);
+            canvas.paint(mark, clip.as_ref());
         }
     }
-    PngBackend::new()
-        .with_scale(PIXEL_RATIO)
-        .render_scene(&target)
-        .map_err(|reason| ReportError::Png { reason })
+    encode(canvas.pixels)
 }
 
-fn clip_start(plot: Rect) -> Primitive {
-    // As in the SVG, symbols at the very ends of the axis stay whole.
-    let (x, width) = (plot.x - 7.0, plot.width + 14.0);
-    Primitive::ClipStart { x, y: plot.y, width, height: plot.height, id: String::new() }
+struct Canvas {
+    pixels: Pixmap,
 }
 
-fn paint(elements: &mut Vec<Primitive>, mark: &Mark) {
-    match mark {
-        Mark::Line { points, colour, width, dash } => {
-            for points in dashes(points, dash.lengths()) {
-                let (stroke, stroke_width) = (kuva_colour(*colour), *width);
-                elements.push(Primitive::PolyLine {
-                    points,
-                    stroke,
-                    stroke_width,
-                    stroke_dasharray: None,
-                });
-            }
-        }
-        Mark::Area { points, colour } => {
-            elements.push(polygon(points, (0.0, 0.0), *colour, Some(AREA_OPACITY)));
-        }
-        Mark::Symbol { x, y, marker: Marker::Circle, colour } => elements.push(Primitive::Circle {
-            cx: *x,
-            cy: *y,
-            r: CIRCLE_RADIUS,
-            fill: kuva_colour(*colour),
-            fill_opacity: None,
-            stroke: None,
-            stroke_width: None,
-        }),
-        Mark::Symbol { x, y, marker, colour } => {
-            elements.push(polygon(&outline(*marker), (*x, *y), *colour, None));
-        }
-        Mark::Text(text) => elements.push(text_primitive(text)),
+impl Canvas {
+    fn new(scene: &Scene) -> Result<Self, ReportError> {
+        let [width, height] = [scene.width, scene.height]
+            .map(|length| (length.round() * f64::from(PIXEL_RATIO)) as u32);
+        let mut pixels = Pixmap::new(width, height).ok_or_else(|| ReportError::Png {
+            reason: format!("{width} x {height} pixels are no picture"),
+        })?;
+        pixels.fill(Color::WHITE);
+        Ok(Self { pixels })
     }
-}
 
-/// Cuts a line into its dashes. kuva would start the pattern anew at every point of the line.
-fn dashes(points: &[(f64, f64)], lengths: Option<(f64, f64)>) -> Vec<Vec<(f64, f64)>> {
-    let (Some((on, off)), Some(&first)) = (lengths, points.first()) else {
-        return vec![points.to_vec()];
-    };
-    let (mut pieces, mut piece) = (Vec::new(), vec![first]);
-    let (mut inked, mut left) = (true, on);
-    for pair in points.windows(2) {
-        let (mut from, to) = (pair[0], pair[1]);
-        loop {
-            let distance = (to.0 - from.0).hypot(to.1 - from.1);
-            if distance < left {
-                left -= distance;
-                if inked {
-                    piece.push(to);
+    /// What lies in a plot. As in the SVG, symbols at the very ends of the axis stay whole.
+    fn clip(&self, plot: Rect) -> Option<Mask> {
+        let (x, y) = (plot.x as f32 - 7.0, plot.y as f32);
+        let rect = SkiaRect::from_xywh(x, y, plot.width as f32 + 14.0, plot.height as f32)?;
+        let mut mask = Mask::new(self.pixels.width(), self.pixels.height())?;
+        mask.fill_path(&PathBuilder::from_rect(rect), FillRule::Winding, true, scaled());
+        Some(mask)
+    }
+
+    /// What is not finite has no path, and is left out.
+    fn paint(&mut self, mark: &Mark, clip: Option<&Mask>) {
+        match mark {
+            Mark::Line { points, colour, width, dash } => {
+                let dash = dash
+                    .lengths()
+                    .and_then(|(ink, gap)| StrokeDash::new(vec![ink as f32, gap as f32], 0.0));
+                let width = *width as f32;
+                let stroke =
+                    Stroke { width, dash, line_join: LineJoin::Round, ..Stroke::default() };
+                if let Some(path) = joined(points, (0.0, 0.0)).finish() {
+                    let paint = paint_of(*colour, 1.0);
+                    self.pixels.stroke_path(&path, &paint, &stroke, scaled(), clip);
                 }
-                break;
             }
-            let share = left / distance;
-            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
-            piece.push(from);
-            if inked {
-                pieces.push(std::mem::take(&mut piece));
-            } else {
-                piece = vec![from];
+            Mark::Area { points, colour } => {
+                self.fill(closed(points, (0.0, 0.0)), *colour, AREA_OPACITY, clip);
             }
-            (inked, left) = if inked { (false, off) } else { (true, on) };
+            Mark::Symbol { x, y, marker: Marker::Circle, colour } => {
+                let circle = PathBuilder::from_circle(*x as f32, *y as f32, CIRCLE_RADIUS as f32);
+                self.fill(circle, *colour, 1.0, clip);
+            }
+            Mark::Symbol { x, y, marker, colour } => {
+                self.fill(closed(&outline(*marker), (*x, *y)), *colour, 1.0, clip);
+            }
+            Mark::Text(text) => self.fill(glyphs::outlines(text), text.colour, 1.0, clip),
         }
     }
-    if inked && piece.len() > 1 {
-        pieces.push(piece);
+
+    fn fill(&mut self, path: Option<Path>, colour: Colour, opacity: f32, clip: Option<&Mask>) {
+        if let Some(path) = path {
+            let paint = paint_of(colour, opacity);
+            self.pixels.fill_path(&path, &paint, FillRule::Winding, scaled(), clip);
+        }
     }
-    pieces
 }
 
-fn polygon(
-    points: &[(f64, f64)],
-    (x, y): (f64, f64),
-    colour: Colour,
-    opacity: Option<f64>,
-) -> Primitive {
-    let mut d = String::new();
+/// From the layout to the bitmap.
+fn scaled() -> Transform {
+    Transform::from_scale(PIXEL_RATIO, PIXEL_RATIO)
+}
+
+/// A line through `points`, moved by an offset.
+fn joined(points: &[(f64, f64)], (x, y): (f64, f64)) -> PathBuilder {
+    let mut path = PathBuilder::new();
     for (index, (dx, dy)) in points.iter().enumerate() {
-        let command = if index == 0 { 'M' } else { 'L' };
-        // Writing to a String cannot fail.
-        let _ = write!(d, "{command}{:.2},{:.2} ", x + dx, y + dy);
-    }
-    d.push('Z');
-    let fill = Some(kuva_colour(colour));
-    let stroke = KuvaColour::None;
-    Primitive::Path(Box::new(PathData {
-        d,
-        fill,
-        stroke,
-        stroke_width: 0.0,
-        opacity,
-        stroke_dasharray: None,
-    }))
-}
-
-fn text_primitive(text: &Text) -> Primitive {
-    let anchor = match text.anchor {
-        Anchor::Start => TextAnchor::Start,
-        Anchor::Middle => TextAnchor::Middle,
-        Anchor::End => TextAnchor::End,
-    };
-    let (x, y, size) = (text.x, text.y, text.size);
-    let color = Some(kuva_colour(text.colour));
-    // kuva reads dollar signs as mathematics; ours are only dollars.
-    let content = text.content.replace('$', "\\$");
-    match text.weight {
-        Weight::Bold => {
-            let span = TextSpan { bold: true, ..TextSpan::plain(content) };
-            Primitive::RichText { x, y, spans: vec![span], size, anchor, color }
-        }
-        Weight::Regular => {
-            let rotate = text.turn.degrees();
-            Primitive::Text { x, y, content, size, anchor, rotate, bold: false, color }
+        let (x, y) = ((x + dx) as f32, (y + dy) as f32);
+        if index == 0 {
+            path.move_to(x, y);
+        } else {
+            path.line_to(x, y);
         }
     }
+    path
 }
 
-fn kuva_colour(colour: Colour) -> KuvaColour {
-    KuvaColour::from(colour.hex())
+fn closed(points: &[(f64, f64)], offset: (f64, f64)) -> Option<Path> {
+    let mut path = joined(points, offset);
+    path.close();
+    path.finish()
+}
+
+fn paint_of(colour: Colour, opacity: f32) -> Paint<'static> {
+    let [red, green, blue] = colour.rgb();
+    let mut paint = Paint::default();
+    paint.set_color_rgba8(red, green, blue, (255.0 * opacity).round() as u8);
+    paint
+}
+
+/// The page is white, so that no pixel is transparent.
+fn encode(pixels: Pixmap) -> Result<Vec<u8>, ReportError> {
+    let (width, height) = (pixels.width(), pixels.height());
+    let colours: Vec<u8> =
+        pixels.take().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(&colours)?;
+        writer.finish()
+    });
+    written.map_err(|error| ReportError::Png { reason: error.to_string() })?;
+    Ok(file)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::{Dash, scene::Group};
+
+    /// Rows of pixels of a scene of 20 x 20 with one mark in the middle of a plot of 10 x 10.
+    fn painted(kind: GroupKind, mark: Mark) -> Vec<[u8; 3]> {
+        let plot = Rect { x: 8.0, y: 5.0, width: 4.0, height: 10.0 };
+        let groups = vec![Group { kind, plot, marks: vec![mark] }];
+        let scene = Scene { width: 20.0, height: 20.0, plot, groups };
+        let bytes = png(&scene).expect("a picture");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("small")];
+        reader.next_frame(&mut pixels).expect("whole");
+        pixels.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+    }
+
+    fn line(points: Vec<(f64, f64)>, dash: Dash) -> Mark {
+        Mark::Line { points, colour: Colour::Ink, width: 2.0, dash }
+    }
+
+    #[test]
+    fn curves_end_with_their_plot_and_other_lines_do_not() {
+        let across = || line(vec![(10.0, 0.0), (10.0, 20.0)], Dash::Solid);
+        let dark = |pixels: &[[u8; 3]]| -> Vec<usize> {
+            (0..40).filter(|row| pixels[40 * row + 20] == [0x1b, 0x27, 0x33]).collect()
+        };
+        let free = painted(GroupKind::Rules, across());
+        assert_eq!(dark(&free), (0..40).collect::<Vec<_>>());
+        assert_eq!(free[17], [255; 3], "beside the line");
+        let clipped = painted(GroupKind::Series(0), across());
+        assert_eq!(dark(&clipped), (10..30).collect::<Vec<_>>());
+    }
 
     #[test]
     fn dashes_carry_on_around_corners() {
-        let line = [(0.0, 0.0), (5.0, 0.0), (5.0, 10.0)];
-        let pieces = dashes(&line, Some((7.0, 4.0)));
-        assert_eq!(
-            pieces,
-            [vec![(0.0, 0.0), (5.0, 0.0), (5.0, 2.0)], vec![(5.0, 6.0), (5.0, 10.0)]]
-        );
-        assert_eq!(dashes(&line, None), [line.to_vec()]);
+        let corner = vec![(2.0, 2.0), (7.0, 2.0), (7.0, 18.0)];
+        let pixels = painted(GroupKind::Rules, line(corner, Dash::Dashed));
+        let is_inked = |x: usize, y: usize| pixels[40 * (2 * y) + 2 * x] == [0x1b, 0x27, 0x33];
+        // Seven of ink, five of them before the corner; four of none; seven of ink.
+        assert!(is_inked(6, 2) && is_inked(7, 3));
+        assert!(!is_inked(7, 5) && !is_inked(7, 7));
+        assert!(is_inked(7, 9) && is_inked(7, 14) && !is_inked(7, 16));
+    }
+
+    #[test]
+    fn areas_let_through_what_is_below_them_and_what_is_not_finite_is_left_out() {
+        let square = vec![(6.0, 6.0), (14.0, 6.0), (14.0, 14.0), (6.0, 14.0)];
+        let area = Mark::Area { points: square, colour: Colour::Curve(0) };
+        let pixels = painted(GroupKind::Rules, area);
+        assert_eq!(pixels[40 * 20 + 20], [209, 230, 241], "82 % of white");
+        let nowhere = line(vec![(f64::NAN, 2.0), (7.0, 2.0)], Dash::Solid);
+        assert!(painted(GroupKind::Rules, nowhere).iter().all(|pixel| *pixel == [255; 3]));
     }
 }

@@ -3,9 +3,10 @@
 mod evidence;
 
 use calib_report::{Cell, Grade, Table};
-use calib_sweep::SensorVerdict;
+use calib_sweep::{Candidate, SensorVerdict};
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 use crate::{
     output::{Printer, percent, table},
@@ -24,6 +25,8 @@ pub(crate) struct Deployed {
     pub(crate) choices: Vec<Choice>,
     /// What the study's rule chooses from the evidence of all deployments together.
     pub(crate) for_all: String,
+    /// Its swept keys of the agent, and their values.
+    pub(crate) for_all_values: Map<String, Value>,
     /// What it costs in each deployment.
     pub(crate) regrets: Vec<Option<f64>>,
 }
@@ -32,8 +35,10 @@ pub(crate) struct Deployed {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Choice {
     pub(crate) deployment: String,
-    /// The value.
+    /// The value, as the report names it.
     pub(crate) chosen: String,
+    /// The swept keys of the agent, and their values.
+    pub(crate) values: Map<String, Value>,
     /// What it costs Online.
     pub(crate) regret: Option<f64>,
     /// How well held-out data supports it.
@@ -100,12 +105,12 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
     else {
         return Ok(None);
     };
-    let label = |index: usize| {
-        verdict_rows::setting(&parts[0].judged.manifest.candidates[index]).to_string()
-    };
+    let candidates = &parts[0].judged.manifest.candidates;
+    let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
     let choices = parts.iter().zip(&verdicts).map(|(part, (verdict, reliance))| Choice {
         deployment: part.deployment_name().to_owned(),
         chosen: label(verdict.chosen),
+        values: values(&candidates[verdict.chosen]),
         regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
         grade: verdict.grade,
         reliance: *reliance,
@@ -119,8 +124,14 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
         model: parts[0].model_name().to_owned(),
         choices: choices.collect(),
         for_all: label(for_all),
+        for_all_values: values(&candidates[for_all]),
         regrets: regrets.collect(),
     }))
+}
+
+/// What the agent of a candidate is given.
+fn values(candidate: &Candidate) -> Map<String, Value> {
+    candidate.values.iter().cloned().collect()
 }
 
 /// The largest cost, if all are known.
@@ -210,6 +221,7 @@ mod tests {
         Choice {
             deployment: deployment.to_owned(),
             chosen: chosen.to_owned(),
+            values: Map::new(),
             regret,
             grade: calib_sweep::Grade::Good,
             reliance,
@@ -222,6 +234,7 @@ mod tests {
             model: "year".to_owned(),
             choices,
             for_all: "1e-4".to_owned(),
+            for_all_values: Map::new(),
             regrets,
         }
     }
