@@ -11,7 +11,8 @@ use std::error::Error;
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Ending, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live, record,
+    Ending, Ensemble as _, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live,
+    record,
 };
 use calib_core::{Seed, Silent};
 

@@ -31,7 +31,10 @@ pub use grid::Grid;
 pub use levels::Levels;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
-pub use model::{ActionModel, ActionModelConfig, Coverage, Pessimism, Starts, Walk};
+pub use model::{
+    ActionModel, ActionModelConfig, Coverage, Ensemble, NetworkConfig, NetworkModel, NetworkWalk,
+    Pessimism, Starts, Walk, Walked,
+};
 pub use reward::{Reward, Term};
 pub use sweep::{Extent, Run, sweep, truth};
 pub use task::{

@@ -1,6 +1,8 @@
 //! Models with actions: one exact neighbour table an action.
 
 mod build;
+mod ensemble;
+mod network;
 mod radius;
 mod table;
 mod walk;
@@ -10,6 +12,8 @@ use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use ensemble::{Ensemble, Walked};
+pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
 pub use walk::{Coverage, Walk};
 
 pub(crate) use table::ActionTable;
@@ -107,11 +111,6 @@ impl ActionModel {
         &self.log
     }
 
-    /// Number of members.
-    pub fn members(&self) -> usize {
-        self.tables.len()
-    }
-
     /// Distance in the model's metric up to which a recorded transition covers a state.
     pub fn radius(&self) -> f32 {
         self.radius
@@ -147,12 +146,16 @@ impl ActionModel {
         });
         covered.into_iter().map(|sum| sum as f64 / all.max(1) as f64).collect()
     }
+}
 
-    /// A walk in member `member`.
-    ///
-    /// # Panics
-    /// If there is no such member.
-    pub fn walk(&self, member: usize) -> Walk<'_> {
+impl Ensemble for ActionModel {
+    type Walk<'a> = Walk<'a>;
+
+    fn members(&self) -> usize {
+        self.tables.len()
+    }
+
+    fn walk(&self, member: usize) -> Walk<'_> {
         assert!(member < self.members(), "a member of the ensemble");
         Walk::new(self, member)
     }
