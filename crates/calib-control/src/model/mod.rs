@@ -24,6 +24,8 @@ use crate::{ControlError, Decisions};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActionModelConfig {
+    /// What neighbours are near in.
+    pub distance: Distance,
     /// Neighbours k of a state, for each action.
     pub neighbors: usize,
     /// Members of the leave-one-block-out ensemble.
@@ -47,9 +49,26 @@ pub enum Pessimism {
     Nearest,
 }
 
+/// What neighbours are near in: the metric that a model is built with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Distance {
+    /// The scaled states themselves.
+    #[default]
+    Euclidean,
+    /// A Laplacian representation of them, trained on the log as the study's `[representation]` says.
+    Laplacian,
+}
+
 impl Default for ActionModelConfig {
     fn default() -> Self {
-        Self { neighbors: 3, members: 5, coverage: 0.95, pessimism: Pessimism::Nearest }
+        Self {
+            distance: Distance::Euclidean,
+            neighbors: 3,
+            members: 5,
+            coverage: 0.95,
+            pessimism: Pessimism::Nearest,
+        }
     }
 }
 
