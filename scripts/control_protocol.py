@@ -1,10 +1,11 @@
 """The table and the figure of docs/control.md, from what the protocol of control left in a folder.
 
-    cargo run --release -p calib-control --example protocol -- DIR LOGS TRUTH_RUNS
+    cargo run --release -p calib-control --example protocol -- DIR LOGS TRUTH_RUNS [--model euclidean|laplacian|network]
     python3 scripts/control_protocol.py DIR [docs/figures/control.svg]
 
-Prints Markdown: for each task, behaviour and length of log, the true mean return of what the model chooses, of what fitted Q
-evaluation chooses, and both regrets beside that of a random choice, with 95 % t-intervals over logs.
+Prints Markdown: for each task, behaviour and length of log, the true mean return of what each model chooses, of what fitted Q
+evaluation chooses, and both regrets beside that of a random choice, with 95 % t-intervals over logs; then the models beside each other,
+log by log, over those logs that all of them have.
 """
 
 import json
@@ -15,6 +16,9 @@ from pathlib import Path
 TASKS = ["acrobot", "puddle_world", "cart_pole"]
 QUALITIES = ["near_optimal", "medium", "random"]
 LENGTHS = [500, 5000]
+# What agents learnt in; lines of the first do not name it.
+MODELS = ["euclidean", "laplacian", "network"]
+COLOURS = {"euclidean": "#06c", "laplacian": "#808", "network": "#096", "fitted": "#c50"}
 # Two-sided 95 % quantiles of Student's t by degrees of freedom.
 T = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
      2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
@@ -47,8 +51,28 @@ def read(folder):
     for task in TASKS:
         runs = json.loads((folder / f"truth-{task}.json").read_text())["returns"]
         truth[task] = [sum(run[c] for run in runs) / len(runs) for c in range(len(runs[0]))]
-    logs = [json.loads(line) for line in (folder / "logs.jsonl").read_text().splitlines()]
-    return truth, logs
+    logs = {}
+    for line in (folder / "logs.jsonl").read_text().splitlines():
+        log = json.loads(line)
+        log["model_kind"] = log.get("model_kind", MODELS[0])
+        logs[log["name"], log["rule"], log["model_kind"]] = log
+    return truth, list(logs.values())
+
+
+def of_model(logs, model):
+    return [log for log in logs if log["model_kind"] == model]
+
+
+def together(logs, rule):
+    """What each way chose for each log that every model with lines has, by name: the models, and fitted Q evaluation."""
+    of = {model: {log["name"]: log for log in of_model(logs, model) if log["rule"] == rule} for model in MODELS}
+    of = {model: own for model, own in of.items() if own}
+    names = set.intersection(*map(set, of.values())) if of else set()
+    order = [log for log in next(iter(of.values()), {}).values() if log["name"] in names]
+    return {
+        log["name"]: {"log": log, "fitted": log["fitted"]} | {model: own[log["name"]]["chosen"] for model, own in of.items()}
+        for log in order
+    }
 
 
 def best_single(truth):
@@ -115,6 +139,74 @@ def table(truth, logs, rule):
             print(f"{task}: regret in % of a random choice's: model {told(shares)}, fitted Q {told(others)}, fitted Q − model {told(both)}")
 
 
+def beside(truth, logs, rule):
+    """Every model beside the others, paired log by log: percentiles of the grid by true return, and differences of true returns."""
+    chosen = together(logs, rule)
+    ways = [way for way in [*MODELS, "fitted"] if all(way in of for of in chosen.values())]
+    if not chosen or len(ways) < 3:
+        return
+    single = best_single(truth)
+    fixed = {"best single default": single, "calib's default": DEFAULT}
+
+    def of(way, own, value):
+        """The value of what was chosen, log by log; of a random choice its mean over candidates."""
+        for one in own:
+            returns = truth[one["log"]["task"]]
+            if way == "random":
+                yield sum(value(returns, c) for c in range(len(returns))) / len(returns)
+            else:
+                yield value(returns, fixed.get(way, one.get(way)))
+
+    def regret(returns, choice):
+        """In % of that of a random choice, which makes tasks comparable."""
+        return 100 * (max(returns) - returns[choice]) / (max(returns) - sum(returns) / len(returns))
+
+    others = [*ways, "random", *fixed]
+    groups = [(task, [one for one in chosen.values() if one["log"]["task"] == task]) for task in TASKS]
+    groups = [group for group in groups if group[1]] + [("all", list(chosen.values()))]
+    print(f"Logs that all models have: {len(chosen)}. Percentile of the grid by true return:\n")
+    print("| task | logs | " + " | ".join(others) + " |")
+    print("|---" * (len(others) + 2) + "|")
+    for task, own in groups:
+        told_of = [told([100 * rank for rank in of(way, own, percentile)]) for way in others]
+        print(f"| {task} | {len(own)} | " + " | ".join(told_of) + " |")
+    print("\nRegret in % of that of a random choice, and by how much less the first has, log by log:\n")
+    pairs = [(model, other) for model in ways[:-1] for other in others if other != model and (other not in MODELS or MODELS.index(other) > MODELS.index(model))]
+    print("| task | logs | " + " | ".join(others) + " |")
+    print("|---" * (len(others) + 2) + "|")
+    for task, own in groups:
+        print(f"| {task} | {len(own)} | " + " | ".join(told(list(of(way, own, regret))) for way in others) + " |")
+    print()
+    print("| one | other | " + " | ".join(f"{task} ({len(own)} logs)" for task, own in groups) + " |")
+    print("|---" * (len(groups) + 2) + "|")
+    for one, other in pairs:
+        less = [[b - a for a, b in zip(of(one, own, regret), of(other, own, regret))] for _, own in groups]
+        print(f"| {one} | {other} | " + " | ".join(map(told, less)) + " |")
+    print()
+
+
+def cell_table(truth, logs, rule):
+    """A column for each model: true mean return of what was chosen, cell by cell."""
+    chosen = together(logs, rule)
+    ways = [way for way in [*MODELS, "fitted"] if all(way in of for of in chosen.values())]
+    if not chosen or len(ways) < 3:
+        return
+    print("| task | behaviour | steps | logs | " + " | ".join(ways) + " | " + " | ".join(f"{way} over fitted" for way in ways[:-1]) + " |")
+    print("|---" * (4 + len(ways) + len(ways) - 1) + "|")
+    for task, quality, length, own in cells(truth, [of["log"] for of in chosen.values()], rule):
+        of = truth[task]
+        returns = {way: [of[chosen[log["name"]][way]] for log in own] for way in ways}
+        over = [told([a - b for a, b in zip(returns[way], returns["fitted"])]) for way in ways[:-1]]
+        print(f"| {task} | {quality} | {length:,} | {len(own)} | " + " | ".join([*map(told, returns.values()), *over]) + " |")
+    print()
+
+
+def cell_of(logs, rule, one):
+    """The logs of the same task, behaviour and length."""
+    keys = ["task", "quality", "transitions"]
+    return [log for log in logs if log["rule"] == rule and all(log[key] == one[key] for key in keys)]
+
+
 def svg(truth, logs, rule):
     width, height, left, top = 330, 260, 56, 34
     parts = [
@@ -122,6 +214,7 @@ def svg(truth, logs, rule):
         '<rect width="100%" height="100%" fill="white"/>',
     ]
     single = best_single(truth)
+    models = [model for model in MODELS if any(log["rule"] == rule for log in of_model(logs, model))]
     for number, task in enumerate(TASKS):
         of = truth[task]
         low, high = min(of), max(of)
@@ -134,20 +227,32 @@ def svg(truth, logs, rule):
             parts.append(f'<text x="{x0 - 5}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
         for value, colour, dash in [(high, "#222", ""), (of[single], "#2a7", "6 3"), (sum(of) / len(of), "#999", "2 3")]:
             parts.append(f'<line x1="{x0}" x2="{x0 + 260}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="{colour}" stroke-dasharray="{dash}"/>')
-        for place, (own_task, quality, length, own) in enumerate([of_cell for of_cell in cells(truth, logs, rule) if of_cell[0] == task]):
+        names = {log["name"]: log for log in of_model(logs, MODELS[0]) if log["rule"] == rule}
+        for place, (own_task, quality, length, own) in enumerate([cell for cell in cells(truth, list(names.values()), rule) if cell[0] == task]):
             x = x0 + 25 + 42 * place
-            for key, colour, shift in [("chosen", "#06c", -5), ("fitted", "#c50", 5)]:
-                mean, half = interval([of[log[key]] for log in own])
+            boxes = [(model, [log["chosen"] for log in cell_of(of_model(logs, model), rule, own[0])]) for model in models]
+            boxes.append(("fitted", [log["fitted"] for log in own]))
+            for number_of, (way, choices) in enumerate(boxes):
+                if not choices:
+                    continue
+                shift = (number_of - (len(boxes) - 1) / 2) * 9
+                mean, half = interval([of[choice] for choice in choices])
                 half = 0 if math.isnan(half) else half
                 up, down = y(min(high, mean + half)), y(max(low, mean - half))
+                colour = COLOURS[way]
                 parts.append(f'<line x1="{x + shift}" x2="{x + shift}" y1="{up:.1f}" y2="{down:.1f}" stroke="{colour}" stroke-width="2"/>')
-                parts.append(f'<circle cx="{x + shift}" cy="{y(mean):.1f}" r="4" fill="{colour}"/>')
+                parts.append(f'<circle cx="{x + shift}" cy="{y(mean):.1f}" r="3.5" fill="{colour}"/>')
             parts.append(f'<text x="{x}" y="{top + height + 16}" text-anchor="middle">{length}</text>')
             if length == LENGTHS[0]:
                 parts.append(f'<text x="{x + 21}" y="{top + height + 32}" text-anchor="middle">{quality.replace("_", "-")}</text>')
     y = top + height + 58
-    for x, colour, text in [(60, "#06c", "chosen in the model"), (220, "#c50", "chosen by fitted Q evaluation"), (430, "#222", "best"), (500, "#2a7", "best single default"), (650, "#999", "random choice")]:
+    told_as = {"euclidean": "chosen in the model", "laplacian": "Laplacian model", "network": "network model"}
+    legend = [(COLOURS[model], told_as[model]) for model in models]
+    legend += [(COLOURS["fitted"], "fitted Q evaluation"), ("#222", "best"), ("#2a7", "best single default"), ("#999", "random choice")]
+    x = 60
+    for colour, text in legend:
         parts.append(f'<rect x="{x}" y="{y - 9}" width="12" height="10" fill="{colour}"/><text x="{x + 17}" y="{y}">{text}</text>')
+        x += 35 + 6 * len(text)
     parts.append(f'<text x="60" y="{y + 22}">True mean return an episode of what was chosen, with 95 % t-intervals over logs; by behaviour and length of the log in steps.</text>')
     parts.append("</svg>")
     return "\n".join(parts) + "\n"
@@ -159,8 +264,10 @@ def main():
     for rule in ["nearest", "minimum_return"]:
         if any(log["rule"] == rule for log in logs):
             print(f"### {rule}\n")
-            table(truth, logs, rule)
+            table(truth, of_model(logs, MODELS[0]), rule)
             print()
+            cell_table(truth, logs, rule)
+            beside(truth, logs, rule)
     if len(sys.argv) > 2:
         Path(sys.argv[2]).write_text(svg(truth, logs, "nearest"))
 

@@ -40,6 +40,10 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");
+    // Probabilities of actions are logged, so that there is importance sampling.
+    let importance = json["importance_sampling"].as_array().expect("probabilities are logged");
+    assert_eq!(importance.len(), 2);
+    assert!(told.contains("importance") && told.contains("of episodes"), "{told}");
     // Another reward is another verdict.
     let set = "control.reward=[{ column = 'angle', set_point = 0.0, weight = -1.0 }]";
     let other = place.calib(&["control", study, "--set", set, "--dry-run"]);
@@ -57,6 +61,34 @@ fn what_the_log_does_not_support_is_refused() {
 }
 
 #[test]
+fn neighbours_can_be_near_in_a_representation() {
+    let place = place();
+    let study = "pole/study.toml";
+    let section = "representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }";
+    let set = ["--set", "control.model.distance='laplacian'", "--set", section];
+    let control = |more: &[&str]| place.calib(&[&["control", study][..], &set, more].concat());
+    let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat());
+    assert!(inspected.stderr().contains("distances are those of states"), "{}", inspected.stderr());
+    control(&[]).ends(&[0, 1]);
+    let representation = "pole/study-results/control-representation";
+    let (first, psi) = (place.content("pole/study-results/control"), place.content(representation));
+    let again = control(&[]);
+    assert!(again.stderr().contains("up to date"), "{}", again.stderr());
+    control(&["--force", "--threads", "1"]).ends(&[0, 1]);
+    assert!(place.content("pole/study-results/control") == first, "the same bytes on one thread");
+    assert!(place.content(representation) == psi, "and the same representation");
+    let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat()).succeeds();
+    let json: serde_json::Value = serde_json::from_str(&inspected).expect("JSON");
+    assert_eq!(json["control"]["distance"], "laplacian", "what was trained is used");
+    let page = fs::read_to_string(place.path().join("pole/study-results/control/report.html"));
+    assert!(page.expect("a page").contains("Representations"));
+    place.calib(&["check", "pole/study-results"]).succeeds();
+    // Another representation is another verdict.
+    let other = control(&["--set", "representation.steps=301", "--dry-run"]);
+    assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
+}
+
+#[test]
 fn mistakes_in_the_section_say_what_to_do() {
     let place = place();
     let study = "pole/study.toml";
@@ -69,6 +101,8 @@ fn mistakes_in_the_section_say_what_to_do() {
     assert!(told.contains("more than 64 different actions"), "{told}");
     let told = refused("preprocess.subsample=2");
     assert!(told.contains("subsample") && told.contains("its own row"), "{told}");
+    let told = refused("control.probability='angular_speed'");
+    assert!(told.contains("control.probability") && told.contains("up to 1"), "{told}");
     let told = refused("control.agent.temperature=0");
     assert!(told.contains("temperature"), "{told}");
     let told = place.calib(&["simulate", "pole", "--task", "cart-pole"]).fails(2);

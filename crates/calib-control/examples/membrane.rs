@@ -16,9 +16,9 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Extent, Grid, Membrane,
-    Quality, Simulated, Span, Starts, Support, TaskKind, fitted_q_evaluation, judge, live, record,
-    regret, sweep, truth,
+    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
+    Grid, Membrane, Quality, Simulated, Span, Starts, Support, TaskKind, fitted_q_evaluation,
+    judge, live, record, regret, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_stats::summarise;

@@ -1,11 +1,13 @@
 //! The published protocol of choosing hyperparameters from logs, for agents that act (Wang et al. 2022), repeated:
 //!
 //! ```sh
-//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK]
+//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK] \
+//!     [--model euclidean|laplacian|network]
 //! ```
 //!
-//! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log: what each way to
-//! choose chose. What is there is not done again. `scripts/control_protocol.py DIR` makes the table and the figure of docs/control.md.
+//! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log and model: what each way to
+//! choose chose. What is there is not done again; all models have the same logs. `scripts/control_protocol.py DIR` makes the table and the figure
+//! of docs/control.md.
 
 use std::{
     error::Error,
@@ -16,11 +18,13 @@ use std::{
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Environment, Extent, Grid, Pessimism, PuddleWorld, Quality, Simulated, Span, Starts, Support,
-    Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
+    Decisions, Environment, Extent, Grid, NetworkConfig, NetworkModel, Pessimism, PuddleWorld,
+    Quality, Run, Simulated, Span, Starts, Support, Task, TaskKind, fitted_q_evaluation, judge,
+    record, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
-use serde_json::json;
+use calib_represent::{LaplacianConfig, Split, Training, encode};
+use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -30,8 +34,58 @@ const STEPS: usize = 15_000;
 const LEARNING: usize = 200_000;
 const STARTS: usize = 30;
 
+/// The representation of the literature, but for its batch, which is ours: 128 pairs.
+fn laplacian() -> LaplacianConfig {
+    LaplacianConfig {
+        kappa: 0.8,
+        dimension: 8,
+        hidden_units: 128,
+        learning_rate: 3e-5,
+        batch_size: 128,
+        steps: 30_000,
+        ..LaplacianConfig::default()
+    }
+}
+
+/// What agents learn in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Model {
+    /// Neighbours in the states themselves.
+    Euclidean,
+    /// Neighbours in a Laplacian representation.
+    Laplacian,
+    /// A network.
+    Network,
+}
+
+impl Model {
+    const ALL: [Self; 3] = [Self::Euclidean, Self::Laplacian, Self::Network];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Euclidean => "euclidean",
+            Self::Laplacian => "laplacian",
+            Self::Network => "network",
+        }
+    }
+
+    /// Whether a line is of this model; those of the first one do not name it.
+    fn is_of(self, line: &Value) -> bool {
+        line["model_kind"].as_str().unwrap_or("euclidean") == self.name()
+    }
+}
+
 fn main() -> Outcome<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let model = match arguments.iter().position(|of| of == "--model") {
+        None => Model::Euclidean,
+        Some(place) => {
+            let named: Vec<String> = arguments.drain(place..).skip(1).collect();
+            let [name] = &named[..] else { return Err("--model NAME comes last".into()) };
+            let own = Model::ALL.into_iter().find(|of| of.name() == name);
+            own.ok_or_else(|| format!("`{name}` is no model: euclidean, laplacian or network"))?
+        }
+    };
     let number = |place: usize, default: usize| -> Outcome<usize> {
         Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
     };
@@ -47,7 +101,7 @@ fn main() -> Outcome<()> {
         wanted.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
     };
     fs::create_dir_all(directory)?;
-    let study = Study { directory, truth_runs, pessimism };
+    let study = Study { directory, truth_runs, pessimism, model };
     let acrobot = study.truth(TaskKind::Acrobot, &Acrobot::default())?;
     let cart_pole = CartPole::with_slip(0.1);
     let poles = study.truth(TaskKind::CartPole, &cart_pole)?;
@@ -70,6 +124,7 @@ struct Study<'a> {
     directory: &'a Path,
     truth_runs: usize,
     pessimism: Pessimism,
+    model: Model,
 }
 
 impl Study<'_> {
@@ -87,7 +142,7 @@ impl Study<'_> {
             let runs = truth(make, &Self::candidates()?, extent, Seed::new(1), &Silent)?;
             fs::write(&path, json!({ "returns": runs }).to_string())?;
         }
-        let read: serde_json::Value = serde_json::from_slice(&fs::read(&path)?)?;
+        let read: Value = serde_json::from_slice(&fs::read(&path)?)?;
         let runs: Vec<Vec<f64>> = serde_json::from_value(read["returns"].clone())?;
         let mean = |candidate: usize| {
             runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
@@ -102,12 +157,17 @@ impl Study<'_> {
                 let name = format!("{}/{}/{length}/{number}", kind.name(), quality.name());
                 let path = self.directory.join("logs.jsonl");
                 let rule = json!(self.pessimism);
-                let done = fs::read_to_string(&path).unwrap_or_default().lines().any(|line| {
-                    serde_json::from_str::<serde_json::Value>(line)
-                        .is_ok_and(|of| of["name"] == name.as_str() && of["rule"] == rule)
-                });
+                let lines = fs::read_to_string(&path).unwrap_or_default();
+                let of_log: Vec<Value> = lines
+                    .lines()
+                    .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+                    .filter(|of| of["name"] == name.as_str())
+                    .collect();
+                let done = of_log.iter().any(|of| of["rule"] == rule && self.model.is_of(of));
                 if !done {
-                    let line = self.one(kind, task, quality, length, number, truth)?;
+                    // It does not depend on the model.
+                    let fitted = of_log.iter().find_map(|of| of["fitted"].as_u64());
+                    let line = self.one(kind, task, (quality, length, number), truth, fitted)?;
                     let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
                     writeln!(file, "{}", with(line, &name))?;
                 }
@@ -120,11 +180,10 @@ impl Study<'_> {
         &self,
         kind: TaskKind,
         task: &T,
-        quality: Quality,
-        length: usize,
-        number: usize,
+        (quality, length, number): (Quality, usize, usize),
         truth: &[f64],
-    ) -> Outcome<serde_json::Value> {
+        fitted: Option<u64>,
+    ) -> Outcome<Value> {
         let candidates = Self::candidates()?;
         let seed = Seed::new(2).child(kind.name()).child(quality.name());
         let seed = seed.number(length as u64).number(number as u64);
@@ -136,25 +195,56 @@ impl Study<'_> {
         let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
         let log = recorded.decisions(world.actions())?;
         let starts = starts(&mut world, seed.child("starts"))?;
-        let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
-        let metric = log.states().clone();
-        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
-        let model = ActionModel::build(log, &metric, begin, &config, kind.worst_return(), &Silent)?;
-        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout } };
-        let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
-        let log = model.log();
-        let verdict = judge(&runs, candidates.len(), None, log, Support::default(), 200, seed)?;
-        let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, timeout, &Silent)?;
-        let best =
-            (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
-        Ok(json!({
+        let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
+        let verdict = judge(&runs, candidates.len(), None, &log, Support::default(), 200, seed)?;
+        let fitted = match fitted {
+            Some(fitted) => Some(fitted as usize),
+            None => {
+                let values =
+                    fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
+                let better =
+                    |&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a));
+                (0..values.len()).max_by(better)
+            }
+        };
+        let mut line = json!({
             "task": kind, "quality": quality, "transitions": length, "rule": self.pessimism,
             "behaviour": behaved, "actions": log.counts(), "terminals": log.terminals(),
-            "chosen": verdict.chosen, "fitted": best,
+            "chosen": verdict.chosen, "fitted": fitted,
             "uncovered": verdict.coverage[verdict.chosen].uncovered(),
             "doubts": verdict.doubts,
             "model": verdict.selection.mean_errors,
-        }))
+        });
+        if self.model != Model::Euclidean {
+            line["model_kind"] = json!(self.model.name());
+        }
+        Ok(line)
+    }
+
+    /// Every candidate in the model of the log.
+    fn runs(
+        &self,
+        kind: TaskKind,
+        log: &Decisions,
+        starts: &States,
+        candidates: &[AgentConfig],
+        seed: Seed,
+    ) -> Outcome<Vec<Run>> {
+        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout: kind.timeout() } };
+        let [metric, begin] = match self.model {
+            Model::Euclidean => [log.states().clone(), starts.clone()],
+            Model::Laplacian => represented(log, starts, seed.child("representation"))?,
+            Model::Network => {
+                let (config, seed_of) = (NetworkConfig::default(), seed.child("networks"));
+                let model = NetworkModel::train(log, starts.clone(), &config, seed_of, &Silent)?;
+                return Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?);
+            }
+        };
+        let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
+        let begin = Starts { observed: starts.clone(), metric: begin };
+        let (log, worst) = (log.clone(), kind.worst_return());
+        let model = ActionModel::build(log, &metric, begin, &config, worst, &Silent)?;
+        Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?)
     }
 
     /// The policy of this quality: learnt by the candidate that is best in the truth.
@@ -177,8 +267,22 @@ impl Study<'_> {
     }
 }
 
+/// ψ of the states of a log and of those in which episodes begin, trained on pairs along its episodes.
+fn represented(log: &Decisions, starts: &States, seed: Seed) -> Outcome<[States; 2]> {
+    let (states, segments) = (log.states(), log.transitions().segments());
+    // All of it: nothing is chosen between representations.
+    let split = Split { training: 0..states.rows(), validation: 0..states.rows() };
+    let config = laplacian();
+    let mut training = Training::new(&config, states, segments, &split, seed)?;
+    for _ in 0..config.steps {
+        training.step();
+    }
+    let encoder = training.encoder();
+    Ok([encode(encoder, states)?, encode(encoder, starts)?])
+}
+
 /// The line with its name.
-fn with(mut line: serde_json::Value, name: &str) -> serde_json::Value {
+fn with(mut line: Value, name: &str) -> Value {
     line["name"] = json!(name);
     line
 }

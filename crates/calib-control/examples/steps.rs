@@ -12,8 +12,8 @@ use std::error::Error;
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Algorithm, Begin, Behaviour,
-    CartPole, Ending, Environment, PuddleWorld, Simulated, Span, Starts, Task, TaskKind, live,
-    record,
+    CartPole, Ending, Ensemble as _, Environment, PuddleWorld, Simulated, Span, Starts, Task,
+    TaskKind, live, record,
 };
 use calib_core::{Seed, Silent};
 use calib_knn::{KnnModel, ModelConfig};

@@ -139,6 +139,21 @@ impl Behaviour {
         }
     }
 
+    /// The probability of `action` in the state that it sees.
+    fn probability(&mut self, action: usize, actions: usize) -> f64 {
+        let alike = 1.0 / actions as f64;
+        let (own, random) = match self {
+            Self::Random => return alike,
+            Self::Fixed { says, random, .. } => (f64::from(u8::from(*says == action)), *random),
+            Self::Learnt { agent, random } => {
+                let own = agent.policy()[action];
+                // An agent that diverged acts by chance.
+                (if own.is_nan() { alike } else { own }, *random)
+            }
+        };
+        random * alike + (1.0 - random) * own
+    }
+
     fn see(&mut self, state: &[f32], first: bool) {
         match self {
             Self::Random => {}
@@ -189,6 +204,8 @@ pub struct Recorded {
     pub states: Vec<f32>,
     /// The action in each row; `None` where an episode was cut or ended.
     pub actions: Vec<Option<u16>>,
+    /// The probability of the action in each row; NaN where there is none.
+    pub probabilities: Vec<f64>,
     /// The reward that led to each row; NaN in the first of an episode.
     pub rewards: Vec<f32>,
     /// What is logged of the step that led to each row beside state and reward, row-major; NaN in the first of an episode.
@@ -222,10 +239,8 @@ pub fn record(
         let mut length = 1;
         while left > 0 && length <= timeout {
             let action = behaviour.act(environment.actions(), &mut rng);
+            log.acted(action, behaviour.probability(action, environment.actions()));
             let outcome = environment.step(action, &mut rng, &mut state);
-            if let Some(last) = log.actions.last_mut() {
-                *last = Some(action as u16);
-            }
             log.row(&state, outcome.reward as f32, outcome.ending);
             environment.log(&mut log.beside);
             left -= 1;
@@ -244,8 +259,16 @@ impl Recorded {
     fn row(&mut self, state: &[f32], reward: f32, ending: Ending) {
         self.states.extend_from_slice(state);
         self.actions.push(None);
+        self.probabilities.push(f64::NAN);
         self.rewards.push(reward);
         self.endings.push(ending);
+    }
+
+    /// What was done in the last row.
+    fn acted(&mut self, action: usize, probability: f64) {
+        if let Some((last, odds)) = self.actions.last_mut().zip(self.probabilities.last_mut()) {
+            (*last, *odds) = (Some(action as u16), probability);
+        }
     }
 
     /// The log of these rows, of an environment with so many actions.
@@ -282,6 +305,32 @@ mod tests {
         assert!(log.terminals() > 5, "{}", log.terminals());
         assert!(log.returns().iter().all(|&of| (1.0..=15.0).contains(&of)));
         assert!(log.starts().len() > log.terminals(), "some episodes are cut");
+    }
+
+    #[test]
+    fn probabilities_are_how_often_an_action_is_taken() {
+        let mut world = cart_pole();
+        let agent = Agent::new(AgentConfig { temperature: 1.0, ..AgentConfig::default() }, 4, 2);
+        let span = Span { steps: 2000, timeout: 200 };
+        let learnt = Behaviour::learnt(agent, &mut world, 1e9, span, Seed::new(2));
+        let of = |behaviour: Behaviour| {
+            record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
+        };
+        for recorded in [of(learnt), of(Behaviour::Random)] {
+            let taken = recorded.actions.iter().zip(&recorded.probabilities);
+            let (mut expected, mut ones) = (0.0, 0.0);
+            for (action, &probability) in taken {
+                let Some(action) = action else {
+                    assert!(probability.is_nan());
+                    continue;
+                };
+                assert!(probability > 0.0 && probability <= 1.0, "{probability}");
+                ones += f64::from(*action);
+                expected += if *action == 1 { probability } else { 1.0 - probability };
+            }
+            // Standard deviation of 4,000 draws: at most 32.
+            assert!((expected - ones).abs() < 130.0, "{expected} {ones}");
+        }
     }
 
     #[test]

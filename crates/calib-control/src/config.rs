@@ -15,6 +15,10 @@ pub struct ControlConfig {
     /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terminal: Option<String>,
+    /// The column of the probability, above 0 and up to 1, that the action was taken which was: candidates are then also evaluated by importance
+    /// sampling. Default: it was not logged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probability: Option<String>,
     /// Steps after which an episode is cut.
     pub timeout: usize,
     /// Steps for which each candidate learns, in each member.
@@ -57,6 +61,7 @@ impl Default for ControlConfig {
             actions: Vec::new(),
             reward: Reward::default(),
             terminal: None,
+            probability: None,
             timeout: 500,
             steps: 15_000,
             runs: 1,
@@ -113,19 +118,20 @@ impl ControlConfig {
         self.grid.candidates(self.agent).map(|_| ())
     }
 
-    /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, and the terminal.
+    /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, the terminal and the probability.
     pub fn beside_the_state(&self) -> Vec<String> {
         let reward = match &self.reward {
             Reward::Column(column) => Some(column),
             Reward::Terms(_) => None,
         };
-        self.actions.iter().chain(reward).chain(&self.terminal).cloned().collect()
+        let columns = self.actions.iter().chain(reward).chain(&self.terminal);
+        columns.chain(&self.probability).cloned().collect()
     }
 
-    /// The columns that are read as they were recorded, each once: actions, those of the reward, and the terminal.
+    /// The columns that are read as they were recorded, each once: actions, those of the reward, the terminal and the probability.
     pub fn columns(&self) -> Vec<String> {
         let mut columns = self.actions.clone();
-        for column in self.reward.columns().chain(&self.terminal) {
+        for column in self.reward.columns().chain(&self.terminal).chain(&self.probability) {
             if !columns.contains(column) {
                 columns.push(column.clone());
             }
@@ -143,6 +149,7 @@ mod tests {
         let text = r#"
             actions = ["dose", "interval"]
             terminal = "stopped"
+            probability = "odds"
             reward = [
                 { column = "permeate" },
                 { column = "pressure", weight = -2.0, high = 0.4 },
@@ -153,8 +160,11 @@ mod tests {
         "#;
         let config: ControlConfig = toml::from_str(text).expect("valid");
         config.check().expect("valid");
-        assert_eq!(config.columns(), ["dose", "interval", "permeate", "pressure", "stopped"]);
-        assert_eq!(config.beside_the_state(), ["dose", "interval", "stopped"]);
+        assert_eq!(
+            config.columns(),
+            ["dose", "interval", "permeate", "pressure", "stopped", "odds"]
+        );
+        assert_eq!(config.beside_the_state(), ["dose", "interval", "stopped", "odds"]);
         assert!(toml::from_str::<ControlConfig>("action = 'dose'").is_err(), "no such key");
         let told = ControlConfig::default().check().expect_err("no action").to_string();
         assert!(told.contains("`actions`"), "{told}");

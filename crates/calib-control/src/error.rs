@@ -60,6 +60,16 @@ pub enum ControlError {
         /// The row.
         row: usize,
     },
+    /// A probability is none.
+    #[error(
+        "row {row}: the probability of the action that was taken is {got}, expected above 0, up to 1"
+    )]
+    NoProbability {
+        /// The row.
+        row: usize,
+        /// What it is.
+        got: f64,
+    },
     /// No state to begin episodes in.
     #[error("there is no state to begin episodes in")]
     NoStarts,

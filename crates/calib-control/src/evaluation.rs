@@ -83,7 +83,7 @@ impl Features {
 }
 
 /// An agent that learnt from `updates` recorded transitions.
-fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
+pub(crate) fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
     let config = AgentConfig { lambda: 0.0, ..config };
     let mut agent = Agent::new(config, log.states().columns(), log.levels());
     let mut before = None;
@@ -104,7 +104,7 @@ fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
 }
 
 /// π(· | state) of each of `rows` states, one after the other.
-fn policies<'a>(
+pub(crate) fn policies<'a>(
     agent: &mut Agent,
     config: &AgentConfig,
     states: impl Iterator<Item = &'a [f32]>,

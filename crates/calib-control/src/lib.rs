@@ -11,6 +11,7 @@ mod environment;
 mod error;
 mod evaluation;
 mod grid;
+mod importance;
 mod levels;
 mod life;
 mod log;
@@ -28,10 +29,14 @@ pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
 pub use evaluation::fitted_q_evaluation;
 pub use grid::Grid;
+pub use importance::{Importance, importance_sampling};
 pub use levels::Levels;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
-pub use model::{ActionModel, ActionModelConfig, Coverage, Pessimism, Starts, Walk};
+pub use model::{
+    ActionModel, ActionModelConfig, Coverage, Distance, Ensemble, NetworkConfig, NetworkModel,
+    NetworkWalk, Pessimism, Starts, Walk, Walked,
+};
 pub use reward::{Reward, Term};
 pub use sweep::{Extent, Run, sweep, truth};
 pub use task::{

@@ -1,5 +1,7 @@
 //! Logs of decisions: what was seen, what was done, what came of it.
 
+use std::ops::Range;
+
 use calib_core::{RowIndex, Segments, States, TransitionIndex, Transitions};
 
 use crate::{ControlError, Ending};
@@ -18,6 +20,8 @@ pub struct Decisions {
     actions: Vec<u16>,
     rewards: Vec<f32>,
     endings: Vec<Ending>,
+    /// That the behaviour took the action of each transition, where that was logged.
+    probabilities: Option<Vec<f64>>,
     levels: usize,
 }
 
@@ -77,7 +81,42 @@ impl Decisions {
         if actions.is_empty() {
             return Err(ControlError::NoTransitions);
         }
-        Ok(Self { states, transitions, actions, rewards, endings, levels })
+        let probabilities = None;
+        Ok(Self { states, transitions, actions, rewards, endings, probabilities, levels })
+    }
+
+    /// The same log with the probability, in every row, that the action was taken which was; rows without an action have none.
+    ///
+    /// # Errors
+    /// If there is not one a row, or one that counts is not above 0 and up to 1.
+    pub fn with_probabilities(self, of_rows: &[f64]) -> Result<Self, ControlError> {
+        let (expected, got) = (self.states.rows(), of_rows.len());
+        if got != expected {
+            return Err(ControlError::Rows { what: "probabilities", expected, got });
+        }
+        let sources = self.transitions.sources().iter().map(|&row| row as usize);
+        let probabilities = sources.map(|row| match of_rows[row] {
+            // Single precision holds 1 as 1, but a sum of shares may lie a little above.
+            got if got > 0.0 && got <= 1.0 + 1e-6 => Ok(got.min(1.0)),
+            got => Err(ControlError::NoProbability { row, got }),
+        });
+        let probabilities = Some(probabilities.collect::<Result<_, _>>()?);
+        Ok(Self { probabilities, ..self })
+    }
+
+    /// The probability that the behaviour took the action of each transition, where that was logged.
+    pub fn probabilities(&self) -> Option<&[f64]> {
+        self.probabilities.as_deref()
+    }
+
+    /// The transitions of each episode.
+    pub fn episodes(&self) -> impl Iterator<Item = Range<usize>> {
+        let mut end = 0;
+        self.transitions.segments().iter().filter(|segment| segment.len() > 1).map(move |segment| {
+            let start = end;
+            end += segment.len() - 1;
+            start..end
+        })
     }
 
     /// What was observed, `[rows, columns]`.
@@ -151,14 +190,8 @@ impl Decisions {
 
     /// The return of each episode: the sum of its rewards, as far as the log has it.
     pub fn returns(&self) -> Vec<f64> {
-        let mut returns = Vec::new();
-        let mut number = 0;
-        for segment in self.transitions.segments().iter().filter(|segment| segment.len() > 1) {
-            let rewards = &self.rewards[number..][..segment.len() - 1];
-            returns.push(rewards.iter().copied().map(f64::from).sum());
-            number += rewards.len();
-        }
-        returns
+        let sum = |steps: Range<usize>| self.rewards[steps].iter().copied().map(f64::from).sum();
+        self.episodes().map(sum).collect()
     }
 }
 

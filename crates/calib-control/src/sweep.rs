@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ActionModel, Agent, AgentConfig, ControlError, Coverage, Environment, Life, Span, live,
+    Agent, AgentConfig, ControlError, Coverage, Ensemble, Environment, Life, Span, Walked as _,
+    live,
 };
 
 /// What came of one candidate in one run of one member.
@@ -46,8 +47,8 @@ pub struct Extent {
 ///
 /// # Errors
 /// If the monitor interrupts.
-pub fn sweep(
-    model: &ActionModel,
+pub fn sweep<M: Ensemble>(
+    model: &M,
     candidates: &[AgentConfig],
     extent: Extent,
     seed: Seed,

@@ -248,7 +248,7 @@ fn made_by(folder: &Path) -> Option<MadeBy> {
         "representation" => ("calib represent STUDY", true),
         "model" => ("calib build-model STUDY", true),
         "pretrain" => ("calib pretrain STUDY", true),
-        "control" => ("calib control STUDY", true),
+        "control" | "control-representation" => ("calib control STUDY", true),
         "rollout" => ("calib rollout STUDY", true),
         "sweep" => ("calib sweep STUDY", true),
         "evaluate" => ("calib evaluate STUDY", true),

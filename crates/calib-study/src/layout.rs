@@ -131,6 +131,11 @@ impl Layout {
         self.root.join("control")
     }
 
+    /// The representation of the states of a log of decisions.
+    pub fn control_representation(&self) -> PathBuf {
+        self.root.join("control-representation")
+    }
+
     /// Verdict and figures.
     pub fn evaluate(&self) -> PathBuf {
         self.of_deployed().join("evaluate")

@@ -14,8 +14,9 @@ pub(crate) const KEY: &str = "profiles";
 pub(crate) const BASE: &str = "base";
 
 /// Names that the results of a profile cannot have, because those of the study have them.
-const TAKEN: [&str; 9] = [
+const TAKEN: [&str; 10] = [
     "control",
+    "control-representation",
     "deployments",
     "evaluate",
     "model",

@@ -1,6 +1,8 @@
 //! Models with actions: one exact neighbour table an action.
 
 mod build;
+mod ensemble;
+mod network;
 mod radius;
 mod table;
 mod walk;
@@ -10,6 +12,8 @@ use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use ensemble::{Ensemble, Walked};
+pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
 pub use walk::{Coverage, Walk};
 
 pub(crate) use table::ActionTable;
@@ -20,6 +24,8 @@ use crate::{ControlError, Decisions};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActionModelConfig {
+    /// What neighbours are near in.
+    pub distance: Distance,
     /// Neighbours k of a state, for each action.
     pub neighbors: usize,
     /// Members of the leave-one-block-out ensemble.
@@ -43,9 +49,26 @@ pub enum Pessimism {
     Nearest,
 }
 
+/// What neighbours are near in: the metric that a model is built with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Distance {
+    /// The scaled states themselves.
+    #[default]
+    Euclidean,
+    /// A Laplacian representation of them, trained on the log as the study's `[representation]` says.
+    Laplacian,
+}
+
 impl Default for ActionModelConfig {
     fn default() -> Self {
-        Self { neighbors: 3, members: 5, coverage: 0.95, pessimism: Pessimism::Nearest }
+        Self {
+            distance: Distance::Euclidean,
+            neighbors: 3,
+            members: 5,
+            coverage: 0.95,
+            pessimism: Pessimism::Nearest,
+        }
     }
 }
 
@@ -107,11 +130,6 @@ impl ActionModel {
         &self.log
     }
 
-    /// Number of members.
-    pub fn members(&self) -> usize {
-        self.tables.len()
-    }
-
     /// Distance in the model's metric up to which a recorded transition covers a state.
     pub fn radius(&self) -> f32 {
         self.radius
@@ -147,12 +165,16 @@ impl ActionModel {
         });
         covered.into_iter().map(|sum| sum as f64 / all.max(1) as f64).collect()
     }
+}
 
-    /// A walk in member `member`.
-    ///
-    /// # Panics
-    /// If there is no such member.
-    pub fn walk(&self, member: usize) -> Walk<'_> {
+impl Ensemble for ActionModel {
+    type Walk<'a> = Walk<'a>;
+
+    fn members(&self) -> usize {
+        self.tables.len()
+    }
+
+    fn walk(&self, member: usize) -> Walk<'_> {
         assert!(member < self.members(), "a member of the ensemble");
         Walk::new(self, member)
     }

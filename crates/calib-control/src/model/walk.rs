@@ -2,7 +2,7 @@ use calib_core::{Rng, TransitionIndex};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ActionModel, Pessimism};
+use super::{ActionModel, Pessimism, Walked};
 use crate::{Ending, Environment, Outcome};
 
 /// What the steps of a walk rested on.
@@ -54,9 +54,10 @@ impl<'a> Walk<'a> {
     pub(super) fn new(model: &'a ActionModel, member: usize) -> Self {
         Self { model, member, at: At::Start(0), coverage: Coverage::default() }
     }
+}
 
-    /// What its steps rested on so far.
-    pub fn coverage(&self) -> Coverage {
+impl Walked for Walk<'_> {
+    fn coverage(&self) -> Coverage {
         self.coverage
     }
 }

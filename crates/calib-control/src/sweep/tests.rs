@@ -1,7 +1,9 @@
 use calib_core::Silent;
 
 use super::*;
-use crate::{ActionModelConfig, Begin, Behaviour, CartPole, Grid, Simulated, Starts, record};
+use crate::{
+    ActionModel, ActionModelConfig, Begin, Behaviour, CartPole, Grid, Simulated, Starts, record,
+};
 
 pub(crate) fn small_model() -> ActionModel {
     let mut world = Simulated::new(CartPole::default(), Begin::AsTheTask);

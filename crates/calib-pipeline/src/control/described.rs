@@ -1,6 +1,6 @@
 //! What a log of decisions did, and where it says what an action does.
 
-use calib_control::{ActionModel, CoverageMap, Spread};
+use calib_control::{ActionModel, CoverageMap, Distance, Spread};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +19,8 @@ pub struct LogTold {
     pub(super) transitions: usize,
     pub(super) episodes: usize,
     pub(super) terminals: usize,
+    /// What neighbours were near in.
+    pub(super) distance: Distance,
     /// Distance up to which a recorded transition covers a state.
     pub(super) radius: f32,
     /// Where along each column the log says what each action does.
@@ -50,7 +52,11 @@ pub(super) struct ColumnMap {
 }
 
 /// Describe the log of `model`.
-pub(super) fn described(model: &ActionModel, names: &Names) -> anyhow::Result<LogTold> {
+pub(super) fn described(
+    model: &ActionModel,
+    distance: Distance,
+    names: &Names,
+) -> anyhow::Result<LogTold> {
     let log = model.log();
     let own = |spreads: Vec<Spread>| -> Vec<Spread> {
         let of = |(place, spread): (usize, Spread)| spread.map(|of| names.physical(place, of));
@@ -74,6 +80,7 @@ pub(super) fn described(model: &ActionModel, names: &Names) -> anyhow::Result<Lo
         transitions: log.len(),
         episodes: log.starts().len(),
         terminals: log.terminals(),
+        distance,
         radius: model.radius(),
         map: names.columns.iter().enumerate().map(map).collect::<Result<_, _>>()?,
     })

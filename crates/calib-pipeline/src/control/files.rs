@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use calib_control::{AgentConfig, ReturnVerdict, Run};
+use calib_control::{AgentConfig, ControlConfig, Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_study::Study;
@@ -29,7 +29,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 2;
+    const FORMAT: u32 = 3;
 
     fn format(&self) -> u32 {
         self.format
@@ -58,6 +58,9 @@ pub(crate) struct Told {
     #[serde(with = "calib_stats::diverged::each")]
     #[schemars(with = "Vec<calib_stats::diverged::Stored>")]
     pub(super) fitted_q_evaluation: Vec<f64>,
+    /// The same by weighted importance sampling, where the log has the probabilities of its actions: for comparison.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) importance_sampling: Option<Vec<Importance>>,
 }
 
 /// The same for machines, with the choice before it.
@@ -78,7 +81,11 @@ impl<'a> From<&'a Told> for ToldToMachines<'a> {
 /// What a verdict follows from.
 pub(super) fn key(study: &Study, log: &Fingerprint) -> anyhow::Result<String> {
     let resamples = study.evaluate.resamples;
-    artefact::key(&(ControlManifest::FORMAT, TOOL, log, &study.control, study.seed, resamples))
+    let laplacian = |of: &&ControlConfig| of.model.distance == Distance::Laplacian;
+    let represented =
+        study.control.as_ref().filter(laplacian).map(|_| study.representation.candidates());
+    let model = (&study.control, represented);
+    artefact::key(&(ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples))
 }
 
 /// The verdict that is there, if it follows from the same and is whole.

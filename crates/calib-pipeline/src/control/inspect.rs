@@ -1,23 +1,33 @@
-use calib_control::ActionModel;
+use calib_control::{ActionModel, Distance};
 use calib_study::Job;
 
 use super::{
     described::{LogTold, described},
     log, show,
 };
-use crate::output::Printer;
+use crate::{output::Printer, represent::decisions};
 
 /// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.
 pub(crate) fn inspect(job: &Job, printer: &Printer) -> anyhow::Result<Option<LogTold>> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
-    let starts = log::starts(&log.decisions, config.start)?;
-    let metric = log.decisions.states().clone();
+    let plain = || (Distance::Euclidean, log.decisions.states().clone());
+    let (distance, metric) = match config.model.distance {
+        Distance::Euclidean => plain(),
+        Distance::Laplacian => decisions::kept(job, log.material())?.map_or_else(
+            || {
+                printer.say("the representation is trained by `calib control`; here distances are those of states");
+                plain()
+            },
+            |psi| (Distance::Laplacian, psi),
+        ),
+    };
+    let starts = log::starts(&log.decisions, &metric, config.start)?;
     let worst = config.worst_return.unwrap_or(0.0);
     let progress = printer.progress();
     let model =
         ActionModel::build(log.decisions, &metric, starts, &config.model, worst, &progress)?;
-    described(&model, &log.names).map(Some)
+    described(&model, distance, &log.names).map(Some)
 }
 
 impl LogTold {

@@ -5,7 +5,7 @@ use calib_data::DataConfig;
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_study::Job;
 
-use crate::{base::memory, log::plant_of_study::data_of, output::Printer};
+use crate::{base::memory, log::plant_of_study::data_of, output::Printer, represent::Material};
 
 /// A log of decisions, read from the files of a study.
 pub(super) struct ActionLog {
@@ -64,10 +64,16 @@ pub(super) fn read(
     };
     let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     let frames = &dataset.train;
-    let decisions =
+    let mut decisions =
         Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
+    let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
+    if let Some(name) = &config.probability {
+        decisions = decisions
+            .with_probabilities(&column(name))
+            .with_context(|| format!("control.probability = \"{name}\""))?;
+        fingerprint = with_probabilities(&fingerprint, &decisions);
+    }
     let actions = (0..levels.values.len()).map(|of| levels.name(of, &config.actions)).collect();
-    let fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
     let columns = dataset.normaliser.columns();
     let names = Names {
         actions,
@@ -98,8 +104,25 @@ fn fingerprint(
     all.finish()
 }
 
-/// The states in which episodes begin.
-pub(super) fn starts(log: &Decisions, start: StartRows) -> anyhow::Result<Starts> {
+fn with_probabilities(of: &Fingerprint, log: &Decisions) -> Fingerprint {
+    let mut all = Fingerprinter::default();
+    all.add(b"probabilities 1").add(of.to_string().as_bytes());
+    for probability in log.probabilities().unwrap_or_default() {
+        all.add(&probability.to_le_bytes());
+    }
+    all.finish()
+}
+
+impl ActionLog {
+    /// What a representation is trained on: the states, along the episodes.
+    pub(super) fn material(&self) -> Material<'_> {
+        let (states, segments) = (self.decisions.states(), self.decisions.transitions().segments());
+        Material { states, segments, fingerprint: &self.fingerprint }
+    }
+}
+
+/// The states in which episodes begin, and what `metric` makes of them.
+pub(super) fn starts(log: &Decisions, metric: &States, start: StartRows) -> anyhow::Result<Starts> {
     let rows: Vec<usize> = match start {
         StartRows::Episodes => log.starts().into_iter().map(RowIndex::get).collect(),
         StartRows::Anywhere => {
@@ -107,9 +130,9 @@ pub(super) fn starts(log: &Decisions, start: StartRows) -> anyhow::Result<Starts
         }
     };
     ensure!(!rows.is_empty(), "the log has no episode");
-    let states = log.states();
-    let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row)).copied().collect();
-    let states = States::new(values, rows.len(), states.columns())
-        .context("the first states of episodes")?;
-    Ok(Starts { observed: states.clone(), metric: states })
+    let of = |states: &States| {
+        let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row)).copied().collect();
+        States::new(values, rows.len(), states.columns()).context("the first states of episodes")
+    };
+    Ok(Starts { observed: of(log.states())?, metric: of(metric)? })
 }

@@ -5,12 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_control::{Distance, Importance};
 use calib_files::write_atomically;
 use calib_report::{Cell, Figure, Overview, Table};
 use calib_study::Job;
 
 use super::{figures, files::Told, show};
-use crate::rollouts::figures as drawn;
+use crate::{
+    represent::{decisions, report_table},
+    rollouts::figures as drawn,
+};
 
 /// Where the page is.
 pub(super) fn path(directory: &Path) -> PathBuf {
@@ -29,11 +33,19 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<
         findings: show::sentences(told),
         warnings: told.verdict.doubts.iter().map(|doubt| show::reason(doubt, told)).collect(),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
-        tables: [vec![candidates(told), actions(told)], maps(told)].concat(),
+        tables: [vec![candidates(told), actions(told)], maps(told), represented(job, told)]
+            .concat(),
         command: job.command("control"),
     };
     let html = page.html();
     Ok(write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?)
+}
+
+/// The representations that were tried, where neighbours are near in one.
+fn represented(job: &Job, told: &Told) -> Vec<Table> {
+    let manifest =
+        (told.log.distance == Distance::Laplacian).then(|| decisions::manifest(job)).flatten();
+    manifest.iter().map(report_table).collect()
 }
 
 fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
@@ -50,21 +62,35 @@ fn candidates(told: &Told) -> Table {
             _ => "",
         };
         let numbers = [selection.mean_errors[candidate], told.fitted_q_evaluation[candidate]];
-        vec![
+        let mut row = vec![
             Cell::Text(show::name(told, candidate)),
             Cell::Text(role.to_owned()),
             Cell::Count(selection.worst_ranks[candidate] as u64),
             Cell::Number(numbers[0]),
             Cell::Percent(verdict.coverage[candidate].uncovered()),
             Cell::Number(numbers[1]),
-        ]
+        ];
+        if let Some(of) = &told.importance_sampling {
+            let Importance { value, effective_episodes } = of[candidate];
+            row.extend([
+                value.map_or(Cell::Missing, Cell::Number),
+                Cell::Number(effective_episodes),
+            ]);
+        }
+        row
     };
+    let mut columns =
+        texts(["candidate", "", "worst rank", "model return", "not covered", "fitted Q"]);
+    if told.importance_sampling.is_some() {
+        columns.extend(texts(["importance", "of episodes"]));
+    }
     Table {
         title: "Candidates".to_owned(),
         caption: "By worst rank over the members. The return in the model ranks candidates; it is not what the plant will give. Not covered: \
-                  steps for which the log has no such action near."
+                  steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model; \
+                  the latter rests on so many episodes."
             .to_owned(),
-        columns: texts(["candidate", "", "worst rank", "model return", "not covered", "fitted Q"]),
+        columns,
         rows: show::best(told, told.candidates.len()).into_iter().map(row).collect(),
         best: None,
     }

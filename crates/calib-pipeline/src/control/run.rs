@@ -1,6 +1,7 @@
 use anyhow::bail;
 use calib_control::{
-    ActionModel, ControlConfig, Extent, Span, Support, fitted_q_evaluation, judge, sweep,
+    ActionModel, ControlConfig, Distance, Extent, Span, Support, fitted_q_evaluation,
+    importance_sampling, judge, sweep,
 };
 use calib_study::Job;
 
@@ -13,6 +14,7 @@ use super::{
 use crate::{
     base::{clock::Stopwatch, outcome::Outcome},
     output::{Printer, counted, duration},
+    represent::decisions,
 };
 
 /// From the log of decisions to the verdict.
@@ -83,9 +85,12 @@ fn judged(
     let (study, progress) = (job.study(), printer.progress());
     let seed = calib_core::Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
+    let metric = match config.model.distance {
+        Distance::Euclidean => log.decisions.states().clone(),
+        Distance::Laplacian => decisions::of(job, log.material(), printer)?,
+    };
     let ActionLog { decisions, names, fingerprint } = log;
-    let metric = decisions.states().clone();
-    let starts = log::starts(&decisions, config.start)?;
+    let starts = log::starts(&decisions, &metric, config.start)?;
     let observed = starts.observed.clone();
     let worst = decisions.returns().into_iter().fold(f64::INFINITY, f64::min);
     let worst = config.worst_return.unwrap_or(worst);
@@ -103,13 +108,15 @@ fn judged(
     let verdict = judge(&runs, candidates.len(), default, decisions, support, resamples, seed)?;
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
+    let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;
     let told = Told {
-        log: described(&model, &names)?,
+        log: described(&model, config.model.distance, &names)?,
         worst_return: model.worst_return(),
         fields: candidates.iter().map(|of| named(config, of)).collect(),
         learning: learning(&runs, candidates.len()),
         verdict,
         fitted_q_evaluation: fitted,
+        importance_sampling: importance,
         candidates,
     };
     Ok(((fingerprint, told), runs))

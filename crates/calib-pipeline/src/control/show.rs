@@ -1,4 +1,4 @@
-use calib_control::{Doubt, Spread};
+use calib_control::{Doubt, Importance, Spread};
 use calib_stats::{Difference, Interval};
 
 use super::{
@@ -104,7 +104,7 @@ fn candidates(told: &Told) -> String {
             _ => "",
         };
         let fitted = told.fitted_q_evaluation[candidate];
-        vec![
+        let mut row = vec![
             name(told, candidate),
             mark.to_owned(),
             selection.worst_ranks[candidate].to_string(),
@@ -112,13 +112,30 @@ fn candidates(told: &Told) -> String {
             percent(verdict.coverage[candidate].uncovered()),
             percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
             if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
-        ]
+        ];
+        row.extend(told.importance_sampling.iter().flat_map(|of| importance(of[candidate])));
+        row
     };
     let rows: Vec<_> = order.iter().map(row).collect();
-    table(
-        &["candidate", "", "worst rank", "model return", "not covered", "chosen again", "fitted Q"],
-        &rows,
-    )
+    let mut header = vec![
+        "candidate",
+        "",
+        "worst rank",
+        "model return",
+        "not covered",
+        "chosen again",
+        "fitted Q",
+    ];
+    if told.importance_sampling.is_some() {
+        header.extend(["importance", "of episodes"]);
+    }
+    table(&header, &rows)
+}
+
+/// A value by importance sampling, and on how many episodes it rests.
+fn importance(of: Importance) -> [String; 2] {
+    let value = of.value.map_or_else(|| "none".to_owned(), significant);
+    [value, format!("{:.1}", of.effective_episodes)]
 }
 
 /// What distinguishes a candidate.

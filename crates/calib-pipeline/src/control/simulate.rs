@@ -177,6 +177,7 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> anyhow::Result
             |of: &Option<u16>| of.map_or(f32::NAN, |action| values[usize::from(action)] as f32);
         channels.push((name, recorded.actions.iter().map(set).collect()));
     }
+    channels.push(("probability", recorded.probabilities.iter().map(|&of| of as f32).collect()));
     for (place, &name) in T::logged().iter().enumerate() {
         let own = recorded.beside.iter().skip(place).step_by(T::logged().len());
         channels.push((name, own.map(|&of| of as f32).collect()));
@@ -200,6 +201,7 @@ fn text(kind: TaskKind, seed: u64) -> String {
          [data]\npath = \"log.parquet\"\ntrain_fraction = 1.0\n\n\
          [preprocess]\noutliers = \"keep\"\n\n\
          [control]\nactions = [\"action\"]\nreward = \"reward\"\n{terminal}\
+         probability = \"probability\" # of the action that was taken\n\
          timeout = {timeout}\nworst_return = {worst:?}\nsteps = 15000\n\n\
          [control.grid]\nstep_size = [0.003, 0.03, 0.3]\nbeta1 = [0.0, 0.9]\n\
          temperature = [1.0, 10.0, 100.0]\ninitial_weight = [0.0, 8.0, 16.0]\n",
@@ -226,6 +228,7 @@ fn membrane_text(seed: u64) -> String {
          [preprocess]\noutliers = \"keep\"\n\n\
          [control]\nactions = {settings:?}\n\
          terminal = \"{cleaned}\" # the plant tripped and was cleaned\n\
+         probability = \"probability\" # of the recipe that was taken\n\
          reward = {reward} # in cents\n\
          timeout = {timeout} # ten days\nworst_return = {worst:?}\nsteps = 17520 # a year\n\
          fewest_terminals = 0 # a careful plant hardly trips\n\n\

@@ -6,7 +6,6 @@ use std::{
 };
 
 use calib_core::{Monitor as _, Seed};
-use calib_data::Dataset;
 use calib_files::{
     Fingerprint, Unfinished, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
 };
@@ -19,7 +18,7 @@ use calib_study::{Share, Study};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Candidate, ENCODER};
+use super::{Candidate, ENCODER, Material};
 use crate::{
     base::{artefact, options::Device, torch},
     output::Printer,
@@ -47,38 +46,38 @@ const RECORD: &str = "training.json";
 /// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
 pub(super) fn train(
     study: &Study,
-    dataset: &Dataset,
+    material: Material<'_>,
     task: (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
-    let grid = keyed(study, dataset)?;
-    train_missing(&grid, dataset, task, directory, printer)?;
+    let grid = keyed(study, material)?;
+    train_missing(&grid, material, task, directory, printer)?;
     grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
 }
 
 /// Train what is missing of a share of the grid; how many candidates it has.
 pub(super) fn train_share(
     study: &Study,
-    dataset: &Dataset,
+    material: Material<'_>,
     task: (&Split, Seed, Option<Device>),
     directory: &Path,
     share: Share,
     printer: &Printer,
 ) -> anyhow::Result<usize> {
-    let grid = keyed(study, dataset)?.into_iter().enumerate();
+    let grid = keyed(study, material)?.into_iter().enumerate();
     let own: Vec<Keyed> =
         grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
-    train_missing(&own, dataset, task, directory, printer)?;
+    train_missing(&own, material, task, directory, printer)?;
     Ok(own.len())
 }
 
 /// A candidate, and the fingerprint of what it follows from.
 type Keyed = (String, LaplacianConfig);
 
-fn keyed(study: &Study, dataset: &Dataset) -> anyhow::Result<Vec<Keyed>> {
+fn keyed(study: &Study, material: Material<'_>) -> anyhow::Result<Vec<Keyed>> {
     let keyed = |config: LaplacianConfig| {
-        Ok((artefact::key(&(TRAINING, &dataset.fingerprint, &config, study.seed))?, config))
+        Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
     };
     study.representation.candidates().into_iter().map(keyed).collect()
 }
@@ -90,12 +89,12 @@ fn place(directory: &Path, key: &str) -> PathBuf {
 
 fn train_missing(
     grid: &[Keyed],
-    dataset: &Dataset,
+    material: Material<'_>,
     (split, seed, device): (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
 ) -> anyhow::Result<()> {
-    let (states, segments) = (dataset.train.states(), dataset.train.segments());
+    let Material { states, segments, .. } = material;
     let task = Task { states, segments, split, seed };
     let at = |key: &str| place(directory, key);
     let (there, missing): (Vec<_>, Vec<_>) =

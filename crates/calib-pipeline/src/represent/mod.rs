@@ -1,5 +1,6 @@
 //! Representations of the states: trained or imported, scored, chosen.
 
+pub(crate) mod decisions;
 mod grid;
 mod import;
 mod table;
@@ -7,7 +8,7 @@ mod table;
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use anyhow::{Context as _, bail};
-use calib_core::{Seed, States};
+use calib_core::{Seed, Segments, States};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
 use calib_nn::Mlp;
@@ -77,6 +78,27 @@ impl Manifest for RepresentationManifest {
     }
 }
 
+/// What representations are trained on.
+#[derive(Clone, Copy)]
+pub(crate) struct Material<'a> {
+    pub(crate) states: &'a States,
+    pub(crate) segments: &'a Segments,
+    /// Of all of it.
+    pub(crate) fingerprint: &'a Fingerprint,
+}
+
+impl<'a> Material<'a> {
+    /// The training range.
+    fn of(dataset: &'a Dataset) -> Self {
+        let (states, segments) = (dataset.train.states(), dataset.train.segments());
+        Self { states, segments, fingerprint: &dataset.fingerprint }
+    }
+
+    fn shape(&self) -> (usize, usize) {
+        (self.states.rows(), self.states.columns())
+    }
+}
+
 const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
@@ -138,13 +160,13 @@ fn train_share(
         printer.say("an imported representation is not trained: there is nothing to share");
         return Ok(Outcome::Done);
     }
+    let material = Material::of(dataset);
     if device.is_none() {
-        memory::require(needed_bytes(study, dataset), "training the representations", LESS)?;
+        memory::require(needed_bytes(study, material), "training the representations", LESS)?;
     }
-    let split = Split::in_time(dataset.train.segments())?;
-    let seed = Seed::new(study.seed).child("representation");
-    let task = (&split, seed, device);
-    let trained = grid::train_share(study, dataset, task, &directory, share, printer)?;
+    let split = Split::in_time(material.segments)?;
+    let task = (&split, seed(study), device);
+    let trained = grid::train_share(study, material, task, &directory, share, printer)?;
     printer.result(&format!(
         "share {share}: {} trained, of {} in all",
         counted(trained, "representation"),
@@ -164,25 +186,27 @@ fn find(
     key: &str,
     printer: &Printer,
 ) -> anyhow::Result<Option<RepresentationManifest>> {
-    let up_to_date = |directory: &Path| {
-        artefact::read::<RepresentationManifest>(directory).filter(|found| {
-            found.key == key
-                && artefact::are_whole(directory, &found.files)
-                && found.candidates.iter().all(|of| grid::is_whole(directory, of))
-        })
-    };
     let directory = paths.representation();
-    if let Some(found) = up_to_date(&directory) {
+    if let Some(found) = up_to_date(&directory, key) {
         return Ok(Some(found));
     }
     for other in paths.of_other_models("representation") {
-        let Some(found) = up_to_date(&other) else { continue };
+        let Some(found) = up_to_date(&other, key) else { continue };
         printer.say(&format!("the representation is that in {}, and is copied", other.display()));
         let files = found.files.keys().map(String::as_str);
         artefact::adopt(&other, files, &found, &directory)?;
         return Ok(Some(found));
     }
     Ok(None)
+}
+
+/// The representation in `directory`, if it follows from what `key` names and is whole.
+fn up_to_date(directory: &Path, key: &str) -> Option<RepresentationManifest> {
+    artefact::read::<RepresentationManifest>(directory).filter(|found| {
+        found.key == key
+            && artefact::are_whole(directory, &found.files)
+            && found.candidates.iter().all(|of| grid::is_whole(directory, of))
+    })
 }
 
 /// What to do where no candidate may be used.
@@ -222,13 +246,13 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         count(rows),
         counted(candidates.len(), "representation"),
         count(steps),
-        bytes(needed_bytes(study, dataset)),
+        bytes(needed_bytes(study, Material::of(dataset))),
     ));
 }
 
 /// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
-fn needed_bytes(study: &Study, dataset: &Dataset) -> u64 {
-    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
+    let (rows, columns) = material.shape();
     let candidates = study.representation.candidates();
     let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
@@ -243,6 +267,15 @@ fn needed_bytes(study: &Study, dataset: &Dataset) -> u64 {
     states.saturating_add(largest.saturating_mul(at_once))
 }
 
+/// Representations, and which of them is used.
+struct Tried {
+    candidates: Vec<Candidate>,
+    chosen: Option<usize>,
+    /// Of the chosen one.
+    psi: Option<States>,
+    encoder: Option<Mlp>,
+}
+
 fn make(
     job: &Job,
     device: Option<Device>,
@@ -250,69 +283,102 @@ fn make(
     key: String,
     printer: &Printer,
 ) -> anyhow::Result<RepresentationManifest> {
-    let (study, directory) = (job.study(), job.layout().representation());
-    let split = Split::in_time(dataset.train.segments())?;
-    let claim = Claim::new(&directory, Below::Ours)?;
+    let directory = &job.layout().representation();
+    let material = Material::of(dataset);
+    made(job, directory, material, key, |split| {
+        if job.study().representation.kind == RepresentationKind::Import {
+            return imported(job, dataset, split);
+        }
+        trained(job, device, (material, split), directory, printer)
+    })
+}
+
+/// Make what is in `directory` anew: what `try_all` tries, on the split that it is given.
+fn made(
+    job: &Job,
+    directory: &Path,
+    material: Material<'_>,
+    key: String,
+    try_all: impl FnOnce(&Split) -> anyhow::Result<Tried>,
+) -> anyhow::Result<RepresentationManifest> {
+    let split = Split::in_time(material.segments)?;
+    let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
-        grid::remove(&directory)?;
+        grid::remove(directory)?;
     }
-    let seed = Seed::new(study.seed).child("representation");
-    let score_of = |psi: &States| {
-        let (states, segments) = (dataset.train.states(), dataset.train.segments());
-        score(states, psi, segments, &split.validation, seed)
-    };
+    let Tried { candidates, chosen, psi, encoder } = try_all(&split)?;
     let mut files = vec!["candidates.parquet", "curves.parquet"];
-    let (candidates, chosen, psi) = if study.representation.kind == RepresentationKind::Import {
-        let psi = import::read(job, dataset)?;
-        let scores = Some(score_of(&psi));
-        let candidate =
-            Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
-        let chosen = select(&[scores]);
-        (vec![candidate], chosen, chosen.map(|_| psi))
-    } else {
-        if device.is_none() {
-            memory::require(needed_bytes(study, dataset), "training the representations", LESS)?;
-        }
-        let task = (&split, seed, device);
-        let trained = grid::train(study, dataset, task, &directory, printer)?;
-        let encoded = |encoder: &Mlp| encode(encoder, dataset.train.states());
-        let candidates: Vec<Candidate> = trained
-            .iter()
-            .map(|(candidate, encoder)| {
-                // ψ of a state that the training did not see may overflow.
-                let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
-                Candidate { scores: psi.as_ref().map(score_of), ..candidate.clone() }
-            })
-            .collect();
-        let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
-        let chosen = select(&scores);
-        let encoder = chosen.and_then(|chosen| trained[chosen].1.as_ref());
-        if let Some(encoder) = encoder {
-            write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
-            files.push(ENCODER);
-        }
-        (candidates, chosen, encoder.map(encoded).transpose()?)
-    };
+    if let Some(encoder) = encoder {
+        write_encoder(&directory.join(ENCODER), &encoder, BTreeMap::new())?;
+        files.push(ENCODER);
+    }
     if let Some(psi) = psi {
         write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
         files.push(PSI);
     }
-    table::write(&directory, &candidates, chosen)?;
+    table::write(directory, &candidates, chosen)?;
     let manifest = RepresentationManifest {
         format: RepresentationManifest::FORMAT,
         tool: TOOL.to_owned(),
         key,
-        study: study.clone(),
-        data: dataset.fingerprint.clone(),
+        study: job.study().clone(),
+        data: material.fingerprint.clone(),
         validation_rows: split.validation.len(),
         candidates,
         chosen,
-        files: artefact::fingerprints(&directory, files)?,
+        files: artefact::fingerprints(directory, files)?,
     };
     claim.complete(&manifest)?;
     Ok(manifest)
+}
+
+/// Where a study's representations begin to draw from.
+fn seed(study: &Study) -> Seed {
+    Seed::new(study.seed).child("representation")
+}
+
+fn score_of(study: &Study, material: Material<'_>, split: &Split, psi: &States) -> Scores {
+    score(material.states, psi, material.segments, &split.validation, seed(study))
+}
+
+fn imported(job: &Job, dataset: &Dataset, split: &Split) -> anyhow::Result<Tried> {
+    let psi = import::read(job, dataset)?;
+    let scores = Some(score_of(job.study(), Material::of(dataset), split, &psi));
+    let candidate =
+        Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
+    let chosen = select(&[scores]);
+    Ok(Tried { candidates: vec![candidate], chosen, psi: chosen.map(|_| psi), encoder: None })
+}
+
+fn trained(
+    job: &Job,
+    device: Option<Device>,
+    (material, split): (Material<'_>, &Split),
+    directory: &Path,
+    printer: &Printer,
+) -> anyhow::Result<Tried> {
+    let study = job.study();
+    if device.is_none() {
+        memory::require(needed_bytes(study, material), "training the representations", LESS)?;
+    }
+    let trained = grid::train(study, material, (split, seed(study), device), directory, printer)?;
+    let encoded = |encoder: &Mlp| encode(encoder, material.states);
+    let candidates: Vec<Candidate> = trained
+        .iter()
+        .map(|(candidate, encoder)| {
+            // ψ of a state that the training did not see may overflow.
+            let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
+            let scores = psi.as_ref().map(|psi| score_of(study, material, split, psi));
+            Candidate { scores, ..candidate.clone() }
+        })
+        .collect();
+    let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
+    let chosen = select(&scores);
+    let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
+    let psi = encoder.as_ref().map(encoded).transpose()?;
+    Ok(Tried { candidates, chosen, psi, encoder })
 }
 
 /// The chosen representation of the training states.
@@ -341,6 +407,15 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Repres
             directory.display()
         );
     }
+    read(&directory, &manifest, &command).map(Some)
+}
+
+/// What `command` left in `directory`.
+fn read(
+    directory: &Path,
+    manifest: &RepresentationManifest,
+    command: &str,
+) -> anyhow::Result<Representation> {
     if manifest.chosen.is_none() {
         bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
     }
@@ -348,7 +423,7 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Repres
     let used = [PSI, ENCODER].into_iter();
     let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
     let used: Files = used.collect();
-    artefact::check_files(&directory, &used, &command)?;
+    artefact::check_files(directory, &used, command)?;
     let psi = mapped(&directory.join(PSI)).with_context(again)?;
     let encoder = manifest
         .files
@@ -356,7 +431,7 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Repres
         .then(|| read_encoder(&directory.join(ENCODER)))
         .transpose()
         .with_context(again)?;
-    Ok(Some(Representation { key: artefact::key(&(manifest.key, used))?, psi, encoder }))
+    Ok(Representation { key: artefact::key(&(&manifest.key, used))?, psi, encoder })
 }
 
 /// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.

@@ -1,0 +1,173 @@
+//! A network as the model of a log: the baseline that models of neighbours are compared with.
+
+mod train;
+
+use calib_core::{Monitor, Rng, Seed, States};
+use calib_knn::Blocks;
+use calib_nn::{Mlp, Workspace};
+use rayon::prelude::*;
+
+use super::{Coverage, Ensemble, Walked};
+use crate::{ControlError, Decisions, Ending, Environment, Outcome};
+use train::{Scales, train};
+
+/// How networks learn what follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetworkConfig {
+    /// Members of the leave-one-block-out ensemble.
+    pub members: usize,
+    /// Units of each hidden layer.
+    pub hidden_units: usize,
+    /// Hidden layers.
+    pub hidden_layers: usize,
+    /// Step size of Adam.
+    pub learning_rate: f64,
+    /// Transitions of a batch.
+    pub batch: usize,
+    /// Updates; what is kept is what predicted the block best that the member leaves out, after one of [`NetworkConfig::CHECKS`] parts of them.
+    pub updates: usize,
+}
+
+impl Default for NetworkConfig {
+    fn default() -> Self {
+        Self {
+            members: 5,
+            hidden_units: 64,
+            hidden_layers: 2,
+            learning_rate: 1e-3,
+            batch: 64,
+            updates: 10_000,
+        }
+    }
+}
+
+impl NetworkConfig {
+    /// How often a network is tried on the block that it does not learn from.
+    pub const CHECKS: usize = 20;
+
+    fn check(&self) -> Result<(), ControlError> {
+        let rate = self.learning_rate;
+        let checks = [
+            ("members", self.members as f64, self.members > 1, "at least 2"),
+            ("hidden_units", self.hidden_units as f64, self.hidden_units > 0, "at least 1"),
+            ("learning_rate", rate, rate > 0.0 && rate.is_finite(), "a positive number"),
+            ("batch", self.batch as f64, self.batch > 0, "at least 1"),
+            ("updates", self.updates as f64, self.updates > 0, "at least 1"),
+        ];
+        match checks.into_iter().find(|check| !check.2) {
+            Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Networks that say what follows a state and an action: (s, a) → (s', r, whether that is terminal).
+///
+/// The input is the state, each column less its mean over the log and divided by its standard deviation, and a 1 in the place of the action. The
+/// outputs are (s' − s) / σ, the reward less its mean in its standard deviations, and the log-odds of a terminal. A step takes the mean, so it
+/// is always the same; it is terminal where that is more likely than not. States and rewards are cut to the range of the log. Member m does
+/// not learn from block m, which says when it had learnt enough.
+#[derive(Clone, Debug)]
+pub struct NetworkModel {
+    starts: States,
+    scales: Scales,
+    /// One a member.
+    networks: Vec<Mlp>,
+}
+
+impl NetworkModel {
+    /// Let networks learn `log`; episodes begin in one of `starts`, each as likely. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// If a field cannot be what it is, there are no starts, the log has too few transitions for its members, or the monitor interrupts.
+    pub fn train(
+        log: &Decisions,
+        starts: States,
+        config: &NetworkConfig,
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ControlError> {
+        config.check()?;
+        if starts.rows() == 0 {
+            return Err(ControlError::NoStarts);
+        }
+        let blocks = Blocks::new(log.transitions(), config.members)?;
+        let scales = Scales::new(log);
+        monitor.begin("networks", (config.members * config.updates) as u64);
+        let networks: Option<Vec<Mlp>> = (0..config.members)
+            .into_par_iter()
+            .map(|member| {
+                let seed = seed.child("network").number(member as u64);
+                train(log, &scales, (&blocks, member), config, seed, monitor)
+            })
+            .collect();
+        Ok(Self { starts, scales, networks: networks.ok_or(ControlError::Interrupted)? })
+    }
+}
+
+impl Ensemble for NetworkModel {
+    type Walk<'a> = NetworkWalk<'a>;
+
+    fn members(&self) -> usize {
+        self.networks.len()
+    }
+
+    fn walk(&self, member: usize) -> NetworkWalk<'_> {
+        let network = &self.networks[member];
+        NetworkWalk {
+            model: self,
+            network,
+            workspace: Workspace::new(network, 1),
+            input: vec![0.0; network.inputs()],
+            steps: 0,
+        }
+    }
+}
+
+/// An agent's walk in a network.
+#[derive(Clone, Debug)]
+pub struct NetworkWalk<'a> {
+    model: &'a NetworkModel,
+    network: &'a Mlp,
+    workspace: Workspace,
+    input: Vec<f32>,
+    steps: u64,
+}
+
+impl Walked for NetworkWalk<'_> {
+    /// A network knows nothing of what it does not know: no step counts as uncovered.
+    fn coverage(&self) -> Coverage {
+        Coverage { steps: self.steps, ..Coverage::default() }
+    }
+}
+
+impl Environment for NetworkWalk<'_> {
+    fn actions(&self) -> usize {
+        self.model.scales.actions
+    }
+
+    fn columns(&self) -> usize {
+        self.model.starts.columns()
+    }
+
+    fn start(&mut self, rng: &mut Rng, state: &mut [f32]) {
+        state.copy_from_slice(self.model.starts.row(rng.below(self.model.starts.rows())));
+    }
+
+    fn step(&mut self, action: usize, _rng: &mut Rng, state: &mut [f32]) -> Outcome {
+        self.steps += 1;
+        let scales = &self.model.scales;
+        scales.put_input(state, action, &mut self.input);
+        let output = self.network.forward(&self.input, &mut self.workspace);
+        let (changes, rest) = output.split_at(state.len());
+        for ((value, change), column) in state.iter_mut().zip(changes).zip(&scales.columns) {
+            *value = (*value + change * column.change).clamp(column.lowest, column.highest);
+        }
+        let reward = &scales.reward;
+        let got = (reward.mean + rest[0] * reward.std).clamp(reward.lowest, reward.highest);
+        Outcome { reward: f64::from(got), ending: Ending::terminal_if(rest[1] > 0.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

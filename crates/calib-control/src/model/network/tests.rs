@@ -1,0 +1,102 @@
+use calib_core::{Segments, Silent};
+
+use super::*;
+use crate::Columns;
+
+/// A place on a line: action 0 goes back by 0.1, action 1 forth by 0.05; the reward is the place that it leads to, in thousands; above 0.9 it ends.
+fn log() -> Decisions {
+    let mut rng = Seed::new(1).rng();
+    let (mut states, mut actions, mut rewards, mut endings, mut lengths) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..60 {
+        let mut place = 0.9 * rng.unit() as f32;
+        let mut length = 1;
+        states.push(place);
+        rewards.push(f32::NAN);
+        endings.push(Ending::Continues);
+        while length < 40 && place < 0.9 {
+            let action = u16::from(rng.below(3) > 0);
+            actions.push(Some(action));
+            place = follows(place, usize::from(action));
+            states.push(place);
+            rewards.push(1000.0 * place);
+            endings.push(Ending::terminal_if(place >= 0.9));
+            length += 1;
+        }
+        actions.push(None);
+        lengths.push(length);
+    }
+    let rows = states.len();
+    let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
+    let states = States::new(states, rows, 1).expect("valid");
+    let segments = Segments::from_lengths(lengths).expect("valid");
+    Decisions::new(states, &segments, columns, 2).expect("a log")
+}
+
+fn follows(place: f32, action: usize) -> f32 {
+    (place + if action == 1 { 0.05 } else { -0.1 }).max(0.0)
+}
+
+fn model(config: NetworkConfig) -> NetworkModel {
+    let starts = States::new(vec![0.1, 0.3], 2, 1).expect("valid");
+    NetworkModel::train(&log(), starts, &config, Seed::new(2), &Silent).expect("learnt")
+}
+
+#[test]
+fn a_step_is_what_follows_in_truth() {
+    let model = model(NetworkConfig { updates: 4000, members: 3, ..NetworkConfig::default() });
+    for member in 0..model.members() {
+        let mut walk = model.walk(member);
+        let mut rng = Seed::new(3).rng();
+        for (place, action) in [(0.3, 0), (0.5, 1), (0.05, 0), (0.8, 1), (0.88, 1)] {
+            let mut state = [place];
+            let outcome = walk.step(action, &mut rng, &mut state);
+            let truth = follows(place, action);
+            assert!((state[0] - truth).abs() < 0.02, "{place} {action}: {state:?}, not {truth}");
+            assert!((outcome.reward - f64::from(1000.0 * truth)).abs() < 25.0, "{outcome:?}");
+            assert_eq!(outcome.ending, Ending::terminal_if(truth >= 0.9), "{place} {action}");
+        }
+        assert_eq!(walk.coverage(), Coverage { steps: 5, missing: 0, far: 0 });
+    }
+}
+
+#[test]
+fn nothing_leaves_the_range_of_the_log() {
+    // So little was learnt that it is wrong everywhere.
+    let model = model(NetworkConfig { updates: 1, learning_rate: 1.0, ..NetworkConfig::default() });
+    let log = log();
+    let highest = log.states().as_slice().iter().copied().fold(f32::MIN, f32::max);
+    let mut walk = model.walk(0);
+    let mut rng = Seed::new(3).rng();
+    let mut state = [0.0];
+    walk.start(&mut rng, &mut state);
+    assert!([0.1, 0.3].contains(&state[0]));
+    for step in 0..200 {
+        let outcome = walk.step(step % 2, &mut rng, &mut state);
+        assert!((0.0..=highest).contains(&state[0]), "{state:?}");
+        assert!((0.0..=f64::from(1000.0 * highest)).contains(&outcome.reward), "{outcome:?}");
+    }
+}
+
+#[test]
+fn the_same_for_any_number_of_threads() {
+    let config = NetworkConfig { updates: 30, ..NetworkConfig::default() };
+    let of = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| model(config)).networks
+    };
+    assert_eq!(of(1), of(3));
+    assert_ne!(of(1)[0], of(1)[1], "members differ");
+}
+
+#[test]
+fn impossible_networks_are_refused() {
+    let none = NetworkConfig { batch: 0, ..NetworkConfig::default() };
+    let starts = || States::new(vec![0.1], 1, 1).expect("valid");
+    let told = NetworkModel::train(&log(), starts(), &none, Seed::new(2), &Silent);
+    assert!(told.expect_err("none").to_string().contains("batch"));
+    let nowhere = starts().slice(0..0);
+    let config = NetworkConfig::default();
+    let told = NetworkModel::train(&log(), nowhere, &config, Seed::new(2), &Silent);
+    assert!(matches!(told, Err(ControlError::NoStarts)));
+}

@@ -1,0 +1,216 @@
+use calib_core::{Monitor, Seed, TransitionIndex};
+use calib_knn::Blocks;
+use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+
+use super::NetworkConfig;
+use crate::{Decisions, Ending};
+
+/// What states, changes and rewards of a log are scaled by.
+#[derive(Clone, Debug)]
+pub(super) struct Scales {
+    pub(super) columns: Vec<Column>,
+    pub(super) reward: Reward,
+    pub(super) actions: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    mean: f32,
+    std: f32,
+    /// Root of the mean square of the changes.
+    pub(super) change: f32,
+    pub(super) lowest: f32,
+    pub(super) highest: f32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reward {
+    pub(super) mean: f32,
+    pub(super) std: f32,
+    pub(super) lowest: f32,
+    pub(super) highest: f32,
+}
+
+/// Mean, standard deviation, and range; a spread of 0 becomes 1, which leaves what is constant at 0.
+fn spread(values: impl Iterator<Item = f32> + Clone) -> Reward {
+    let wide = values.clone().map(f64::from);
+    let count = wide.clone().count() as f64;
+    let mean = wide.clone().sum::<f64>() / count;
+    let variance = wide.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+    Reward {
+        mean: mean as f32,
+        std: unless_zero(variance.sqrt() as f32),
+        lowest: values.clone().fold(f32::INFINITY, f32::min),
+        highest: values.fold(f32::NEG_INFINITY, f32::max),
+    }
+}
+
+fn unless_zero(spread: f32) -> f32 {
+    if spread > 1e-6 { spread } else { 1.0 }
+}
+
+/// The states that a transition leads from and to.
+fn ends(log: &Decisions, transition: TransitionIndex) -> [&[f32]; 2] {
+    let transitions = log.transitions();
+    [transitions.source(transition), transitions.next(transition)]
+        .map(|row| log.states().row(row.get()))
+}
+
+impl Scales {
+    pub(super) fn new(log: &Decisions) -> Self {
+        let all = || (0..log.len()).map(TransitionIndex::new);
+        let of = |column: usize| {
+            let values = all().flat_map(move |at| ends(log, at).map(|state| state[column]));
+            let Reward { mean, std, lowest, highest } = spread(values);
+            let squares = all().map(|at| {
+                let [from, to] = ends(log, at);
+                f64::from(to[column] - from[column]).powi(2)
+            });
+            let change = unless_zero((squares.sum::<f64>() / log.len() as f64).sqrt() as f32);
+            Column { mean, std, change, lowest, highest }
+        };
+        Self {
+            columns: (0..log.states().columns()).map(of).collect(),
+            reward: spread(log.rewards().iter().copied()),
+            actions: log.levels(),
+        }
+    }
+
+    /// What a network is given.
+    pub(super) fn put_input(&self, state: &[f32], action: usize, input: &mut [f32]) {
+        let (scaled, actions) = input.split_at_mut(self.columns.len());
+        for ((scaled, value), column) in scaled.iter_mut().zip(state).zip(&self.columns) {
+            *scaled = (value - column.mean) / column.std;
+        }
+        actions.fill(0.0);
+        actions[action] = 1.0;
+    }
+
+    /// What it should say.
+    fn put_target(&self, log: &Decisions, number: usize, target: &mut [f32]) {
+        let [from, to] = ends(log, TransitionIndex::new(number));
+        for (place, column) in self.columns.iter().enumerate() {
+            target[place] = (to[place] - from[place]) / column.change;
+        }
+        let width = self.columns.len();
+        target[width] = (log.rewards()[number] - self.reward.mean) / self.reward.std;
+        target[width + 1] = f32::from(u8::from(log.endings()[number] == Ending::Terminal));
+    }
+}
+
+/// Inputs and targets of some transitions, row by row.
+struct Examples {
+    inputs: Vec<f32>,
+    targets: Vec<f32>,
+    /// Width of both.
+    widths: [usize; 2],
+}
+
+impl Examples {
+    fn new(log: &Decisions, scales: &Scales, transitions: impl Iterator<Item = usize>) -> Self {
+        let widths = [scales.columns.len() + scales.actions, scales.columns.len() + 2];
+        let (mut inputs, mut targets) = (Vec::new(), Vec::new());
+        let (mut input, mut target) = (vec![0.0; widths[0]], vec![0.0; widths[1]]);
+        for number in transitions {
+            let [from, _] = ends(log, TransitionIndex::new(number));
+            scales.put_input(from, usize::from(log.actions()[number]), &mut input);
+            scales.put_target(log, number, &mut target);
+            inputs.extend_from_slice(&input);
+            targets.extend_from_slice(&target);
+        }
+        Self { inputs, targets, widths }
+    }
+
+    fn len(&self) -> usize {
+        self.inputs.len() / self.widths[0]
+    }
+
+    fn put(&self, row: usize, inputs: &mut Vec<f32>, targets: &mut Vec<f32>) {
+        let [input, target] = self.widths;
+        inputs.extend_from_slice(&self.inputs[row * input..][..input]);
+        targets.extend_from_slice(&self.targets[row * target..][..target]);
+    }
+}
+
+/// The loss of one row, and its gradient: ½ Σ (y − ŷ)² of changes and reward, and the cross-entropy of the terminal.
+fn loss(output: &[f32], target: &[f32], gradient: &mut [f32]) -> f64 {
+    let last = output.len() - 1;
+    let mut sum = 0.0;
+    for place in 0..last {
+        gradient[place] = output[place] - target[place];
+        sum += 0.5 * f64::from(gradient[place]).powi(2);
+    }
+    let (odds, ended) = (f64::from(output[last]), f64::from(target[last]));
+    gradient[last] = (1.0 / (1.0 + (-odds).exp()) - ended) as f32;
+    // ln(1 + e^x) − y x, without overflow.
+    sum + odds.max(0.0) + (-odds.abs()).exp().ln_1p() - ended * odds
+}
+
+/// Mean loss of `examples`; not finite if the network is not.
+fn mean_loss(network: &Mlp, examples: &Examples, workspace: &mut Workspace, rows: usize) -> f64 {
+    let [input, target] = examples.widths;
+    let mut gradient = vec![0.0; target];
+    let mut sum = 0.0;
+    let batches = examples.inputs.chunks(rows * input).zip(examples.targets.chunks(rows * target));
+    for (inputs, targets) in batches {
+        let outputs = network.forward(inputs, workspace);
+        for (output, target) in outputs.chunks(target).zip(targets.chunks(target)) {
+            sum += loss(output, target, &mut gradient);
+        }
+    }
+    sum / examples.len().max(1) as f64
+}
+
+/// A member's network: of those after every part of the updates the one that predicts the block best that it does not learn from. `None` if the
+/// monitor interrupts.
+pub(super) fn train(
+    log: &Decisions,
+    scales: &Scales,
+    (blocks, member): (&Blocks, usize),
+    config: &NetworkConfig,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Option<Mlp> {
+    let known = blocks.transitions_of(member).map(TransitionIndex::get);
+    let known = Examples::new(log, scales, known);
+    let held_back = blocks.own(member).map(|of| of as usize);
+    let held_back = Examples::new(log, scales, held_back);
+    let hidden = vec![config.hidden_units; config.hidden_layers];
+    let [inputs, outputs] = known.widths;
+    let mut network = Mlp::new(&[vec![inputs], hidden, vec![outputs]].concat(), seed);
+    let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
+    let mut adam = Adam::new(rule, network.parameter_count());
+    let mut workspace = Workspace::new(&network, config.batch);
+    let mut rng = seed.child("batches").rng();
+    let mut best = (f64::INFINITY, network.clone());
+    let every = config.updates.div_ceil(NetworkConfig::CHECKS);
+    let (mut batch, mut targets) = (Vec::new(), Vec::new());
+    let mut gradient = vec![0.0; config.batch * outputs];
+    for update in 1..=config.updates {
+        if monitor.interrupted() {
+            return None;
+        }
+        batch.clear();
+        targets.clear();
+        for _ in 0..config.batch {
+            known.put(rng.below(known.len()), &mut batch, &mut targets);
+        }
+        let said = network.forward(&batch, &mut workspace).chunks(outputs);
+        for ((output, target), own) in
+            said.zip(targets.chunks(outputs)).zip(gradient.chunks_mut(outputs))
+        {
+            loss(output, target, own);
+            own.iter_mut().for_each(|of| *of /= config.batch as f32);
+        }
+        let gradients = network.backward(&batch, &gradient, &mut workspace);
+        adam.step(network.parameters_mut(), gradients);
+        if update.is_multiple_of(every) || update == config.updates {
+            let loss = mean_loss(&network, &held_back, &mut workspace, config.batch);
+            if loss < best.0 {
+                best = (loss, network.clone());
+            }
+        }
+        monitor.advance(1);
+    }
+    Some(best.1)
+}

@@ -1,0 +1,42 @@
+//! The representation of a log of decisions, which `calib control` trains itself.
+
+use calib_core::States;
+use calib_study::Job;
+
+use super::{Material, RepresentationManifest, made, read, trained, up_to_date};
+use crate::{base::artefact, output::Printer};
+
+/// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
+/// matter.
+fn key(job: &Job, material: Material<'_>) -> anyhow::Result<String> {
+    let study = job.study();
+    let candidates = study.representation.candidates();
+    let format = <RepresentationManifest as artefact::Manifest>::FORMAT;
+    artefact::key(&("decisions", format, material.fingerprint, candidates, study.seed))
+}
+
+/// ψ of every state: what is there, or trained as `[representation]` says on pairs along the episodes, and chosen as for prediction.
+pub(crate) fn of(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow::Result<States> {
+    let directory = &job.layout().control_representation();
+    let key = key(job, material)?;
+    let kept = if job.policy().redoes() { None } else { up_to_date(directory, &key) };
+    let manifest = match kept {
+        Some(manifest) => manifest,
+        None => made(job, directory, material, key, |split| {
+            trained(job, None, (material, split), directory, printer)
+        })?,
+    };
+    Ok(read(directory, &manifest, &job.command("control"))?.psi)
+}
+
+/// ψ of every state, if it was trained.
+pub(crate) fn kept(job: &Job, material: Material<'_>) -> anyhow::Result<Option<States>> {
+    let directory = &job.layout().control_representation();
+    let Some(manifest) = up_to_date(directory, &key(job, material)?) else { return Ok(None) };
+    Ok(Some(read(directory, &manifest, &job.command("control"))?.psi))
+}
+
+/// What `calib control` trained, for the report.
+pub(crate) fn manifest(job: &Job) -> Option<RepresentationManifest> {
+    artefact::read(&job.layout().control_representation())
+}
