@@ -89,6 +89,33 @@ fn neighbours_can_be_near_in_a_representation() {
 }
 
 #[test]
+fn a_torque_is_chosen_among_levels_of_its_range() {
+    let place = Place::new();
+    let args = ["simulate", "swing", "--task", "pendulum", "--policy", "random"];
+    place.calib(&[&args[..], &["--transitions", "1500"]].concat()).succeeds();
+    let study = "swing/study.toml";
+    let told = place.calib(&["inspect", study]).succeeds();
+    for part in ["torque", "least", "largest", "nearest level", "torque=-2", "torque=2"] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let few = ["--set", "control.steps=400", "--set", "control.model.members=2"];
+    let grid = ["--set", "control.grid={ step_size = [0.03, 0.3] }"];
+    let args = [&["control", study, "--json"][..], &few, &grid].concat();
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
+    assert_eq!(json["actions"].as_array().map(Vec::len), Some(7));
+    assert_eq!(json["settings"][0]["column"], "torque");
+    let heavier = [&args[..], &["--set", "control.model.action_weight=3"]].concat();
+    let other: serde_json::Value =
+        serde_json::from_str(&place.calib(&heavier).ends(&[0, 1])).expect("JSON");
+    assert_ne!(json["verdict"]["members"], other["verdict"]["members"], "the weight counts");
+    let text = fs::read_to_string(place.path().join(study)).expect("a study");
+    place.write(study, &text.replace("levels = 7", "most_actions = 64"));
+    let told = place.calib(&["control", study]).fails(2);
+    assert!(told.contains("control.levels"), "{told}");
+}
+
+#[test]
 fn mistakes_in_the_section_say_what_to_do() {
     let place = place();
     let study = "pole/study.toml";

@@ -25,6 +25,11 @@ pub struct ControlConfig {
     pub steps: usize,
     /// Runs of each candidate in each member.
     pub runs: usize,
+    /// For continuous actions: how many levels of each action column an agent chooses among, an even grid over its recorded range (its own values
+    /// where it has no more). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
+    /// combination of values that occurs is an action of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levels: Option<usize>,
     /// Most actions; a log with more is refused, because each wants neighbours of its own.
     pub most_actions: usize,
     /// The return that an episode ends with where the log does not cover a step. Default: that of the worst recorded episode.
@@ -65,6 +70,7 @@ impl Default for ControlConfig {
             timeout: 500,
             steps: 15_000,
             runs: 1,
+            levels: None,
             most_actions: 64,
             worst_return: None,
             start: StartRows::Episodes,
@@ -86,7 +92,12 @@ impl ControlConfig {
         if self.actions.is_empty() {
             return Err(ControlError::NoActions);
         }
+        if self.levels.is_some() && self.probability.is_some() {
+            return Err(ControlError::ProbabilityOfLevels);
+        }
+        let levels = self.levels.unwrap_or(2);
         let checks = [
+            ("levels", levels as f64, (2..=1024).contains(&levels), "from 2 to 1024"),
             ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
             ("steps", self.steps as f64, self.steps > 0, "at least 1"),
             ("runs", self.runs as f64, self.runs > 0, "at least 1"),
@@ -168,6 +179,10 @@ mod tests {
         assert!(toml::from_str::<ControlConfig>("action = 'dose'").is_err(), "no such key");
         let told = ControlConfig::default().check().expect_err("no action").to_string();
         assert!(told.contains("`actions`"), "{told}");
+        let told = ControlConfig { levels: Some(7), ..config.clone() }.check();
+        assert!(told.expect_err("densities").to_string().contains("control.probability"));
+        let one = ControlConfig { levels: Some(1), probability: None, ..config.clone() };
+        assert!(one.check().expect_err("one").to_string().contains("levels"));
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }

@@ -31,7 +31,8 @@ pub enum ControlError {
     EmptyReward,
     /// More different actions than are allowed.
     #[error(
-        "the log has more than {most} different actions; round the action columns to levels, or raise control.most_actions"
+        "the log has more than {most} different actions; if a column of them is continuous, set control.levels (7, say), else round it, or raise \
+         control.most_actions"
     )]
     ManyActions {
         /// How many are allowed.
@@ -60,6 +61,11 @@ pub enum ControlError {
         /// The row.
         row: usize,
     },
+    /// Probabilities of continuous actions.
+    #[error(
+        "control.levels makes actions continuous, and what was set then has no probability but a density; leave control.probability out"
+    )]
+    ProbabilityOfLevels,
     /// A probability is none.
     #[error(
         "row {row}: the probability of the action that was taken is {got}, expected above 0, up to 1"

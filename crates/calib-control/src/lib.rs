@@ -17,6 +17,7 @@ mod life;
 mod log;
 mod model;
 mod reward;
+mod settings;
 mod sweep;
 mod task;
 mod usage;
@@ -38,6 +39,7 @@ pub use model::{
     NetworkWalk, Pessimism, Starts, Walk, Walked,
 };
 pub use reward::{Reward, Term};
+pub use settings::Settings;
 pub use sweep::{Extent, Run, sweep, truth};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,

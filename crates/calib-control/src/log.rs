@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use calib_core::{RowIndex, Segments, States, TransitionIndex, Transitions};
 
-use crate::{ControlError, Ending};
+use crate::{ControlError, Ending, Settings};
 
 /// A log with actions, rewards and terminals.
 ///
@@ -22,6 +22,8 @@ pub struct Decisions {
     endings: Vec<Ending>,
     /// That the behaviour took the action of each transition, where that was logged.
     probabilities: Option<Vec<f64>>,
+    /// What was set, where actions are continuous.
+    settings: Option<Settings>,
     levels: usize,
 }
 
@@ -81,8 +83,8 @@ impl Decisions {
         if actions.is_empty() {
             return Err(ControlError::NoTransitions);
         }
-        let probabilities = None;
-        Ok(Self { states, transitions, actions, rewards, endings, probabilities, levels })
+        let (probabilities, settings) = (None, None);
+        Ok(Self { states, transitions, actions, rewards, endings, probabilities, settings, levels })
     }
 
     /// The same log with the probability, in every row, that the action was taken which was; rows without an action have none.
@@ -107,6 +109,27 @@ impl Decisions {
     /// The probability that the behaviour took the action of each transition, where that was logged.
     pub fn probabilities(&self) -> Option<&[f64]> {
         self.probabilities.as_deref()
+    }
+
+    /// The same log with what was set in every row, its actions being the nearest levels.
+    ///
+    /// # Errors
+    /// If there is not one setting a row, or there are not as many levels as actions.
+    pub fn with_settings(self, settings: Settings) -> Result<Self, ControlError> {
+        for (what, expected, got) in [
+            ("settings", self.states.rows(), settings.rows()),
+            ("levels", self.levels, settings.levels()),
+        ] {
+            if got != expected {
+                return Err(ControlError::Rows { what, expected, got });
+            }
+        }
+        Ok(Self { settings: Some(settings), ..self })
+    }
+
+    /// What was set, where actions are continuous.
+    pub fn settings(&self) -> Option<&Settings> {
+        self.settings.as_ref()
     }
 
     /// The transitions of each episode.

@@ -3,7 +3,7 @@ use calib_files::ScratchPlace;
 use calib_knn::{Blocks, Found, IndexKind, Queries, Sources, Weights};
 
 use super::{ActionModel, ActionModelConfig, ActionTable, Starts, radius};
-use crate::{ControlError, Decisions};
+use crate::{ControlError, Decisions, settings::next_states};
 
 impl ActionModel {
     /// Build the model of `log`, whose distances are those of `metric`, `[rows, d]`: the states, or their representation.
@@ -26,25 +26,34 @@ impl ActionModel {
             return Err(ControlError::NoStarts);
         }
         let blocks = Blocks::new(log.transitions(), config.members)?;
-        let sources = Sources::new(metric, log.transitions(), &blocks)?;
         let k = config.neighbors;
         let (mut tables, mut start_tables) = (Vec::new(), Vec::new());
         for _ in 0..config.members {
             tables.push(ActionTable::new(log.len(), log.levels(), k));
             start_tables.push(ActionTable::new(starts.metric.rows(), log.levels(), k));
         }
-        for action in 0..log.levels() {
-            let chosen = log.with_action(action);
-            if chosen.is_empty() {
-                continue;
+        let mut made = Made { k, tables: &mut tables, start_tables: &mut start_tables };
+        let radius = match log.settings() {
+            None => {
+                let sources = Sources::new(metric, log.transitions(), &blocks)?;
+                made.of_actions(&sources, &log, &starts.metric, monitor)?;
+                let each = (0..log.levels()).map(|action| log.with_action(action));
+                radius::radius(&sources, each, config.coverage, monitor)?
             }
-            let among = sources.among(&chosen);
-            let next = Queries::next_states(&among, calib_knn::Exclusion::default());
-            fill(&among, &next, k, action, &mut tables, monitor)?;
-            let from_start = Queries::external(&among, &starts.metric, None)?;
-            fill(&among, &from_start, k, action, &mut start_tables, monitor)?;
-        }
-        let radius = radius::radius(&sources, &log, config.coverage, monitor)?;
+            Some(settings) => {
+                let weight = config.action_weight;
+                let taken = settings.taken(metric, weight)?;
+                let sources = Sources::new(&taken, log.transitions(), &blocks)?;
+                let next = next_states(&log, metric)?;
+                for level in 0..log.levels() {
+                    let [next, starts] = [&next, &starts.metric]
+                        .map(|metric| settings.at_level(metric, level, weight));
+                    made.of_level(&sources, level, [&next?, &starts?], monitor)?;
+                }
+                let all = (0..log.len() as u32).collect();
+                radius::radius(&sources, std::iter::once(all), config.coverage, monitor)?
+            }
+        };
         let (weights, pessimism) = (Weights::Linear, config.pessimism);
         let starts = starts.observed;
         Ok(Self {
@@ -63,6 +72,51 @@ impl ActionModel {
     /// Which transitions each member has.
     pub fn blocks(&self) -> &Blocks {
         &self.blocks
+    }
+}
+
+/// The tables of a model while they are made, one a member.
+struct Made<'a> {
+    k: usize,
+    tables: &'a mut [ActionTable],
+    start_tables: &'a mut [ActionTable],
+}
+
+impl Made<'_> {
+    /// The neighbours for every action are among the transitions that have it.
+    fn of_actions(
+        &mut self,
+        sources: &Sources<'_>,
+        log: &Decisions,
+        starts: &States,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ControlError> {
+        for action in 0..log.levels() {
+            let chosen = log.with_action(action);
+            if chosen.is_empty() {
+                continue;
+            }
+            let among = sources.among(&chosen);
+            let next = Queries::next_states(&among, calib_knn::Exclusion::default());
+            fill(&among, &next, self.k, action, self.tables, monitor)?;
+            let from_start = Queries::external(&among, starts, None)?;
+            fill(&among, &from_start, self.k, action, self.start_tables, monitor)?;
+        }
+        Ok(())
+    }
+
+    /// Those for a level are among all transitions; `sources` and both queries have the action as further columns.
+    fn of_level(
+        &mut self,
+        sources: &Sources<'_>,
+        level: usize,
+        [next, starts]: [&States; 2],
+        monitor: &dyn Monitor,
+    ) -> Result<(), ControlError> {
+        let next = Queries::external(sources, next, None)?;
+        fill(sources, &next, self.k, level, self.tables, monitor)?;
+        let starts = Queries::external(sources, starts, None)?;
+        fill(sources, &starts, self.k, level, self.start_tables, monitor)
     }
 }
 

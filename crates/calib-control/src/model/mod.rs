@@ -33,6 +33,9 @@ pub struct ActionModelConfig {
     /// A state is covered for an action up to the distance within which this share of the recorded states has a recorded state with the same
     /// action in the other blocks; 1 for the largest such distance.
     pub coverage: f64,
+    /// Weight of continuous actions in the distance: with 1 the whole recorded range of an action counts as much as 1 of the metric, which for
+    /// `euclidean` is the range of a column of the states. Smaller, and neighbours are near in state whatever was set; larger, and they were set alike.
+    pub action_weight: f64,
     /// What a step does where the log does not cover it.
     pub pessimism: Pessimism,
 }
@@ -67,6 +70,7 @@ impl Default for ActionModelConfig {
             neighbors: 3,
             members: 5,
             coverage: 0.95,
+            action_weight: 1.0,
             pessimism: Pessimism::Nearest,
         }
     }
@@ -87,6 +91,12 @@ impl ActionModelConfig {
                 self.coverage > 0.0 && self.coverage <= 1.0,
                 "above 0, up to 1",
             ),
+            (
+                "action_weight",
+                self.action_weight,
+                self.action_weight > 0.0 && self.action_weight.is_finite(),
+                "a positive number",
+            ),
         ];
         match checks.into_iter().find(|check| !check.2) {
             Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
@@ -100,6 +110,9 @@ impl ActionModelConfig {
 /// A step from s' with action a draws one of the k transitions with action a whose source states are nearest to s', by distance in the
 /// model's metric (`Weights::Linear`), and leads to its recorded next state with its recorded reward and ending. Member m knows nothing of
 /// block m of the log.
+///
+/// Where actions are continuous ([`Settings`](crate::Settings)), those of a level u are drawn from the k transitions that are nearest to (s', w u), whatever was
+/// set: distances are those of (metric, w a), a being divided by its recorded range.
 #[derive(Clone, Debug)]
 pub struct ActionModel {
     log: Decisions,

@@ -1,24 +1,23 @@
-use calib_core::{Monitor, RowIndex};
+use calib_core::{Monitor, RowIndex, TransitionIndex};
 use calib_files::ScratchPlace;
 use calib_knn::{Exclusion, Found, IndexKind, Queries, Sources};
 use calib_stats::quantile;
 
-use crate::{ControlError, Decisions};
+use crate::ControlError;
 
-/// How far a recorded state is from the nearest one with the same action that was recorded at another time: the quantile `share` of these
-/// distances over all transitions, the nearest being looked for outside the transition's own block.
+/// How far a recorded state is from the nearest one of its group, those with the same action, that was recorded at another time: the quantile `share`
+/// of these distances over all transitions, the nearest being looked for outside the transition's own block.
 ///
 /// What is near in time is near in state whether the log covers the place or not; blocks are the time that members leave out, so the
 /// distances are those at which a member knows what it has not seen. Infinite if no transition has another one.
 pub(super) fn radius(
     sources: &Sources<'_>,
-    log: &Decisions,
+    groups: impl Iterator<Item = Vec<u32>>,
     share: f64,
     monitor: &dyn Monitor,
 ) -> Result<f32, ControlError> {
-    let mut distances = Vec::with_capacity(log.len());
-    for action in 0..log.levels() {
-        let chosen = log.with_action(action);
+    let mut distances = Vec::with_capacity(sources.len());
+    for chosen in groups {
         if chosen.is_empty() {
             continue;
         }
@@ -27,7 +26,7 @@ pub(super) fn radius(
             let own = sources.blocks().own(member);
             let within = chosen.iter().filter(|transition| own.contains(transition));
             let rows: Vec<RowIndex> =
-                within.map(|&of| RowIndex(log.transitions().sources()[of as usize])).collect();
+                within.map(|&of| sources.transitions().source(TransitionIndex(of))).collect();
             if rows.is_empty() {
                 continue;
             }

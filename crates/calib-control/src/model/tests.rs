@@ -64,6 +64,85 @@ proptest! {
     }
 }
 
+/// The same log with torques between levels.
+fn continuous(rows: usize, seed: u64) -> (Decisions, Vec<f64>) {
+    let log = log(rows, seed, 3);
+    let mut rng = Seed::new(seed + 1).rng();
+    let torque: Vec<f64> = (0..rows).map(|_| f64::from(rng.below(9) as u32) / 4.0 - 1.0).collect();
+    let (levels, settings) = crate::Levels::of_range(&[torque.clone()], 3, 64).expect("levels");
+    assert_eq!(levels.values, [[-1.0], [0.0], [1.0]]);
+    (log.with_settings(settings).expect("as many rows"), torque)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn tables_of_levels_are_the_nearest_in_state_and_action(
+        rows in 40_usize..300, seed in 0_u64..1000, weight in 0.1_f64..5.0,
+    ) {
+        let (log, torque) = continuous(rows, seed);
+        let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
+        let model = model(log, config);
+        let log = model.log();
+        for member in 0..model.members() {
+            for level in 0..3 {
+                let wanted = (level as f64 - 1.0) / 2.0;
+                for number in 0..log.len() {
+                    let transition = TransitionIndex::new(number);
+                    if !model.blocks().contains(member, transition) {
+                        continue;
+                    }
+                    let from = log.states().row(log.transitions().next(transition).get());
+                    let distance = |of: u32| {
+                        let row = log.transitions().sources()[of as usize] as usize;
+                        let state = log.states().row(row);
+                        let apart = from.iter().zip(state).map(|(a, b)| f64::from(a - b).powi(2));
+                        let set = weight * (torque[row] / 2.0 - wanted);
+                        (apart.sum::<f64>() + set * set).sqrt()
+                    };
+                    let (got, distances) = model.tables[member].of(number, level);
+                    let all = (0..log.len() as u32)
+                        .filter(|&of| model.blocks().contains(member, TransitionIndex(of)));
+                    let mut expected: Vec<f64> = all.map(distance).collect();
+                    expected.sort_by(f64::total_cmp);
+                    prop_assert_eq!(got.len(), 3);
+                    for ((&of, &told), expected) in got.iter().zip(distances).zip(expected) {
+                        prop_assert!((distance(of) - expected).abs() < 1e-5, "{} {}", of, expected);
+                        prop_assert!((f64::from(told) - expected).abs() < 1e-5);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_was_set_counts_by_its_weight() {
+    // By its weight alone, the mean distance between what was wanted and what was set in what is drawn.
+    let apart = |weight: f64| {
+        let (log, torque) = continuous(400, 3);
+        let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
+        let model = model(log, config);
+        let mut walk = model.walk(0);
+        let mut rng = Seed::new(3).rng();
+        let (mut state, mut sum) = ([0.0; 2], 0.0);
+        walk.start(&mut rng, &mut state);
+        for step in 0..600 {
+            let outcome = walk.step(step % 3, &mut rng, &mut state);
+            // The reward is the number of the row that a transition leads to.
+            let set = torque[outcome.reward as usize - 1];
+            sum += (set - (step % 3) as f64 + 1.0).abs() / 600.0;
+            if outcome.ending == Ending::Terminal {
+                walk.start(&mut rng, &mut state);
+            }
+        }
+        assert_eq!(walk.coverage().missing, 0);
+        sum
+    };
+    let [light, even, heavy] = [0.01, 1.0, 100.0].map(apart);
+    assert!(light > 0.6 && even < 0.3 && heavy < 0.01, "{light} {even} {heavy}");
+}
+
 #[test]
 fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
     // Action 2 was never recorded.

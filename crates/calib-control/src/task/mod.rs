@@ -38,6 +38,11 @@ pub trait Task: Clone + Send + Sync {
         vec![("action", (0..Self::actions().len()).map(|of| of as f64).collect())]
     }
 
+    /// The column of a setting that is continuous, which [`log`](Self::log) adds: what was really set, the action being about that.
+    fn continuous() -> Option<&'static str> {
+        None
+    }
+
     /// Columns of what is logged beside the state, which the reward is made of; none where the reward itself is logged.
     fn logged() -> &'static [&'static str] {
         &[]

@@ -12,6 +12,10 @@ use crate::{Ending, Outcome};
 #[derive(Clone, Debug, Default)]
 pub struct Pendulum {
     pub(crate) state: [f64; 2],
+    /// Largest difference between the torque and its level, N m.
+    play: f64,
+    /// The last torque.
+    torque: f64,
 }
 
 const STEP: f64 = 0.05;
@@ -20,6 +24,11 @@ const STRONGEST: f64 = 2.0;
 const LEVELS: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 
 impl Pendulum {
+    /// The same with a torque that is anything within half a level of the action's, each as likely: a continuous action, as a log has it.
+    pub fn continuous() -> Self {
+        Self { play: 0.5, ..Self::default() }
+    }
+
     /// Let `torque`, cut at ±2 N m, act for a step; the reward.
     pub fn push(&mut self, torque: f64) -> f64 {
         let [angle, speed] = self.state;
@@ -57,7 +66,17 @@ impl Task for Pendulum {
         observed.extend([angle.cos(), angle.sin(), speed]);
     }
 
-    fn step(&mut self, action: usize, _rng: &mut Rng) -> Outcome {
-        Outcome { reward: self.push(LEVELS[action]), ending: Ending::Continues }
+    fn continuous() -> Option<&'static str> {
+        Some("torque")
+    }
+
+    fn log(&self, logged: &mut Vec<f64>) {
+        logged.push(self.torque);
+    }
+
+    fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome {
+        let off = if self.play > 0.0 { rng.uniform(-self.play, self.play) } else { 0.0 };
+        self.torque = (LEVELS[action] + off).clamp(-STRONGEST, STRONGEST);
+        Outcome { reward: self.push(self.torque), ending: Ending::Continues }
     }
 }

@@ -14,6 +14,9 @@ const PARTS: usize = 5;
 pub struct LogTold {
     /// What the actions are called, and how the log has them.
     pub(super) actions: Vec<ActionTold>,
+    /// What was set, where actions are continuous; the actions are then levels of it, each with the transitions that are nearest to it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) settings: Vec<SettingTold>,
     /// Columns of the states.
     pub(super) columns: Vec<String>,
     pub(super) transitions: usize,
@@ -25,6 +28,14 @@ pub struct LogTold {
     pub(super) radius: f32,
     /// Where along each column the log says what each action does.
     pub(super) map: Vec<ColumnMap>,
+}
+
+/// A continuous action as the log has it.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(super) struct SettingTold {
+    pub(super) column: String,
+    /// What was set: the least, the 5 %, 50 % and 95 % quantiles, and the largest.
+    pub(super) quantiles: [f64; 5],
 }
 
 /// An action as the log has it.
@@ -76,6 +87,7 @@ pub(super) fn described(
     };
     Ok(LogTold {
         actions: names.actions.iter().zip(counted).map(told).collect(),
+        settings: names.settings.clone(),
         columns: names.columns.clone(),
         transitions: log.len(),
         episodes: log.starts().len(),

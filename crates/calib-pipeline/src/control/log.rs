@@ -3,8 +3,10 @@ use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows
 use calib_core::{Bounds, RowIndex, States};
 use calib_data::DataConfig;
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
+use calib_stats::quantile;
 use calib_study::Job;
 
+use super::described::SettingTold;
 use crate::{base::memory, log::plant_of_study::data_of, output::Printer, represent::Material};
 
 /// A log of decisions, read from the files of a study.
@@ -19,6 +21,8 @@ pub(super) struct ActionLog {
 pub(super) struct Names {
     /// What the actions are called.
     pub(super) actions: Vec<String>,
+    /// What was set, where actions are continuous.
+    pub(super) settings: Vec<SettingTold>,
     /// Columns of the states.
     pub(super) columns: Vec<String>,
     bounds: Vec<Bounds>,
@@ -52,7 +56,14 @@ pub(super) fn read(
         let place = names.iter().position(|of| of == name);
         place.map_or_else(Vec::new, |place| recorded[place].clone())
     };
-    let levels = Levels::new(&recorded[..config.actions.len()], config.most_actions)?;
+    let acted = &recorded[..config.actions.len()];
+    let (levels, settings) = match config.levels {
+        None => (Levels::new(acted, config.most_actions)?, None),
+        Some(levels) => {
+            let (levels, settings) = Levels::of_range(acted, levels, config.most_actions)?;
+            (levels, Some(settings))
+        }
+    };
     let rows = dataset.train.rows();
     let rewards = config.reward.of(rows, column);
     let ended = |value: &f64| {
@@ -67,16 +78,22 @@ pub(super) fn read(
     let mut decisions =
         Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
     let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
+    if let Some(settings) = settings {
+        decisions = decisions.with_settings(settings)?;
+        fingerprint = with_numbers(&fingerprint, b"settings 1", acted.iter().flatten());
+    }
     if let Some(name) = &config.probability {
         decisions = decisions
             .with_probabilities(&column(name))
             .with_context(|| format!("control.probability = \"{name}\""))?;
-        fingerprint = with_probabilities(&fingerprint, &decisions);
+        let own = decisions.probabilities().unwrap_or_default();
+        fingerprint = with_numbers(&fingerprint, b"probabilities 1", own.iter());
     }
     let actions = (0..levels.values.len()).map(|of| levels.name(of, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
     let names = Names {
         actions,
+        settings: settings_told(config, acted)?,
         columns: columns.iter().map(|of| of.name.clone()).collect(),
         bounds: columns.iter().map(|of| of.bounds).collect(),
     };
@@ -104,13 +121,35 @@ fn fingerprint(
     all.finish()
 }
 
-fn with_probabilities(of: &Fingerprint, log: &Decisions) -> Fingerprint {
+/// The fingerprint of what has one, and of these numbers.
+fn with_numbers<'a>(
+    of: &Fingerprint,
+    what: &[u8],
+    numbers: impl Iterator<Item = &'a f64>,
+) -> Fingerprint {
     let mut all = Fingerprinter::default();
-    all.add(b"probabilities 1").add(of.to_string().as_bytes());
-    for probability in log.probabilities().unwrap_or_default() {
-        all.add(&probability.to_le_bytes());
+    all.add(what).add(of.to_string().as_bytes());
+    for &number in numbers {
+        // Every NaN is the same missing one.
+        let number = if number.is_nan() { f64::NAN } else { number };
+        all.add(&number.to_le_bytes());
     }
     all.finish()
+}
+
+/// What was set of every continuous action.
+fn settings_told(config: &ControlConfig, acted: &[Vec<f64>]) -> anyhow::Result<Vec<SettingTold>> {
+    if config.levels.is_none() {
+        return Ok(Vec::new());
+    }
+    let told = |(column, values): (&String, &Vec<f64>)| {
+        let own: Vec<f64> = values.iter().copied().filter(|of| !of.is_nan()).collect();
+        ensure!(!own.is_empty(), "the log has no value of {column}");
+        let share = |share: f64| quantile(&own, share);
+        let quantiles = [share(0.0)?, share(0.05)?, share(0.5)?, share(0.95)?, share(1.0)?];
+        Ok(SettingTold { column: column.clone(), quantiles })
+    };
+    config.actions.iter().zip(acted).map(told).collect()
 }
 
 impl ActionLog {

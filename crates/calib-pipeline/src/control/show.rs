@@ -2,7 +2,7 @@ use calib_control::{Doubt, Importance, Spread};
 use calib_stats::{Difference, Interval};
 
 use super::{
-    described::{ActionTold, LogTold},
+    described::{ActionTold, LogTold, SettingTold},
     files::{Told, ToldToMachines},
 };
 use crate::{
@@ -57,7 +57,19 @@ pub(super) fn actions(log: &LogTold) -> String {
         ]
     };
     let rows: Vec<_> = log.actions.iter().map(row).collect();
-    table(&["action", "taken", "of the log", "known in states"], &rows)
+    let first = if log.settings.is_empty() { "action" } else { "nearest level" };
+    let levels = table(&[first, "taken", "of the log", "known in states"], &rows);
+    if log.settings.is_empty() { levels } else { format!("{}\n{levels}", settings(log)) }
+}
+
+/// The ranges of continuous actions.
+fn settings(log: &LogTold) -> String {
+    let row = |of: &SettingTold| {
+        let quantiles = of.quantiles.iter().map(|&value| significant(value));
+        std::iter::once(of.column.clone()).chain(quantiles).collect::<Vec<_>>()
+    };
+    let rows: Vec<_> = log.settings.iter().map(row).collect();
+    table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
 }
 
 /// Columns of which it is told in which states an action was taken.

@@ -93,7 +93,7 @@ pub(crate) fn simulate(wanted: &SimulateTask, printer: &Printer) -> anyhow::Resu
             let plant = Membrane::new(Seed::new(wanted.seed));
             of(wanted, &plant, &log, &study)
         }
-        TaskKind::Pendulum => of(wanted, &Pendulum::default(), &log, &study),
+        TaskKind::Pendulum => of(wanted, &Pendulum::continuous(), &log, &study),
         TaskKind::PuddleWorld => of(wanted, &PuddleWorld::default(), &log, &study),
     }
 }
@@ -115,7 +115,7 @@ fn of<T: Task>(
     let recorded =
         record(&mut behaviour, &mut logged, wanted.transitions, timeout, seed.child("log"));
     write::<T>(log, &recorded, step(kind))?;
-    let text = text(kind, wanted.seed);
+    let text = text(kind, T::continuous(), wanted.seed);
     write_atomically(study, |file| file.write_all(text.as_bytes()))?;
     Ok(SimulatedTask {
         log: log.to_owned(),
@@ -172,12 +172,18 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> anyhow::Result
         let own = |&of: &f32| (low + f64::from(of) * (high - low)) as f32;
         channels.push((name, scaled.map(own).collect()));
     }
-    for (name, values) in T::settings() {
+    if let Some(name) = T::continuous() {
+        channels.push((name, set_in(recorded)));
+    }
+    for (name, values) in T::settings().into_iter().filter(|_| T::continuous().is_none()) {
         let set =
             |of: &Option<u16>| of.map_or(f32::NAN, |action| values[usize::from(action)] as f32);
         channels.push((name, recorded.actions.iter().map(set).collect()));
     }
-    channels.push(("probability", recorded.probabilities.iter().map(|&of| of as f32).collect()));
+    if T::continuous().is_none() {
+        let probabilities = recorded.probabilities.iter().map(|&of| of as f32).collect();
+        channels.push(("probability", probabilities));
+    }
     for (place, &name) in T::logged().iter().enumerate() {
         let own = recorded.beside.iter().skip(place).step_by(T::logged().len());
         channels.push((name, own.map(|&of| of as f32).collect()));
@@ -190,8 +196,15 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> anyhow::Result
     Ok(write_log(path, &timestamps, &channels)?)
 }
 
+/// What was set in each row: the environment logs it with the row that it led to.
+fn set_in(recorded: &Recorded) -> Vec<f32> {
+    let later = recorded.beside.iter().skip(1).chain([&f64::NAN]);
+    let acted = recorded.actions.iter().zip(later);
+    acted.map(|(action, &set)| action.map_or(f32::NAN, |_| set as f32)).collect()
+}
+
 /// A study of the log.
-fn text(kind: TaskKind, seed: u64) -> String {
+fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
     if kind == TaskKind::Membrane {
         return membrane_text(seed);
     }
@@ -200,12 +213,16 @@ fn text(kind: TaskKind, seed: u64) -> String {
          seed = {seed}\n\n\
          [data]\npath = \"log.parquet\"\ntrain_fraction = 1.0\n\n\
          [preprocess]\noutliers = \"keep\"\n\n\
-         [control]\nactions = [\"action\"]\nreward = \"reward\"\n{terminal}\
-         probability = \"probability\" # of the action that was taken\n\
+         [control]\n{actions}reward = \"reward\"\n{terminal}\
          timeout = {timeout}\nworst_return = {worst:?}\nsteps = 15000\n\n\
          [control.grid]\nstep_size = [0.003, 0.03, 0.3]\nbeta1 = [0.0, 0.9]\n\
          temperature = [1.0, 10.0, 100.0]\ninitial_weight = [0.0, 8.0, 16.0]\n",
         name = kind.name(),
+        actions = match continuous {
+            Some(of) => format!("actions = [\"{of}\"]\nlevels = 7 # of a torque that is continuous\n"),
+            None => "actions = [\"action\"]\nprobability = \"probability\" # of the action that was taken\n"
+                .to_owned(),
+        },
         terminal = if kind.ends() { "terminal = \"terminal\"\n" } else { "" },
         timeout = kind.timeout(),
         worst = kind.worst_return(),

@@ -1,0 +1,180 @@
+//! Actions that are numbers: levels of the recorded range, and what was really set.
+
+use calib_core::{States, TransitionIndex};
+
+use crate::{ControlError, Decisions, Levels};
+
+/// What a log of continuous actions set, and the levels that an agent chooses among; each column divided by its recorded range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    columns: usize,
+    /// `[rows, columns]`; 0 in rows without an action.
+    of_rows: Vec<f32>,
+    /// `[levels, columns]`.
+    of_levels: Vec<f32>,
+}
+
+/// The levels of one column: its own values where there are no more than `levels`, else an even grid from the least to the largest.
+fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
+    let mut own: Vec<f64> = column.iter().map(|of| of + 0.0).filter(|of| !of.is_nan()).collect();
+    own.sort_by(f64::total_cmp);
+    own.dedup();
+    let (Some(&low), Some(&high)) = (own.first(), own.last()) else { return own };
+    if own.len() <= levels {
+        return own;
+    }
+    let last = levels - 1;
+    let at = |level: usize| low + (high - low) * level as f64 / last as f64;
+    // In single precision, as most logs have it, so that names are short.
+    (0..levels).map(|level| f64::from(at(level) as f32)).collect()
+}
+
+impl Levels {
+    /// Levels of continuous actions, `[columns][rows]`, NaN being missing, and what was set: every combination of up to `levels` values a column,
+    /// which are its own where it has no more, else an even grid over its recorded range. The action of a row is the level that is nearest to what was
+    /// set, in shares of the ranges.
+    ///
+    /// # Errors
+    /// If there are more than `most` combinations.
+    ///
+    /// # Panics
+    /// If there are fewer than two levels.
+    pub fn of_range(
+        columns: &[Vec<f64>],
+        levels: usize,
+        most: usize,
+    ) -> Result<(Self, Settings), ControlError> {
+        assert!(levels > 1, "checked with the configuration");
+        let own: Vec<Vec<f64>> = columns.iter().map(|column| of_column(column, levels)).collect();
+        let mut values = vec![Vec::new()];
+        for column in &own {
+            if values.len() * column.len() > most {
+                return Err(ControlError::ManyActions { most });
+            }
+            let with = |of: &Vec<f64>, value: f64| [&of[..], &[value]].concat();
+            values = values
+                .iter()
+                .flat_map(|of| column.iter().map(move |&value| with(of, value)))
+                .collect();
+        }
+        let ranges: Vec<f64> = own
+            .iter()
+            .map(|column| match (column.first(), column.last()) {
+                (Some(low), Some(high)) if high > low => high - low,
+                _ => 1.0,
+            })
+            .collect();
+        let shares = |of: &[f64]| -> Vec<f32> {
+            of.iter().zip(&ranges).map(|(value, range)| (value / range) as f32).collect()
+        };
+        let of_levels: Vec<f32> = values.iter().flat_map(|of| shares(of)).collect();
+        let (width, rows) = (columns.len(), columns.first().map_or(0, Vec::len));
+        let (mut of_rows, mut nearest) = (Vec::with_capacity(rows * width), Vec::new());
+        for row in 0..rows {
+            let set: Vec<f64> = columns.iter().map(|column| column[row]).collect();
+            let there = set.iter().all(|of| !of.is_nan());
+            let set = if there { shares(&set) } else { vec![0.0; width] };
+            nearest.push(there.then(|| nearest_of(&of_levels, &set)));
+            of_rows.extend(set);
+        }
+        let settings = Settings { columns: width, of_rows, of_levels };
+        Ok((Self { values, of_rows: nearest }, settings))
+    }
+}
+
+/// The level nearest to what was set, the first of several.
+fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
+    let squared = |level: &[f32]| -> f32 {
+        level.iter().zip(set).map(|(level, set)| (level - set).powi(2)).sum()
+    };
+    let distances = levels.chunks(set.len()).map(squared).enumerate();
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |of| of.0 as u16)
+}
+
+impl Settings {
+    /// Rows that it has.
+    pub(crate) fn rows(&self) -> usize {
+        self.of_rows.len() / self.columns
+    }
+
+    /// Levels that it has.
+    pub(crate) fn levels(&self) -> usize {
+        self.of_levels.len() / self.columns
+    }
+
+    /// `metric` with what was set in each row as further columns, times `weight`.
+    pub(crate) fn taken(&self, metric: &States, weight: f64) -> Result<States, ControlError> {
+        let set = |row: usize| &self.of_rows[row * self.columns..][..self.columns];
+        joined(metric.rows(), self.columns, |row| (metric.row(row), set(row)), weight)
+    }
+
+    /// `metric` with a level as further columns, times `weight`.
+    pub(crate) fn at_level(
+        &self,
+        metric: &States,
+        level: usize,
+        weight: f64,
+    ) -> Result<States, ControlError> {
+        let set = &self.of_levels[level * self.columns..][..self.columns];
+        joined(metric.rows(), self.columns, |row| (metric.row(row), set), weight)
+    }
+}
+
+fn joined<'a>(
+    rows: usize,
+    columns: usize,
+    of: impl Fn(usize) -> (&'a [f32], &'a [f32]),
+    weight: f64,
+) -> Result<States, ControlError> {
+    let mut values = Vec::new();
+    for row in 0..rows {
+        let (state, set) = of(row);
+        values.extend_from_slice(state);
+        values.extend(set.iter().map(|of| (weight * f64::from(*of)) as f32));
+    }
+    let width = values.len().checked_div(rows).unwrap_or(columns);
+    Ok(States::new(values, rows, width)?)
+}
+
+/// The next state of every transition, in `metric`.
+pub(crate) fn next_states(log: &Decisions, metric: &States) -> Result<States, ControlError> {
+    let mut values = Vec::with_capacity(log.len() * metric.columns());
+    for number in 0..log.len() {
+        let next = log.transitions().next(TransitionIndex::new(number));
+        values.extend_from_slice(metric.row(next.get()));
+    }
+    Ok(States::new(values, log.len(), metric.columns())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_an_even_grid_and_rows_have_the_nearest() {
+        let torque = vec![-2.0, 1.9, 0.1, f64::NAN, 2.0, -0.9, -1.2];
+        let (levels, settings) = Levels::of_range(&[torque], 5, 64).expect("five");
+        assert_eq!(levels.values, [[-2.0], [-1.0], [0.0], [1.0], [2.0]]);
+        assert_eq!(levels.of_rows, [Some(0), Some(4), Some(2), None, Some(4), Some(1), Some(1)]);
+        assert_eq!((settings.rows(), settings.levels()), (7, 5));
+        let metric = States::new(vec![7.0; 7], 7, 1).expect("valid");
+        let taken = settings.taken(&metric, 2.0).expect("finite");
+        assert_eq!(taken.row(1), [7.0, (2.0 * 1.9 / 4.0) as f32]);
+        assert_eq!(taken.row(3), [7.0, 0.0], "nothing was set");
+        let level = settings.at_level(&metric.slice(0..1), 4, 0.5).expect("finite");
+        assert_eq!(level.row(0), [7.0, 0.25]);
+    }
+
+    #[test]
+    fn columns_combine_and_few_values_stay_as_they_are() {
+        let dose = (0..100).map(f64::from).collect::<Vec<_>>();
+        let pump = (0..100).map(|row| f64::from(row % 2) * 5.0).collect::<Vec<_>>();
+        let (levels, _) = Levels::of_range(&[dose.clone(), pump.clone()], 3, 6).expect("six");
+        assert_eq!(levels.values.len(), 6);
+        assert_eq!(levels.values[3], [49.5, 5.0]);
+        let told = Levels::of_range(&[dose, pump], 4, 6).expect_err("eight").to_string();
+        assert!(told.contains("more than 6"), "{told}");
+        let (constant, _) = Levels::of_range(&[vec![3.0; 4]], 4, 6).expect("one");
+        assert_eq!(constant.values, [[3.0]]);
+    }
+}
