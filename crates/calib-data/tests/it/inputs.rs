@@ -325,7 +325,7 @@ fn empty_files_are_no_rows() {
     let folder = Folder::new();
     folder.write("empty.parquet", &log(0, &[("a", &[])]));
     let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
-    assert!(error.contains("has no rows: 1 files"), "{error}");
+    assert!(error.contains("has no rows: of 1 file "), "{error}");
     folder.write("full.parquet", &log(0, &[("a", A)]));
     assert_eq!(folder.load().train.rows(), 4);
 }
