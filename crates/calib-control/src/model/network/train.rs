@@ -200,7 +200,9 @@ pub(super) fn train(
             said.zip(targets.chunks(outputs)).zip(gradient.chunks_mut(outputs))
         {
             loss(output, target, own);
-            own.iter_mut().for_each(|of| *of /= config.batch as f32);
+            for of in own {
+                *of /= config.batch as f32;
+            }
         }
         let gradients = network.backward(&batch, &gradient, &mut workspace);
         adam.step(network.parameters_mut(), gradients);
