@@ -197,15 +197,12 @@ impl Study<'_> {
         let starts = starts(&mut world, seed.child("starts"))?;
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
         let verdict = judge(&runs, candidates.len(), None, &log, Support::default(), 200, seed)?;
-        let fitted = match fitted {
-            Some(fitted) => Some(fitted as usize),
-            None => {
-                let values =
-                    fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
-                let better =
-                    |&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a));
-                (0..values.len()).max_by(better)
-            }
+        let fitted = if let Some(fitted) = fitted {
+            Some(fitted as usize)
+        } else {
+            let values = fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
+            let better = |&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a));
+            (0..values.len()).max_by(better)
         };
         let mut line = json!({
             "task": kind, "quality": quality, "transitions": length, "rule": self.pessimism,

@@ -69,7 +69,8 @@ fn continuous(rows: usize, seed: u64) -> (Decisions, Vec<f64>) {
     let log = log(rows, seed, 3);
     let mut rng = Seed::new(seed + 1).rng();
     let torque: Vec<f64> = (0..rows).map(|_| f64::from(rng.below(9) as u32) / 4.0 - 1.0).collect();
-    let (levels, settings) = crate::Levels::of_range(&[torque.clone()], 3, 64).expect("levels");
+    let (levels, settings) =
+        crate::Levels::of_range(std::slice::from_ref(&torque), 3, 64).expect("levels");
     assert_eq!(levels.values, [[-1.0], [0.0], [1.0]]);
     (log.with_settings(settings).expect("as many rows"), torque)
 }

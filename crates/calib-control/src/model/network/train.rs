@@ -200,7 +200,7 @@ pub(super) fn train(
             said.zip(targets.chunks(outputs)).zip(gradient.chunks_mut(outputs))
         {
             loss(output, target, own);
-            for of in own.iter_mut() {
+            for of in own {
                 *of /= config.batch as f32;
             }
         }
