@@ -1,7 +1,8 @@
 //! The only place that reads the time. It is used for progress and timings, never for results.
 
 use std::{
-    fs, thread,
+    path::Path,
+    thread,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
@@ -48,7 +49,8 @@ impl Taken {
 
 /// Processor time of this process so far, as Linux says it.
 fn processor_secs() -> f64 {
-    fs::read_to_string("/proc/self/stat").ok().as_deref().and_then(of_stat).unwrap_or(0.0)
+    let read = calib_files::read_regular(Path::new("/proc/self/stat")).ok();
+    read.and_then(|text| of_stat(&String::from_utf8_lossy(&text))).unwrap_or(0.0)
 }
 
 /// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.
