@@ -62,6 +62,8 @@ echo "== archive"
 name=calib-$version-linux-$(uname -m)
 mkdir "$work/$name"
 cp -r "$calib" "$share/man" "$share/completions" README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT "$work/$name"
+# What the figures are written in.
+cp crates/calib-report/assets/fonts/LICENSE "$work/$name/LICENSE-FONTS"
 tar --mode=u=rwX,go=rX --sort=name --mtime="@$when" --owner=0 --group=0 --numeric-owner -C "$work" -c "$name" | gzip -9n > "$out/$name.tar.gz"
 
 echo "== Debian package"
@@ -75,7 +77,7 @@ install -D -m 644 "$share/completions/calib.bash" "$package/usr/share/bash-compl
 install -D -m 644 "$share/completions/calib.zsh" "$package/usr/share/zsh/vendor-completions/_calib"
 install -D -m 644 "$share/completions/calib.fish" "$package/usr/share/fish/vendor_completions.d/calib.fish"
 mkdir -p "$package/usr/share/doc/calib-rl" "$package/DEBIAN"
-cat LICENSE-MIT LICENSE-APACHE > "$package/usr/share/doc/calib-rl/copyright"
+cat LICENSE-MIT LICENSE-APACHE crates/calib-report/assets/fonts/LICENSE > "$package/usr/share/doc/calib-rl/copyright"
 gzip -9nc CHANGELOG.md > "$package/usr/share/doc/calib-rl/changelog.gz"
 cat > "$package/DEBIAN/control" <<END
 Package: calib-rl

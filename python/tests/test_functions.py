@@ -16,7 +16,7 @@ import pytest
 import calib_rl
 
 
-@pytest.mark.parametrize("name", ["_model", "_study", "_functions", "_verdict", "gym", "agents"])
+@pytest.mark.parametrize("name", ["_model", "_study", "_functions", "_verdict", "gym", "agents._sweep"])
 def test_examples_of_the_documentation(name: str) -> None:
     module = importlib.import_module(f"calib_rl.{name}")
     failed, tried = doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE)

@@ -152,8 +152,11 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     assert!(left < all * 3 / 4, "{left} of {all} runs");
     let shown = place.calib(&["evaluate", "study.toml"]).stdout();
     assert!(shown.contains("the race dropped"), "{shown}");
-    let refused = place.calib(&["sweep", "study.toml", "--set", "sweep.race=true"]).fails(2);
-    assert!(refused.contains("sweep.race: expected one of the names"), "{refused}");
+    let refused = place.calib(&["sweep", "study.toml", "--set", "sweep.race=3"]).fails(2);
+    assert!(
+        refused.contains("sweep.race: expected \"none\", \"sure\" or \"halving\", got"),
+        "{refused}"
+    );
 }
 
 #[test]

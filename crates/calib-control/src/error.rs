@@ -38,6 +38,26 @@ pub enum ControlError {
         /// How many are allowed.
         most: usize,
     },
+    /// Levels of several columns have more combinations than are allowed.
+    #[error(
+        "the levels of the columns of actions have more than {most} combinations; set control.levels lower, or raise control.most_actions"
+    )]
+    ManyLevels {
+        /// How many are allowed.
+        most: usize,
+    },
+    /// A log of which a member would have nothing to learn from, or nothing to check that by.
+    #[error("the log has too few transitions for networks of {members} members")]
+    FewTransitions {
+        /// How many members.
+        members: usize,
+    },
+    /// A network diverged in training.
+    #[error("the network of member {member} diverged; set a smaller learning rate")]
+    NetworkDiverged {
+        /// Which member.
+        member: usize,
+    },
     /// The columns of a log have different lengths.
     #[error("{what}: {got} rows, expected {expected} as the states have")]
     Rows {

@@ -4,7 +4,7 @@ use calib_core::{States, TransitionIndex};
 
 use crate::{ControlError, Decisions, Levels};
 
-/// What a log of continuous actions set, and the levels that an agent chooses among; each column divided by its recorded range.
+/// What a log of continuous actions set, and the levels that an agent chooses among; each column as a share of its recorded range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     columns: usize,
@@ -49,7 +49,7 @@ impl Levels {
         let mut values = vec![Vec::new()];
         for column in &own {
             if values.len() * column.len() > most {
-                return Err(ControlError::ManyActions { most });
+                return Err(ControlError::ManyLevels { most });
             }
             let with = |of: &Vec<f64>, value: f64| [&of[..], &[value]].concat();
             values = values
@@ -64,8 +64,11 @@ impl Levels {
                 _ => 1.0,
             })
             .collect();
+        let lows: Vec<f64> =
+            own.iter().map(|column| column.first().copied().unwrap_or(0.0)).collect();
         let shares = |of: &[f64]| -> Vec<f32> {
-            of.iter().zip(&ranges).map(|(value, range)| (value / range) as f32).collect()
+            let each = of.iter().zip(&lows).zip(&ranges);
+            each.map(|((value, low), range)| ((value - low) / range) as f32).collect()
         };
         let of_levels: Vec<f32> = values.iter().flat_map(|of| shares(of)).collect();
         let (width, rows) = (columns.len(), columns.first().map_or(0, Vec::len));

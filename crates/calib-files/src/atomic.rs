@@ -31,6 +31,10 @@ pub fn write_atomically(
 /// # Errors
 /// If the directory cannot be made or written; `path` is untouched.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        let source = io::Error::from(io::ErrorKind::IsADirectory);
+        return Err(FileError::io("write", path, source));
+    }
     let directory = directory_of(path);
     create_directory(directory)?;
     temporary_in(directory).map(drop).map_err(|source| FileError::io("write", path, source))

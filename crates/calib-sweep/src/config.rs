@@ -1,9 +1,12 @@
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fmt};
 
 use calib_agent::Part;
 use calib_model::StartKind;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{
+    Deserialize, Deserializer, Serialize,
+    de::{self, IntoDeserializer as _, Visitor},
+};
 
 use crate::{Axis, RaceRule, Sampling};
 
@@ -40,6 +43,7 @@ pub struct SweepConfig {
     /// Combinations that `random` and `sobol` draw (default 20).
     pub samples: usize,
     /// Whether values that are behind make no more runs (default: all values make all runs).
+    #[serde(deserialize_with = "older_race")]
     pub race: RaceKind,
     /// Of the race `sure`: the probability with which the best value may be dropped, at most (default 0.05).
     pub race_error_rate: f64,
@@ -67,6 +71,27 @@ pub enum Beginning {
     Scratch,
     /// They begin with what pre-training left, and are fine-tuned.
     Pretrained,
+}
+
+/// A kind by its name, or as it was written before there were several.
+fn older_race<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RaceKind, D::Error> {
+    struct Spelt;
+    impl Visitor<'_> for Spelt {
+        type Value = RaceKind;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("\"none\", \"sure\" or \"halving\"")
+        }
+
+        fn visit_bool<E: de::Error>(self, is_race: bool) -> Result<RaceKind, E> {
+            Ok(if is_race { RaceKind::Sure } else { RaceKind::None })
+        }
+
+        fn visit_str<E: de::Error>(self, name: &str) -> Result<RaceKind, E> {
+            RaceKind::deserialize(name.into_deserializer())
+        }
+    }
+    deserializer.deserialize_any(Spelt)
 }
 
 impl SweepConfig {

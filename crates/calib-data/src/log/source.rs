@@ -101,12 +101,14 @@ fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
 
 /// Text files in the folders that `data.path` names which [`find_files`] leaves alone, in order of their names.
 pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+    let named: BTreeSet<PathBuf> = data.path.0.iter().map(PathBuf::from).collect();
     let mut left = BTreeSet::new();
     for folder in data.path.0.iter().map(Path::new).filter(|path| path.is_dir()) {
         let mut found = Vec::new();
         walk(folder, &mut found)?;
         if found.iter().any(|path| is_parquet(path)) {
-            left.extend(found.into_iter().filter(|path| !is_parquet(path)));
+            let own = |path: &PathBuf| !is_parquet(path) && !named.contains(path);
+            left.extend(found.into_iter().filter(own));
         }
     }
     Ok(left.into_iter().collect())

@@ -71,7 +71,8 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
     let look = Look::at(args, printer)?;
     // Before the trials, and not after them.
     check_writable(&args.study)?;
-    if let Some((keep, why)) = &look.cleaning.contradictions {
+    let is_given = args.set.iter().any(|one| one.trim_start().starts_with("data.contradictions"));
+    if let Some((keep, why)) = look.cleaning.contradictions.as_ref().filter(|_| !is_given) {
         printer.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));

@@ -29,10 +29,13 @@ pub(crate) fn of(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow
     Ok(read(directory, &manifest, &job.command("control"))?.psi)
 }
 
-/// ψ of every state, if it was trained.
+/// ψ of every state, if it was trained and one qualified.
 pub(crate) fn kept(job: &Job, material: Material<'_>) -> anyhow::Result<Option<States>> {
     let directory = &job.layout().control_representation();
     let Some(manifest) = up_to_date(directory, &key(job, material)?) else { return Ok(None) };
+    if manifest.chosen.is_none() {
+        return Ok(None);
+    }
     Ok(Some(read(directory, &manifest, &job.command("control"))?.psi))
 }
 

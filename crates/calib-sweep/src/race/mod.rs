@@ -30,7 +30,7 @@ pub enum RaceRule {
         error_rate: f64,
     },
     /// When half of the others are better: V values, then ⌈V/2⌉, ⌈V/4⌉, … after 2, 4, 8, … streams of 2^⌈log₂ V⌉, so that about half of
-    /// all streams are ever seen, by few values. Streams alternate between members and windows of the log.
+    /// all streams are ever seen, by few values. Streams come in turn from members and log, as many as there are of each.
     ///
     /// Source: successive halving (Karnin, Koren & Somekh 2013; Jamieson & Talwalkar 2016), with streams as its resource.
     Halving,

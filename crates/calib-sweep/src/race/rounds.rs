@@ -49,7 +49,8 @@ impl Streams {
         Rounds::new(rounds)
     }
 
-    /// All streams in an order of which each beginning has members and windows in their proportion, and windows from all of the log.
+    /// All streams in an order of which each beginning has members and windows in their proportion, but for one of each at first, and windows
+    /// from all of the log.
     fn spread(&self) -> Vec<Run> {
         let members = (0..self.runs)
             .flat_map(|run| self.members.iter().map(move |&of| (EnvironmentId::Member(of), run)));
@@ -63,9 +64,9 @@ impl Streams {
     }
 }
 
-/// Each of `count` runs with its place between 0 and 1.
+/// Each of `count` runs with its place from 0 to below 1.
 fn placed(runs: impl Iterator<Item = Run>, count: usize) -> impl Iterator<Item = (f64, Run)> {
-    runs.enumerate().map(move |(number, run)| ((number as f64 + 0.5) / count as f64, run))
+    runs.enumerate().map(move |(number, run)| (number as f64 / count as f64, run))
 }
 
 /// The numbers below `count`, such that each beginning is spread over all of them: by bits reversed.
@@ -93,7 +94,7 @@ impl Rounds {
         Self { round_of: round_of.collect(), runs }
     }
 
-    /// Numbers of the rounds after which something is decided, which is all of them but the last of a halving.
+    /// Numbers of the rounds, after each of which something is decided.
     pub(super) fn numbers(&self) -> Range<usize> {
         0..self.runs.len()
     }
@@ -142,6 +143,16 @@ mod tests {
         assert_eq!(rounds.runs(0), [(member(0), 0), (log, 0)]);
         assert_eq!(rounds.runs(1), [(member(1), 0), (log, 8)]);
         assert_eq!(rounds.runs(2), [(member(2), 0), (log, 4), (member(3), 0), (log, 12)]);
+    }
+
+    #[test]
+    fn the_first_round_has_members_and_log() {
+        for (members, runs, windows) in [(1, 1, 10), (1, 2, 30), (5, 10, 2), (5, 1, 1)] {
+            let streams = Streams { members: (0..members).collect(), runs, windows };
+            let first = streams.doubling(11).runs(0).to_vec();
+            assert!(first.contains(&(EnvironmentId::Member(0), 0)), "{first:?}");
+            assert!(first.contains(&(EnvironmentId::LogReplay, 0)), "{first:?}");
+        }
     }
 
     #[test]

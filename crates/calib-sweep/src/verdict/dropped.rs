@@ -14,9 +14,9 @@ use crate::{EnvironmentId, UnitResult, unit::infinite};
 pub struct Dropped {
     /// Position of the candidate in the sweep.
     pub candidate: usize,
-    /// Runs that it made in the members, all together, each of all steps.
+    /// Runs that it made in members and on the log, each of all steps.
     pub runs: usize,
-    /// Runs that the others made.
+    /// Runs that those made which were left.
     pub of_runs: usize,
     /// Mean error over the members that it made runs in; infinite if it made none.
     #[serde(with = "infinite")]
@@ -33,7 +33,7 @@ pub(super) fn dropped(
 ) -> Vec<Dropped> {
     let mut runs = vec![0; grid];
     for result in results {
-        if matches!(result.unit.environment, EnvironmentId::Member(_)) {
+        if result.unit.environment != EnvironmentId::Online {
             for row in result.rows.iter().filter(|row| row.candidate < grid) {
                 runs[row.candidate] += 1;
             }

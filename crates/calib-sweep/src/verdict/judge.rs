@@ -49,7 +49,11 @@ pub fn verdict(
     let standing = Standing::of(judging.rule, chosen, &ranking, &selection);
     let truth = Truthful { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
-    let stability = shares(&redrawn(&runs, &chooser, judging, sensor)?);
+    // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
+    let stability = match dropped[..] {
+        [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
+        _ => Vec::new(),
+    };
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
         part: judging.part,

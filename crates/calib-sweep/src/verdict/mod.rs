@@ -82,7 +82,8 @@ pub struct SensorVerdict {
     /// files.
     #[serde(skip)]
     pub scores: Vec<f64>,
-    /// What is chosen from other draws of members, runs and windows of the log, the most frequent first.
+    /// What is chosen from other draws of members, runs and windows of the log, the most frequent first; empty
+    /// where a race dropped values.
     pub stability: Vec<Share>,
     /// What each rule chooses.
     pub rules: Vec<RuleChoice>,

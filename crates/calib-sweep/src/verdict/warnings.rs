@@ -99,8 +99,8 @@ fn told_dropped(dropped: &[Dropped], candidates: &[Candidate]) -> Option<String>
         .map(|dropped| format!("{} after {}", candidates[dropped.candidate].label(), dropped.runs))
         .collect();
     Some(format!(
-        "the race dropped {} of {} values before they had made all {of_runs} runs in members ({}): they rank behind \
-         all others, which are ranked among themselves; held-out data, where there is any, has judged all values",
+        "the race dropped {} of {} values before they had made all of the {of_runs} runs, in members and on the log, that the others made ({}): they rank \
+         behind all others, which are ranked among themselves; held-out data, where there is any, has judged all values",
         dropped.len(),
         candidates.len(),
         each.join("; ")

@@ -79,7 +79,7 @@ impl NetworkModel {
     /// Let networks learn `log`; episodes begin in one of `starts`, each as likely. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// If a field cannot be what it is, there are no starts, the log has too few transitions for its members, or the monitor interrupts.
+    /// If a field cannot be what it is, there are no starts, the log has too few transitions for its members, a network diverged, or the monitor interrupts.
     pub fn train(
         log: &Decisions,
         starts: States,
@@ -94,14 +94,14 @@ impl NetworkModel {
         let blocks = Blocks::new(log.transitions(), config.members)?;
         let scales = Scales::new(log);
         monitor.begin("networks", (config.members * config.updates) as u64);
-        let networks: Option<Vec<Mlp>> = (0..config.members)
+        let networks = (0..config.members)
             .into_par_iter()
             .map(|member| {
                 let seed = seed.child("network").number(member as u64);
                 train(log, &scales, (&blocks, member), config, seed, monitor)
             })
-            .collect();
-        Ok(Self { starts, scales, networks: networks.ok_or(ControlError::Interrupted)? })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { starts, scales, networks })
     }
 }
 

@@ -3,7 +3,7 @@ use calib_knn::Blocks;
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 
 use super::NetworkConfig;
-use crate::{Decisions, Ending};
+use crate::{ControlError, Decisions, Ending};
 
 /// What states, changes and rewards of a log are scaled by.
 #[derive(Clone, Debug)]
@@ -161,8 +161,10 @@ fn mean_loss(network: &Mlp, examples: &Examples, workspace: &mut Workspace, rows
     sum / examples.len().max(1) as f64
 }
 
-/// A member's network: of those after every part of the updates the one that predicts the block best that it does not learn from. `None` if the
-/// monitor interrupts.
+/// A member's network: of those after every part of the updates the one that predicts the block best that it does not learn from.
+///
+/// # Errors
+/// If there is nothing to learn from or to check that by, no network after a part was finite, or the monitor interrupts.
 pub(super) fn train(
     log: &Decisions,
     scales: &Scales,
@@ -170,11 +172,14 @@ pub(super) fn train(
     config: &NetworkConfig,
     seed: Seed,
     monitor: &dyn Monitor,
-) -> Option<Mlp> {
+) -> Result<Mlp, ControlError> {
     let known = blocks.transitions_of(member).map(TransitionIndex::get);
     let known = Examples::new(log, scales, known);
     let held_back = blocks.own(member).map(|of| of as usize);
     let held_back = Examples::new(log, scales, held_back);
+    if known.len() == 0 || held_back.len() == 0 {
+        return Err(ControlError::FewTransitions { members: config.members });
+    }
     let hidden = vec![config.hidden_units; config.hidden_layers];
     let [inputs, outputs] = known.widths;
     let mut network = Mlp::new(&[vec![inputs], hidden, vec![outputs]].concat(), seed);
@@ -182,13 +187,13 @@ pub(super) fn train(
     let mut adam = Adam::new(rule, network.parameter_count());
     let mut workspace = Workspace::new(&network, config.batch);
     let mut rng = seed.child("batches").rng();
-    let mut best = (f64::INFINITY, network.clone());
+    let mut best: Option<(f64, Mlp)> = None;
     let every = config.updates.div_ceil(NetworkConfig::CHECKS);
     let (mut batch, mut targets) = (Vec::new(), Vec::new());
     let mut gradient = vec![0.0; config.batch * outputs];
     for update in 1..=config.updates {
         if monitor.interrupted() {
-            return None;
+            return Err(ControlError::Interrupted);
         }
         batch.clear();
         targets.clear();
@@ -208,11 +213,12 @@ pub(super) fn train(
         adam.step(network.parameters_mut(), gradients);
         if update.is_multiple_of(every) || update == config.updates {
             let loss = mean_loss(&network, &held_back, &mut workspace, config.batch);
-            if loss < best.0 {
-                best = (loss, network.clone());
+            let is_better = best.as_ref().is_none_or(|of| loss < of.0);
+            if loss.is_finite() && is_better {
+                best = Some((loss, network.clone()));
             }
         }
         monitor.advance(1);
     }
-    Some(best.1)
+    best.map(|of| of.1).ok_or(ControlError::NetworkDiverged { member })
 }
