@@ -162,10 +162,10 @@ mod tests {
         assert_eq!((settings.rows(), settings.levels()), (7, 5));
         let metric = States::new(vec![7.0; 7], 7, 1).expect("valid");
         let taken = settings.taken(&metric, 2.0).expect("finite");
-        assert_eq!(taken.row(1), [7.0, (2.0 * 1.9 / 4.0) as f32]);
+        assert_eq!(taken.row(1), [7.0, (2.0 * (1.9 + 2.0) / 4.0) as f32]);
         assert_eq!(taken.row(3), [7.0, 0.0], "nothing was set");
         let level = settings.at_level(&metric.slice(0..1), 4, 0.5).expect("finite");
-        assert_eq!(level.row(0), [7.0, 0.25]);
+        assert_eq!(level.row(0), [7.0, 0.5]);
     }
 
     #[test]
