@@ -72,11 +72,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Read once; whoever edits the file from here on changes the next run, and not this one.
     let job = Job::resolve(Request::new(&file))?;
     let printer = Printer::new(Arc::new(Brief));
-    match calib_pipeline::run(&job, &printer)? {
+    match calib_pipeline::run(&job, None, &printer)? {
         Outcome::Done => {}
         other => return Err(format!("{other:?}").into()),
     }
     // The same steps one by one do nothing more: everything is there.
-    calib_pipeline::sweep(&job, &printer)?;
+    calib_pipeline::sweep(&job, None, &printer)?;
     Ok(())
 }

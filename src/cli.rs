@@ -14,7 +14,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
 use study::NO_STUDY;
 pub(crate) use {
-    build::{BuildModelArgs, PretrainArgs, RepresentArgs},
+    build::{BuildModelArgs, DeviceArgs, PretrainArgs, RepresentArgs},
     cluster::{ClusterCommand, ClusterEngine, MissingAs},
     dtw::DtwArgs,
     logs::{ImportArgs, InitArgs, InspectArgs},
@@ -88,7 +88,7 @@ pub(crate) enum Command {
     /// Write logs of any form (CSV, long tables, a file a tag) once as one wide Parquet file
     Import(ImportArgs),
     /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
-    Run(StudyArgs),
+    Run(DeviceArgs),
     /// Train or import representations of the states, score them, and choose one
     Represent(RepresentArgs),
     /// Build the ensemble of nearest-neighbour calibration models
@@ -98,7 +98,7 @@ pub(crate) enum Command {
     /// Pre-train one agent a sensor on a part of the log, for `sweep` to start from
     Pretrain(PretrainArgs),
     /// Train agents for every value of the grid in the model, Online and on the replayed log
-    Sweep(StudyArgs),
+    Sweep(DeviceArgs),
     /// Choose a value, say how well the choice agrees with Online, and write the report
     #[command(mut_arg("study", |arg| {
         arg.required(false).required_unless_present("runs").default_value_if("runs", ArgPredicate::IsPresent, NO_STUDY)
@@ -141,9 +141,9 @@ impl Command {
     /// Whom the result is for.
     pub(crate) fn answer(&self) -> Answer {
         let json = match self {
-            Self::Run(args)
+            Self::Run(DeviceArgs { study: args, .. })
             | Self::Rollout(args)
-            | Self::Sweep(args)
+            | Self::Sweep(DeviceArgs { study: args, .. })
             | Self::Control(args)
             | Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,

@@ -103,9 +103,9 @@ fn step(name: &str) -> PyResult<Step> {
         }
         "pretrain" => calib_pipeline::pretrain,
         "rollout" => calib_pipeline::rollout,
-        "sweep" => calib_pipeline::sweep,
+        "sweep" => |job, printer| calib_pipeline::sweep(job, None, printer),
         "evaluate" => calib_pipeline::evaluate,
-        "run" => calib_pipeline::run,
+        "run" => |job, printer| calib_pipeline::run(job, None, printer),
         other => return Err(errors::value(format!("no step is called {other}"))),
     })
 }

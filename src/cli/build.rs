@@ -30,6 +30,15 @@ pub(crate) struct RepresentArgs {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct DeviceArgs {
+    #[command(flatten)]
+    pub(crate) study: StudyArgs,
+    /// Train through libtorch, all runs side by side on this device (default: natively); results are not shared with those of others
+    #[arg(long, value_name = "DEVICE", value_enum)]
+    pub(crate) device: Option<Device>,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct PretrainArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,

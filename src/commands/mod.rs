@@ -18,7 +18,7 @@ use calib_pipeline::{Logs, Outcome, Printer, ValidityOptions};
 pub use schemas::json_schemas;
 
 use crate::{
-    cli::{BuildModelArgs, Cli, Command, EvaluateArgs, PretrainArgs, RepresentArgs},
+    cli::{BuildModelArgs, Cli, Command, DeviceArgs, EvaluateArgs, PretrainArgs, RepresentArgs},
     output::watch_for_interrupts,
 };
 
@@ -48,7 +48,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
         Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
-        Command::Run(args) => calib_pipeline::run(&args.job()?, printer)?,
+        Command::Run(DeviceArgs { study, device }) => {
+            calib_pipeline::run(&study.job()?, device.map(Into::into), printer)?
+        }
         Command::Represent(RepresentArgs { study, share, device }) => {
             let job = share::shared(study.job()?, share.as_deref())?;
             calib_pipeline::represent(&job, device.map(Into::into), printer)?
@@ -61,7 +63,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
             let job = share::shared(study.job()?, share.as_deref())?;
             calib_pipeline::pretrain(&job, printer)?
         }
-        Command::Sweep(args) => calib_pipeline::sweep(&args.job()?, printer)?,
+        Command::Sweep(DeviceArgs { study, device }) => {
+            calib_pipeline::sweep(&study.job()?, device.map(Into::into), printer)?
+        }
         Command::Evaluate(EvaluateArgs { study, runs: None }) => {
             calib_pipeline::evaluate(&study.job()?, printer)?
         }

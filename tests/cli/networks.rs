@@ -167,6 +167,10 @@ fn what_wants_libtorch_says_how_to_get_it() {
         assert!(error.contains("bash scripts/libtorch.sh cargo build"), "{error}");
         assert!(error.contains("--features torch"), "{error}");
     }
+    for command in ["sweep", "run"] {
+        let error = place.calib(&[command, "study.toml", "--device", "cpu"]).fails(2);
+        assert!(error.contains("--device wants libtorch"), "{error}");
+    }
     assert!(place.content("study-results") == before, "nothing was touched");
 }
 
@@ -205,4 +209,28 @@ fn native_and_libtorch_training_agree_about_the_model() {
     };
     let (a, b) = (loss(&native), loss(&torch));
     assert!((a - b).abs() < 0.02 * a, "{a} {b}");
+}
+
+#[cfg(feature = "torch")]
+#[test]
+fn agents_that_libtorch_trains_are_results_of_their_own() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let mlp = ["--set", "agent.value_function=mlp", "--set", "agent.hidden_units=8"];
+    let sweep = |more: &[&str]| place.calib(&[&["sweep", "study.toml"], more].concat());
+    let error = sweep(&["--set", "agent.value_function=linear", "--device", "cpu"]).fails(2);
+    assert!(error.contains("are trained natively; leave --device out"), "{error}");
+    let device = [&mlp[..], &["--device", "cpu"]].concat();
+    assert!(sweep(&device).succeeds().contains("units run in"));
+    let manifest = || {
+        let path = place.path().join("study-results/sweep/manifest.json");
+        let text = fs::read(path).expect("written");
+        serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
+    };
+    assert_eq!(manifest()["arithmetic"], "libtorch on the processor");
+    assert!(sweep(&device).succeeds().contains("up to date"));
+    place.calib(&[&["evaluate", "study.toml"], &mlp[..]].concat());
+    assert!(place.path().join("study-results/report.html").exists());
+    assert!(sweep(&mlp).succeeds().contains("units run in"), "natively they are others");
+    assert_eq!(manifest().get("arithmetic"), None);
 }

@@ -75,6 +75,12 @@ pub enum AgentError {
         /// Transitions of one mini-batch.
         expected: usize,
     },
+    /// A value function that no accelerator trains.
+    #[error("agents with {0} are trained natively; leave --device out")]
+    NotAccelerated(&'static str),
+    /// An accelerator failed.
+    #[error("{0}")]
+    Accelerator(String),
     /// The state of a long run could not be kept.
     #[error("cannot keep the state of a run: {0}")]
     Keep(String),

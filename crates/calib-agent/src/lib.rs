@@ -13,6 +13,7 @@
 //!   to the byte what it would be alone.
 //! - [`train_learners`]: the same for agents that predict several sensors, start from a [`Checkpoint`], or run
 //!   so long that a [`Keeper`] keeps their state.
+//! - [`train_together`]: many runs side by side, their networks on an [`Accelerator`].
 //! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
 //! - [`StateFile`]: unfinished training in a file.
 //! - [`Part`], [`CurveRule`]: over which steps errors are taken, and how the learning curve is sub-sampled.
@@ -42,6 +43,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod accelerator;
 mod config;
 mod curve;
 mod error;
@@ -62,11 +64,13 @@ mod replay;
 mod returns;
 mod scoring;
 mod state_file;
+mod together;
 mod traces;
 mod train;
 mod validation;
 mod values;
 
+pub use accelerator::{Accelerator, Lockstep, Made, Networks, Steps};
 pub use config::{
     AgentConfig, AgentKind, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction,
 };
@@ -83,4 +87,5 @@ pub use pretrain::{
 pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
 pub use scoring::{Part, PartScore, Scores};
 pub use state_file::StateFile;
+pub use together::{check_accelerated, runs_together, train_together};
 pub use train::{Run, train, train_learners};

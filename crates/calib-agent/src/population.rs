@@ -92,7 +92,8 @@ impl Truth {
         self.scored[self.cumulants.of[learner]][part as usize]
     }
 
-    fn of(&self, learner: usize, t: usize) -> f64 {
+    /// The return of step `t` that `learner` predicts.
+    pub(crate) fn of(&self, learner: usize, t: usize) -> f64 {
         self.returns[self.cumulants.of[learner]][t]
     }
 }

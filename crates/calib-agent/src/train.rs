@@ -168,7 +168,7 @@ pub fn train_learners(
 }
 
 /// Learners grouped by what they can share, each group and the groups in the order of `learners`.
-fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
+pub(crate) fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
     for (index, learner) in learners.iter().enumerate() {
         let fits = |group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config);

@@ -9,7 +9,7 @@ use crate::{
     agents::pretrain,
     base::{
         clock::Stopwatch,
-        options::BuildOptions,
+        options::{BuildOptions, Device},
         outcome::{Outcome, was_interrupted},
         torch::NoLibtorch,
     },
@@ -69,19 +69,21 @@ impl Step {
     }
 
     fn run(self, job: &Job, going: &Going<'_>) -> anyhow::Result<Outcome> {
-        let Going { plan, course, counted, talk: printer } = going;
+        let &Going { plan, course, counted, device, talk: printer } = going;
         match self {
             // What is made before rollouts is the same for all deployments.
-            Self::Represent => represent::run(&job.before_deployment()?, None, printer),
+            Self::Represent => represent::run(&job.before_deployment()?, device, printer),
             Self::BuildModel => {
-                build_model::run(&job.before_deployment()?, &BuildOptions::default(), printer)
+                let device = device.filter(|_| job.study().is_parametric());
+                let options = BuildOptions { device, ..BuildOptions::default() };
+                build_model::run(&job.before_deployment()?, &options, printer)
             }
             Self::Rollout => {
                 each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
             }
             Self::Sweep => each_part(Each::Deployment, job, printer, |job| {
                 course.sweep(plan, job);
-                sweep::run(job, counted, printer)
+                sweep::run(job, counted, device, printer)
             }),
         }
     }
@@ -92,6 +94,8 @@ struct Going<'a> {
     plan: &'a Plan,
     course: &'a Course<'a>,
     counted: &'a Counted,
+    /// Where networks and agents are trained, if not natively.
+    device: Option<Device>,
     talk: &'a Printer,
 }
 
@@ -105,12 +109,17 @@ struct Model {
 }
 
 /// Run every step that a study needs, as far as it is not done.
-pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
-    run_to(Extent::Report, job, printer)
+pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
+    run_to(Extent::Report, job, device, printer)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
-pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run_to(
+    extent: Extent,
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
@@ -134,7 +143,7 @@ pub(crate) fn run_to(extent: Extent, job: &Job, printer: &Printer) -> anyhow::Re
         ended.and(pretrain::run(&job.before_deployment()?, talk)?);
     }
     let counted = Counted::default();
-    let going = Going { plan: &plan, course: &course, counted: &counted, talk };
+    let going = Going { plan: &plan, course: &course, counted: &counted, device, talk };
     for step in STEPS {
         for model in &mut models {
             ended.and(model.take(step, extent, &going)?);

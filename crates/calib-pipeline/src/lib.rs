@@ -10,7 +10,7 @@
 //! use calib_pipeline::{Job, Printer, Request, Unobserved};
 //!
 //! let job = Job::resolve(Request::new("study.toml"))?;
-//! calib_pipeline::run(&job, &Printer::new(Arc::new(Unobserved)))?;
+//! calib_pipeline::run(&job, None, &Printer::new(Arc::new(Unobserved)))?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

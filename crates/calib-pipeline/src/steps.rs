@@ -23,12 +23,13 @@ use crate::{
     verdict::{compare, evaluate as judging},
 };
 
-/// Every step that a study needs, from its log to the verdict, as far as it is missing.
+/// Every step that a study needs, from its log to the verdict, as far as it is missing; networks and agents are trained through libtorch on
+/// `device`, if one is named.
 ///
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
-pub fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    Ok(chain::run(job, printer)?)
+pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
+    Ok(chain::run(job, device, printer)?)
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -105,13 +106,15 @@ pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(run()?)
 }
 
-/// Train agents for every value of the grid, in the models, Online and on the replayed log.
+/// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
+/// is an arithmetic of its own: such results never stand beside others.
 ///
 /// # Errors
-/// As [`run`].
-pub fn sweep(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+/// As [`run`]; also if agents are not networks in single precision and a device is named.
+pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
     let counted = Counted::default();
-    Ok(each(Each::Deployment, job, printer, |job, _| sweeping::run(job, &counted, printer))?)
+    let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
+    Ok(each(Each::Deployment, job, printer, run)?)
 }
 
 /// Choose a value, judge the choice by held-out data, and write the report.

@@ -64,12 +64,12 @@ fn a_study_is_run_stopped_and_gone_on_with() {
     std::fs::write(&file, STUDY).expect("writable");
     let job = Job::resolve(Request::new(&file)).expect("a study");
     let stopping = Kept { until: Some("] sweep\")"), ..Kept::default() };
-    let stopped = calib_pipeline::run(&job, &Printer::new(Arc::new(stopping)));
+    let stopped = calib_pipeline::run(&job, None, &Printer::new(Arc::new(stopping)));
     assert!(stopped.expect_err("it is asked to stop").was_interrupted());
     assert!(folder.path().join("study-results/model/manifest.json").exists());
     assert!(!folder.path().join("study-results/sweep/manifest.json").exists());
     let going_on = Arc::new(Kept::default());
-    let ended = calib_pipeline::run(&job, &Printer::new(Arc::<Kept>::clone(&going_on)));
+    let ended = calib_pipeline::run(&job, None, &Printer::new(Arc::<Kept>::clone(&going_on)));
     assert!(matches!(ended, Ok(Outcome::Done | Outcome::Negative)), "{ended:?}");
     let remarks = going_on.remarks.lock().expect("no panic").join("\n");
     assert!(remarks.contains("up to date: "), "the model is there: {remarks}");
@@ -83,7 +83,7 @@ fn a_mistake_has_its_place() {
     let file = folder.path().join("study.toml");
     std::fs::write(&file, STUDY.replace("PIT300", "PIT301")).expect("writable");
     let job = Job::resolve(Request::new(&file)).expect("a study");
-    let error = calib_pipeline::run(&job, &Printer::new(Arc::new(Kept::default())))
+    let error = calib_pipeline::run(&job, None, &Printer::new(Arc::new(Kept::default())))
         .expect_err("no such sensor");
     assert!(!error.was_interrupted());
     assert!(error.to_string().contains("PIT301"), "{error}");

@@ -8,6 +8,7 @@
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
 //! - [`Plan::race`]: values that are behind make no more runs.
+//! - [`Plan::on`]: all runs side by side, on an accelerator.
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
 //! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
@@ -30,6 +31,7 @@
 mod axis;
 mod candidate;
 mod closed;
+mod cohorts;
 mod config;
 mod environment;
 mod error;

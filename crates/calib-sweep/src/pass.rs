@@ -1,7 +1,7 @@
 use std::ops::Range;
 
 use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, RunOutcome, train_learners};
-use calib_core::Monitor;
+use calib_core::{Monitor, Stream};
 use calib_files::Fingerprint;
 
 use crate::{
@@ -37,8 +37,7 @@ impl Pass<'_, '_> {
         sink: &dyn UnitSink,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
-        let first = self.jobs[0];
-        let streamed = first.environment.stream(first.unit.run)?;
+        let streamed = self.stream()?;
         if streamed.not_finite.is_some() {
             monitor.advance(self.options.span.steps as u64);
             return self.put(sink, &streamed, RunRow::failed);
@@ -48,36 +47,53 @@ impl Pass<'_, '_> {
             let outcomes = outcomes(program, &self.jobs, &**stream, self.options, monitor)?;
             return self.put_outcomes(sink, &streamed, outcomes);
         }
-        let learners: Vec<Learner<'_>> = self
-            .jobs
-            .iter()
-            .flat_map(|job| {
-                job.agents.iter().map(|candidate| Learner {
-                    config: &candidate.agent,
-                    cumulant: job.column,
-                    start: job.start.map(|start| &start.checkpoint),
-                })
-            })
-            .collect();
-        let run = Run {
-            stream: &**stream,
-            steps: self.options.span.steps.min(stream.len().saturating_sub(1)),
-            curve: CurveRule { windows: self.options.curve_points },
-            seed: first.seed,
-        };
+        let (learners, run) = (self.learners(), self.agent_run(&**stream));
         let kept = KeptRun::new(sink, &self.jobs, self.work_between);
         let outcomes =
-            train_learners(run, &learners, &kept, monitor).map_err(|source| match source {
-                AgentError::Interrupted => SweepError::Interrupted,
-                source => SweepError::Agent { unit: first.unit.clone(), source },
-            })?;
+            train_learners(run, &learners, &kept, monitor).map_err(|source| self.failed(source))?;
         let results = self.put_outcomes(sink, &streamed, outcomes)?;
         kept.forget();
         Ok(results)
     }
 
+    /// What its agents see.
+    pub(crate) fn stream(&self) -> Result<RunStream, SweepError> {
+        let first = self.jobs[0];
+        first.environment.stream(first.unit.run)
+    }
+
+    /// The agents of all jobs, in the order of the jobs.
+    pub(crate) fn learners(&self) -> Vec<Learner<'_>> {
+        self.jobs
+            .iter()
+            .flat_map(|job| {
+                let (cumulant, start) = (job.column, job.start.map(|start| &start.checkpoint));
+                let agents = job.agents.iter();
+                agents.map(move |candidate| Learner { config: &candidate.agent, cumulant, start })
+            })
+            .collect()
+    }
+
+    /// The run that they make over the pass's stream.
+    pub(crate) fn agent_run<'s>(&self, stream: &'s dyn Stream) -> Run<'s> {
+        Run {
+            stream,
+            steps: self.options.span.steps.min(stream.len().saturating_sub(1)),
+            curve: CurveRule { windows: self.options.curve_points },
+            seed: self.jobs[0].seed,
+        }
+    }
+
+    /// Why training ended.
+    pub(crate) fn failed(&self, source: AgentError) -> SweepError {
+        match source {
+            AgentError::Interrupted => SweepError::Interrupted,
+            source => SweepError::Agent { unit: self.jobs[0].unit.clone(), source },
+        }
+    }
+
     /// Store what the agents of all jobs came to, in the order of the jobs and their agents.
-    fn put_outcomes(
+    pub(crate) fn put_outcomes(
         &self,
         sink: &dyn UnitSink,
         streamed: &RunStream,
@@ -92,7 +108,7 @@ impl Pass<'_, '_> {
 
     /// Store the results of all jobs, whose rows `row` makes of a candidate's position and the steps of the stream,
     /// in the order of the jobs and their agents.
-    fn put(
+    pub(crate) fn put(
         &self,
         sink: &dyn UnitSink,
         RunStream { stream, start_row, not_finite }: &RunStream,

@@ -1,12 +1,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use calib_agent::Part;
+use calib_agent::{Accelerator, Part};
 use calib_core::{Monitor, Seed};
 use rayon::prelude::*;
 
 use crate::{
     Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN,
+    UnitResult, UnitStore, WORK_BETWEEN, cohorts,
     pass::Pass,
     race::{Race, RaceRule, Streams},
 };
@@ -46,6 +46,8 @@ pub struct Plan<'a> {
     starts: BTreeMap<String, Start>,
     /// What trains agents, if not calib.
     program: Option<&'a dyn Program>,
+    /// What makes their products, if not calib.
+    accelerator: Option<&'a dyn Accelerator>,
     options: PlanOptions,
     work_between: u64,
     race: Option<Race>,
@@ -99,15 +101,30 @@ impl<'a> Plan<'a> {
         sensors: Vec<(String, usize)>,
         options: PlanOptions,
     ) -> Self {
-        let (starts, work_between) = (BTreeMap::new(), WORK_BETWEEN);
-        let (program, race) = (None, None);
-        Self { candidates, environments, sensors, starts, program, options, work_between, race }
+        Self {
+            candidates,
+            environments,
+            sensors,
+            starts: BTreeMap::new(),
+            program: None,
+            accelerator: None,
+            options,
+            work_between: WORK_BETWEEN,
+            race: None,
+        }
     }
 
     /// The same plan for agents of a program, if there is one.
     #[must_use]
     pub fn by(mut self, program: Option<&'a dyn Program>) -> Self {
         self.program = program;
+        self
+    }
+
+    /// The same plan with passes side by side on an accelerator, if there is one. Its results are not those of a plan without.
+    #[must_use]
+    pub fn on(mut self, accelerator: Option<&'a dyn Accelerator>) -> Self {
+        self.accelerator = accelerator;
         self
     }
 
@@ -289,15 +306,20 @@ impl<'a> Plan<'a> {
         for job in jobs.iter().filter(|job| !found.contains_key(&job.unit)) {
             missing.entry((job.unit.environment, job.unit.run)).or_default().push(job);
         }
-        let missing: Vec<Vec<&Job<'_>>> = missing.into_values().collect();
+        let missing: Vec<Pass<'_, '_>> =
+            missing.into_values().map(|jobs| self.pass(jobs)).collect();
+        if let Some(accelerator) = self.accelerator {
+            let all = self.environments.iter().map(|environment| environment.runs()).sum();
+            return cohorts::run(&missing, all, accelerator, store, monitor);
+        }
         let trained = missing
             .into_par_iter()
             .with_max_len(1)
-            .map(|jobs| {
+            .map(|pass| {
                 if monitor.interrupted() {
                     return Err(SweepError::Interrupted);
                 }
-                self.pass(jobs).run(store, monitor)
+                pass.run(store, monitor)
             })
             .collect::<Result<Vec<_>, _>>()?;
         Ok(trained.into_iter().flatten().collect())

@@ -8,6 +8,7 @@
 //! - `FeedForwardTrainer`, `RecurrentTrainer`: the NN and GRU baselines, as
 //!   [`calib_dynamics::Trainer`]s that draw the same mini-batches as native ones.
 //! - `LaplacianTraining`: the Laplacian representation.
+//! - `Populations`: the agents of many runs, as a [`calib_agent::Accelerator`].
 //! - `Script`: a dynamics model of the user's, exported from PyTorch.
 #![cfg(feature = "libtorch")]
 
@@ -16,6 +17,7 @@ mod device;
 mod error;
 mod feed_forward;
 mod laplacian;
+mod population;
 mod recurrent;
 mod script;
 mod trainer;
@@ -24,6 +26,7 @@ pub use device::{DeviceChoice, device};
 pub use error::TorchError;
 pub use feed_forward::FeedForwardTrainer;
 pub use laplacian::LaplacianTraining;
+pub use population::Populations;
 pub use recurrent::RecurrentTrainer;
 pub use script::Script;
 pub use tch::Device;

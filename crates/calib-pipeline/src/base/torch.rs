@@ -1,6 +1,7 @@
 //! What is done through libtorch, and what is said where it is not there.
 
 use anyhow::{bail, ensure};
+use calib_agent::Accelerator;
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
 use calib_files::{Tensors, Unfinished};
@@ -64,6 +65,17 @@ pub(crate) fn trainer(
     _checkpoint: Option<&Tensors>,
 ) -> anyhow::Result<(Box<dyn Trainer>, String)> {
     bail!(wanted("such training"))
+}
+
+/// What trains agents side by side on a device.
+#[cfg(feature = "torch")]
+pub(crate) fn accelerator(device: Device) -> anyhow::Result<Box<dyn Accelerator>> {
+    Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
+}
+
+#[cfg(not(feature = "torch"))]
+pub(crate) fn accelerator(_device: Device) -> anyhow::Result<Box<dyn Accelerator>> {
+    bail!(wanted("--device"))
 }
 
 /// Train an encoder on a device, going on from a checkpoint if there is one.

@@ -146,7 +146,7 @@ impl Planning<'_> {
             }
         };
         let environments = setting.open(study)?;
-        let plan = setting.plan(study, &environments)?;
+        let plan = setting.plan(study, &environments, None)?;
         let store = unit_store(&job.layout().sweep());
         let Found { stored, .. } = Found::of(&plan, &store, job, None)?;
         let runs: Vec<(EnvironmentId, usize)> = environments

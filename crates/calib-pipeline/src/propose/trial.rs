@@ -208,7 +208,7 @@ impl Trials<'_> {
         for _ in 0..HALVED {
             let job = self.job(text(steps, *horizon).0, COSTS)?;
             let silent = self.printer.silent();
-            let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), &silent));
+            let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), None, &silent));
             match swept {
                 Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
                     let spacing_secs = horizon.secs / horizon.states;

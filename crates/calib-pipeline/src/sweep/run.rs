@@ -1,5 +1,7 @@
 use std::{collections::BTreeMap, path::Path};
 
+use anyhow::ensure;
+use calib_agent::{Accelerator, AgentKind};
 use calib_core::{Period, Timestamp};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
@@ -14,7 +16,9 @@ use crate::{
     base::{
         artefact::{self, Below, Claim, Files, Manifest, TOOL},
         clock::Stopwatch,
+        options::Device,
         outcome::Outcome,
+        torch,
     },
     model::model_files,
     output::{Printer, count, duration},
@@ -24,7 +28,7 @@ use crate::{
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
-        setting::{Setting, Unsettled},
+        setting::{Setting, Unsettled, candidates_of},
         standing_still::Still,
         streams::{OnlineWindow, Streams, error_scales, online_windows},
         tables as sweep_tables,
@@ -48,6 +52,9 @@ pub(crate) struct SweepManifest {
     pub(crate) held_out: Option<HeldOut>,
     /// How long streams are.
     pub(crate) span: Span,
+    /// What trained the agents, if not calib's own arithmetic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) arithmetic: Option<String>,
     /// The windows of it that are replayed, in the order of time.
     #[serde(default)]
     pub(crate) windows: Vec<OnlineWindow>,
@@ -122,6 +129,7 @@ impl SweepManifest {
             period,
             held_out: None,
             span,
+            arithmetic: None,
             windows: Vec::new(),
             scales: Vec::new(),
             standing_still: Vec::new(),
@@ -150,9 +158,18 @@ pub(crate) fn unit_store(directory: &Path) -> UnitStore {
 /// Results of units by their keys, as other processes made them.
 pub(crate) type Pool = BTreeMap<String, UnitResult>;
 
-/// Train every candidate in every environment. A dry run says what was `counted` before.
-pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Result<Outcome> {
-    sweep(job, counted, None, printer)
+/// Train every candidate in every environment, on a device if one is named. A dry run says what was `counted` before.
+pub(crate) fn run(
+    job: &Job,
+    counted: &Counted,
+    device: Option<Device>,
+    printer: &Printer,
+) -> anyhow::Result<Outcome> {
+    let accelerator = device.map(torch::accelerator).transpose()?;
+    if accelerator.is_some() {
+        check_accelerated(job.study())?;
+    }
+    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
 }
 
 /// Write the results that other processes made, where nothing is left to train.
@@ -160,13 +177,32 @@ pub(crate) fn run(job: &Job, counted: &Counted, printer: &Printer) -> anyhow::Re
 /// # Errors
 /// [`SweepError::Incomplete`] if something is, before anything is written.
 pub(crate) fn put_together(job: &Job, pool: &Pool, printer: &Printer) -> anyhow::Result<Outcome> {
-    sweep(job, &Counted::default(), Some(pool), printer)
+    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
+}
+
+/// Check that all agents are such as an accelerator trains, before anything is read.
+fn check_accelerated(study: &Study) -> anyhow::Result<()> {
+    ensure!(
+        study.agent.kind == AgentKind::Td,
+        "agents of another program are trained by it; leave --device out"
+    );
+    candidates_of(study)?.iter().try_for_each(|of| calib_agent::check_accelerated(&of.agent))?;
+    Ok(())
+}
+
+/// Where results come from, if not from this program's own arithmetic.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    /// Other processes.
+    pool: Option<&'a Pool>,
+    /// What trains.
+    accelerator: Option<&'a dyn Accelerator>,
 }
 
 fn sweep(
     job: &Job,
     counted: &Counted,
-    pool: Option<&Pool>,
+    Source { pool, accelerator }: Source<'_>,
     printer: &Printer,
 ) -> anyhow::Result<Outcome> {
     let clock = Stopwatch::start();
@@ -177,7 +213,7 @@ fn sweep(
     };
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
-    let plan = setting.plan(study, &environments)?;
+    let plan = setting.plan(study, &environments, accelerator)?;
     let store = unit_store(&directory);
     let Found { own, stored } = Found::of(&plan, &store, job, pool)?;
     let missing = plan.left(&stored)?;
@@ -187,8 +223,9 @@ fn sweep(
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
     let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
-    // Of a program it is not known.
-    let is_timed = setting.program.is_none() && missing > shared && preview.memory.fits();
+    // Of a program, and of another arithmetic, it is not known.
+    let is_own = setting.program.is_none() && accelerator.is_none();
+    let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
         let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
         let passes = plan.passes(&stored)?;
@@ -211,6 +248,7 @@ fn sweep(
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let mut manifest = manifest_of(study, &setting, &results, printer)?;
+    manifest.arithmetic = accelerator.map(|accelerator| accelerator.class().to_owned());
     manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
     let is_the_same = match kept {
         Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,

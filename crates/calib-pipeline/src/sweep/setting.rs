@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
+use calib_agent::Accelerator;
 use calib_core::Seed;
 use calib_data::Dataset;
 use calib_study::{Job, Study};
@@ -111,6 +112,7 @@ impl Setting {
         &'a self,
         study: &Study,
         environments: &'a [Box<dyn Environment + 'a>],
+        accelerator: Option<&'a dyn Accelerator>,
     ) -> Result<Plan<'a>, SweepError> {
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
         let options = PlanOptions {
@@ -121,7 +123,7 @@ impl Setting {
         };
         let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
         let program = self.program.as_ref().map(|program| program as &dyn Program);
-        raced(plan.starting_from(self.starts.clone()).by(program), study)
+        raced(plan.starting_from(self.starts.clone()).by(program).on(accelerator), study)
     }
 }
 

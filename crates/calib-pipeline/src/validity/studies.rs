@@ -167,7 +167,7 @@ impl Listed {
         {
             plant.make(true, &talk).context("[simulate]")?;
         }
-        match chain::run_to(extent, &self.job, &talk) {
+        match chain::run_to(extent, &self.job, None, &talk) {
             Err(reason) if reason.is::<Unscorable>() => Ok(Some(reason.to_string())),
             ended => ended.map(|_| None),
         }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use calib_agent::AgentConfig;
+use calib_agent::{Accelerator, AgentConfig};
 use calib_core::Seed;
 use calib_files::{Fingerprint, Fingerprinter};
 use serde::Serialize;
@@ -35,6 +35,8 @@ impl Plan<'_> {
             start: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
             program: Option<&'k Fingerprint>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            arithmetic: Option<&'k str>,
         }
         let key = Key {
             format: RESULT_VERSION,
@@ -47,6 +49,7 @@ impl Plan<'_> {
             inputs,
             start: start.map(|start| &start.fingerprint),
             program: self.program.map(Program::fingerprint),
+            arithmetic: self.accelerator.map(Accelerator::class),
         };
         let text = serde_json::to_vec(&key).unwrap_or_else(|_| unreachable!("plain data"));
         Fingerprinter::default().add(&text).finish().to_string()

@@ -1,0 +1,135 @@
+//! Training of many runs side by side, through an accelerator.
+
+use calib_core::Monitor;
+
+use crate::{
+    Accelerator, AgentConfig, AgentError, Learner, Precision, ReplayKind, Run, RunOutcome,
+    ValueFunction, layer_sizes, parameter_count,
+    train::{check_cumulant, populations},
+};
+
+mod cohort;
+mod seat;
+
+use cohort::Cohort;
+
+/// The most runs that are trained side by side: more make a GPU hardly faster.
+const MOST: usize = 64;
+
+/// Runs of `learners` that `accelerator` trains side by side, at most: as many as its memory holds, of `runs` that there are in all. `states` and `width`
+/// are those of a run's stream.
+pub fn runs_together(
+    accelerator: &dyn Accelerator,
+    learners: &[Learner<'_>],
+    (states, width): (usize, usize),
+    runs: usize,
+) -> usize {
+    let groups = groups(learners);
+    let of_group = |group: &Vec<usize>| {
+        let config = learners[group[0]].config;
+        let seen = config.seen_width(width);
+        let sizes = layer_sizes(config, seen);
+        let rows = 2 * batch_of(config) + 1;
+        // Inputs of each layer, and as much again for their gradients and what is made on the way.
+        let activations = 3 * rows * sizes.iter().sum::<usize>();
+        // Parameters, gradient, two moments, target network, and what an optimiser's step makes.
+        let parameters = 8 * parameter_count(config, seen);
+        4 * (group.len() * (activations + parameters) + 2 * states * seen) as u64
+    };
+    let bytes = groups.iter().map(of_group).max().unwrap_or(1).max(1);
+    let fits = usize::try_from(accelerator.memory() / bytes).unwrap_or(usize::MAX);
+    fits.min(MOST).min(runs).max(1)
+}
+
+/// Train the same `learners` in every run, all of them side by side; outcomes run by run, in the order of the learners.
+///
+/// What they predict, learn from and are held to is that of [`train_learners`](crate::train_learners): the same initial parameters, mini-batches and returns.
+/// Products and sums are the accelerator's, so errors differ in their last digits, and more where learning is about to diverge. A run
+/// is not resumed in its middle. `monitor` advances by the steps of all runs.
+///
+/// Where there are fewer runs than `places`, the rest go to copies of the last one, which nobody looks at: with more or fewer networks side by side an
+/// accelerator may add in another order, and a run's outcome is not to depend on how many others were left to make.
+///
+/// # Errors
+/// As [`train_learners`](crate::train_learners); if a value function is not a network in single precision; if the accelerator fails.
+pub fn train_together(
+    runs: &[Run<'_>],
+    learners: &[Learner<'_>],
+    places: usize,
+    accelerator: &dyn Accelerator,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<RunOutcome>>, AgentError> {
+    let Some(last) = runs.last() else { return Ok(Vec::new()) };
+    for learner in learners {
+        check_accelerated(learner.config)?;
+    }
+    for run in runs {
+        if run.steps > 0 && run.steps >= run.stream.len() {
+            return Err(AgentError::ShortStream { steps: run.steps, states: run.stream.len() });
+        }
+        for learner in learners {
+            learner.check(run.stream.width())?;
+            check_cumulant(run.stream, learner.cumulant)?;
+        }
+    }
+    let mut outcomes: Vec<Vec<Option<RunOutcome>>> = vec![vec![None; learners.len()]; runs.len()];
+    let steps: u64 = runs.iter().map(|run| run.steps as u64).sum();
+    let (mut done, mut reported) = (0, 0);
+    for group in groups(learners) {
+        let own: Vec<Learner<'_>> = group.iter().map(|&place| learners[place]).collect();
+        let copies = std::iter::repeat_n(last, places.saturating_sub(runs.len()));
+        let seated: Vec<Run<'_>> = runs.iter().chain(copies).copied().collect();
+        let mut cohort = Cohort::new(&seated, &own)?;
+        cohort.train(accelerator, |share| {
+            let now = (done as f64 + share * group.len() as f64) / learners.len() as f64;
+            let now = (now * steps as f64) as u64;
+            monitor.advance(now.saturating_sub(reported));
+            reported = reported.max(now);
+            if monitor.interrupted() { Err(AgentError::Interrupted) } else { Ok(()) }
+        })?;
+        done += group.len();
+        for (outcomes, own) in outcomes.iter_mut().zip(cohort.outcomes()) {
+            for (&place, outcome) in group.iter().zip(own) {
+                outcomes[place] = Some(outcome);
+            }
+        }
+    }
+    monitor.advance(steps.saturating_sub(reported));
+    Ok(outcomes.into_iter().map(|of| of.into_iter().flatten().collect()).collect())
+}
+
+/// Check that an accelerator trains such agents: networks in single precision.
+///
+/// # Errors
+/// [`AgentError::NotAccelerated`], with what is in the way.
+pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
+    match (config.value_function, config.precision) {
+        (ValueFunction::Mlp, Precision::F32) => Ok(()),
+        (ValueFunction::Linear, _) => {
+            Err(AgentError::NotAccelerated("value_function = \"linear\""))
+        }
+        (_, Precision::Bf16) => Err(AgentError::NotAccelerated("precision = \"bf16\"")),
+    }
+}
+
+/// Learners that can share a population and have the same kind of optimiser.
+fn groups(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
+    let mut groups = Vec::new();
+    for group in populations(learners) {
+        let first = learners[group[0]].config.optimiser;
+        let (same, other): (Vec<usize>, Vec<usize>) =
+            group.into_iter().partition(|&place| learners[place].config.optimiser == first);
+        groups.push(same);
+        if !other.is_empty() {
+            groups.push(other);
+        }
+    }
+    groups
+}
+
+fn batch_of(config: &AgentConfig) -> usize {
+    match config.replay {
+        ReplayKind::Uniform => config.batch_size,
+        ReplayKind::None => 1,
+    }
+}

@@ -1,0 +1,148 @@
+use calib_core::{Seed, Stream};
+
+use crate::{
+    AgentError, Learner, ReplayKind, Run, RunOutcome,
+    outcome::Tracker,
+    population::{Task, Truth},
+    replay::Replay,
+    scoring::known_returns,
+    traces::TracedStream,
+};
+
+/// One run of a cohort: what it sees, and what came of it so far.
+pub(super) struct Seat<'a> {
+    seen: Seen<'a>,
+    pub(super) seed: Seed,
+    truth: Truth,
+    /// The steps that it makes, and whether their returns are known.
+    course: Vec<(usize, bool)>,
+    replay: Option<Replay>,
+    trackers: Vec<Tracker>,
+    /// The last step that there is.
+    last: usize,
+}
+
+/// A run's stream, with traces where learners have them.
+enum Seen<'a> {
+    Bare(&'a dyn Stream),
+    Traced(TracedStream),
+}
+
+/// What a network did at a step.
+#[derive(Clone, Copy)]
+pub(super) struct Did {
+    /// Which step of the run.
+    pub(super) at: usize,
+    /// Which update of the step.
+    pub(super) update: usize,
+    /// Whether it learnt.
+    pub(super) learnt: bool,
+}
+
+impl<'a> Seat<'a> {
+    /// The run of learners that can share a population.
+    pub(super) fn new(run: &Run<'a>, learners: &[Learner<'_>]) -> Result<Self, AgentError> {
+        let Run { stream, steps, curve, seed } = *run;
+        let shared = learners[0].config;
+        let seen = if shared.traces.is_empty() {
+            Seen::Bare(stream)
+        } else {
+            Seen::Traced(TracedStream::new(stream, &shared.traces))
+        };
+        let truth = Truth::new(Task { stream: seen.stream(), steps, seed }, learners)?;
+        let mut course = Vec::with_capacity(steps);
+        for piece in stream.pieces() {
+            let known = known_returns(piece, shared.gamma);
+            let own = piece.start..piece.end.saturating_sub(1).min(steps);
+            course.extend(own.map(|t| (t, known.contains(&t))));
+        }
+        let replay = (shared.replay == ReplayKind::Uniform)
+            .then(|| Replay::new(seed.child("replay"), shared.replay_capacity, steps));
+        let trackers = vec![Tracker::new(curve, steps); learners.len()];
+        let last = steps.saturating_sub(1);
+        Ok(Self { seen, seed, truth, course, replay, trackers, last })
+    }
+
+    pub(super) fn stream(&self) -> &dyn Stream {
+        self.seen.stream()
+    }
+
+    /// Steps that it makes.
+    pub(super) fn len(&self) -> usize {
+        self.course.len()
+    }
+
+    /// States that its steps see, from the first one on.
+    pub(super) fn states(&self) -> usize {
+        // The state after the last step is learnt from, too.
+        self.course.last().map_or(0, |&(t, _)| t + 2)
+    }
+
+    /// The present state of its next step, `at`, and the starts of the transitions of each of its updates, `batch` of them, one after the other. A
+    /// run that is over goes on with its first state, and nobody looks.
+    pub(super) fn next(
+        &mut self,
+        at: usize,
+        updates: usize,
+        batch: usize,
+        to: &mut Vec<u32>,
+    ) -> u32 {
+        let Some(&(t, _)) = self.course.get(at) else {
+            to.resize(to.len() + updates * batch, 0);
+            return 0;
+        };
+        let mut starts = vec![t; batch];
+        if let Some(replay) = &mut self.replay {
+            replay.push(t);
+        }
+        for update in 0..updates {
+            if let Some(replay) = &self.replay {
+                replay.draw(t, update, &mut starts);
+            }
+            to.extend(starts.iter().map(|&start| start as u32));
+        }
+        t as u32
+    }
+
+    /// Record what each learner predicted, and whether it diverged.
+    pub(super) fn settle(&mut self, did: Did, predictions: &[f32], finite: &[bool]) {
+        let Some(&(t, known)) = self.course.get(did.at) else { return };
+        for (learner, tracker) in self.trackers.iter_mut().enumerate() {
+            if tracker.diverged.is_some() {
+                continue;
+            }
+            tracker.updates += u64::from(did.learnt);
+            let prediction = (did.update == 0).then_some(predictions[learner]);
+            if let Some(prediction) = prediction.filter(|value| known && value.is_finite()) {
+                tracker.record(t, prediction, self.truth.of(learner, t));
+            }
+            if !finite[learner] || prediction.is_some_and(|value| !value.is_finite()) {
+                tracker.diverged = Some(t);
+            }
+        }
+    }
+
+    /// Whoever has a parameter that is not finite at the end has diverged.
+    pub(super) fn end(&mut self, finite: &[bool]) {
+        for (tracker, _) in self.trackers.iter_mut().zip(finite).filter(|(_, finite)| !**finite) {
+            tracker.diverged.get_or_insert(self.last);
+        }
+    }
+
+    pub(super) fn outcomes(self) -> Vec<RunOutcome> {
+        let Self { trackers, truth, .. } = self;
+        let of = |(learner, tracker): (usize, Tracker)| {
+            tracker.outcome(|part| truth.scored(learner, part))
+        };
+        trackers.into_iter().enumerate().map(of).collect()
+    }
+}
+
+impl Seen<'_> {
+    fn stream(&self) -> &dyn Stream {
+        match self {
+            Self::Bare(stream) => *stream,
+            Self::Traced(stream) => stream,
+        }
+    }
+}

@@ -1,0 +1,135 @@
+use calib_agent::{AgentConfig, Learner, OptimiserKind};
+use tch::{Device, TchError, Tensor};
+
+use super::stack::{Stack, column};
+
+/// The optimiser of every network, each with its own numbers: as [`calib_nn::Adam`] and [`calib_nn::Sgd`].
+pub(super) struct Descent {
+    /// 1 − αλ and ε, `[networks, 1]`.
+    keep: Tensor,
+    /// α of each network.
+    rates: Vec<f64>,
+    rate: Tensor,
+    adam: Option<Adam>,
+}
+
+struct Adam {
+    mean: Tensor,
+    square: Tensor,
+    /// β₁, 1 − β₁, β₂, 1 − β₂ and ε, `[networks, 1]`.
+    beta1: [Tensor; 2],
+    beta2: [Tensor; 2],
+    epsilon: Tensor,
+    /// Of each network: β₁ and β₂, and their powers so far.
+    betas: Vec<[f64; 2]>,
+    powers: Vec<[f64; 2]>,
+    /// Of the steps that come next: α/(1−β₁ᵗ) and 1/√(1−β₂ᵗ), `[steps, networks, 1]`.
+    ahead: [Tensor; 2],
+}
+
+impl Descent {
+    /// For the networks of these learners in each of so many runs.
+    pub(super) fn new(
+        learners: &[Learner<'_>],
+        runs: i64,
+        networks: &Stack,
+    ) -> Result<Self, TchError> {
+        let device = networks.parameters.device();
+        let of_all = |number: fn(&AgentConfig) -> f64| -> Vec<f64> {
+            let all = (0..runs).flat_map(|_| learners.iter());
+            all.map(|learner| number(learner.config)).collect()
+        };
+        let on_device = |number: fn(&AgentConfig) -> f64| {
+            let numbers: Vec<f32> = of_all(number).into_iter().map(|of| of as f32).collect();
+            column(&numbers, device)
+        };
+        let is_adam = learners[0].config.optimiser == OptimiserKind::Adam;
+        let adam = is_adam.then(|| -> Result<Adam, TchError> {
+            let [mean, square] = moments(learners, runs, networks)?;
+            let (beta1, beta2) = (of_all(|of| of.beta1), of_all(|of| of.beta2));
+            let start = |learner: &Learner<'_>| {
+                let moments = learner.start.and_then(|start| start.moments.as_ref());
+                moments.map_or([1.0; 2], |moments| [moments.powers.0, moments.powers.1])
+            };
+            Ok(Adam {
+                mean,
+                square,
+                beta1: [on_device(|of| of.beta1)?, on_device(|of| 1.0 - of.beta1)?],
+                beta2: [on_device(|of| of.beta2)?, on_device(|of| 1.0 - of.beta2)?],
+                epsilon: on_device(|of| of.epsilon)?,
+                betas: beta1.into_iter().zip(beta2).map(|(one, two)| [one, two]).collect(),
+                powers: (0..runs).flat_map(|_| learners.iter().map(start)).collect(),
+                ahead: [Tensor::new(), Tensor::new()],
+            })
+        });
+        Ok(Self {
+            keep: on_device(|of| 1.0 - of.learning_rate * of.weight_decay)?,
+            rate: on_device(|of| of.learning_rate)?,
+            rates: of_all(|of| of.learning_rate),
+            adam: adam.transpose()?,
+        })
+    }
+
+    /// Numbers of the next `count` steps.
+    pub(super) fn prepare(&mut self, count: usize, device: Device) -> Result<(), TchError> {
+        let Some(adam) = &mut self.adam else { return Ok(()) };
+        let (mut rates, mut corrections) = (Vec::new(), Vec::new());
+        for _ in 0..count {
+            for ((powers, betas), rate) in adam.powers.iter_mut().zip(&adam.betas).zip(&self.rates)
+            {
+                powers[0] *= betas[0];
+                powers[1] *= betas[1];
+                rates.push((rate / (1.0 - powers[0])) as f32);
+                corrections.push((1.0 / (1.0 - powers[1]).sqrt()) as f32);
+            }
+        }
+        let shape = [count as i64, adam.powers.len() as i64, 1];
+        let [rates, corrections] = [rates, corrections]
+            .map(|of| Tensor::f_from_slice(&of)?.f_view_(shape)?.f_to_device(device));
+        adam.ahead = [rates?, corrections?];
+        Ok(())
+    }
+
+    /// One step of all networks, the `step`-th of those that were prepared.
+    pub(super) fn step(
+        &mut self,
+        parameters: &mut Tensor,
+        gradient: &Tensor,
+        step: usize,
+    ) -> Result<(), TchError> {
+        let change = match &mut self.adam {
+            None => gradient.f_mul(&self.rate)?,
+            Some(adam) => adam.change(gradient, step as i64)?,
+        };
+        let _ = parameters.f_mul_(&self.keep)?.f_sub_(&change)?;
+        Ok(())
+    }
+}
+
+impl Adam {
+    fn change(&mut self, gradient: &Tensor, step: i64) -> Result<Tensor, TchError> {
+        let _ = self.mean.f_mul_(&self.beta1[0])?.f_addcmul_(gradient, &self.beta1[1])?;
+        let squares = gradient.f_mul(gradient)?;
+        let _ = self.square.f_mul_(&self.beta2[0])?.f_addcmul_(&squares, &self.beta2[1])?;
+        let [rate, correction] = &self.ahead;
+        let (rate, correction) = (rate.f_select(0, step)?, correction.f_select(0, step)?);
+        let scale = self.square.f_sqrt()?.f_mul_(&correction)?.f_add_(&self.epsilon)?;
+        self.mean.f_div(&scale)?.f_mul_(&rate)
+    }
+}
+
+/// Moments of all networks, `[networks, parameters]`: those of checkpoints, or zeros.
+fn moments(learners: &[Learner<'_>], runs: i64, networks: &Stack) -> Result<[Tensor; 2], TchError> {
+    let zeros = networks.parameters.f_zeros_like()?;
+    let both = [zeros.f_detach_copy()?, zeros];
+    let shape = [runs, learners.len() as i64, -1];
+    for (number, learner) in learners.iter().enumerate() {
+        let Some(kept) = learner.start.and_then(|start| start.moments.as_ref()) else { continue };
+        for (all, own) in both.iter().zip([&kept.mean, &kept.square]) {
+            let own = Tensor::f_from_slice(own)?.f_to_device(all.device())?;
+            let mut place = all.f_view_(shape)?.f_select(1, number as i64)?;
+            place.f_copy_(&own.f_unsqueeze(0)?.f_expand([runs, -1], false)?)?;
+        }
+    }
+    Ok(both)
+}

@@ -1,0 +1,199 @@
+//! Agents that libtorch trains side by side come to what native ones do, each alone.
+#![cfg(feature = "libtorch")]
+
+use calib_agent::{
+    AgentConfig, AgentError, Checkpoint, CurveRule, Learner, NoKeeper, OptimiserKind, Part,
+    Precision, ReplayKind, Run, RunOutcome, ValueFunction, parameter_count, runs_together,
+    train_learners, train_together,
+};
+use calib_core::{Monitor, RowStream, Seed, Segments, Silent, States, Stream};
+use calib_nn::Moments;
+use calib_torch::{DeviceChoice, Populations, device};
+
+/// Errors of runs that are nowhere near divergence; both round to 24 bits in their own order.
+const TOLERANCE: f64 = 2e-5;
+
+fn populations() -> Populations {
+    Populations::new(device(DeviceChoice::Cpu).expect("always there"))
+}
+
+/// Three columns of waves and noise, in pieces.
+fn waves(seed: u64, pieces: &[usize]) -> RowStream {
+    let mut rng = Seed::new(seed).rng();
+    let rows: usize = pieces.iter().sum();
+    let mut values = Vec::new();
+    for row in 0..rows {
+        for column in 0..3 {
+            let wave = (row as f64 * 0.2 * (1.0 + 0.4 * f64::from(column))).sin();
+            values.push((0.5 + 0.4 * wave + 0.05 * rng.normal()) as f32);
+        }
+    }
+    let states = States::new(values, rows, 3).expect("finite");
+    RowStream::replay(states, &Segments::from_lengths(pieces.iter().copied()).expect("valid"))
+}
+
+fn network() -> AgentConfig {
+    AgentConfig {
+        hidden_units: 24,
+        gamma: 0.8,
+        batch_size: 16,
+        learning_rate: 3e-3,
+        ..AgentConfig::default()
+    }
+}
+
+/// Agents of every kind that an accelerator trains.
+fn agents() -> Vec<AgentConfig> {
+    let sgd = AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate: 0.03, ..network() };
+    vec![
+        network(),
+        AgentConfig { learning_rate: 1e-4, beta1: 0.5, beta2: 0.99, epsilon: 1e-3, ..network() },
+        AgentConfig { weight_decay: 0.3, ..network() },
+        AgentConfig { learning_rate: 0.0, ..network() },
+        sgd.clone(),
+        AgentConfig { weight_decay: 0.5, hidden_layers: 1, ..sgd.clone() },
+        AgentConfig { target_network_period: 7, ..network() },
+        AgentConfig { target_network_period: 20, learning_rate: 1e-2, ..network() },
+        AgentConfig { updates_per_step: 3, replay_capacity: 60, ..network() },
+        AgentConfig { replay: ReplayKind::None, ..sgd },
+        AgentConfig { traces: vec![0.5, 0.9], hidden_units: 9, hidden_layers: 3, ..network() },
+    ]
+}
+
+fn run(stream: &dyn Stream, steps: usize, seed: u64) -> Run<'_> {
+    Run { stream, steps, curve: CurveRule { windows: 12 }, seed: Seed::new(seed) }
+}
+
+fn alone(run: Run<'_>, learners: &[Learner<'_>]) -> Vec<RunOutcome> {
+    train_learners(run, learners, &NoKeeper, &Silent).expect("trains")
+}
+
+fn assert_close(what: &str, native: &RunOutcome, torch: &RunOutcome) {
+    assert_eq!((native.steps, native.updates), (torch.steps, torch.updates), "{what}");
+    assert_eq!(native.diverged, torch.diverged, "{what}");
+    for part in Part::ALL {
+        let (a, b) = (native.scores.of(part), torch.scores.of(part));
+        let (Some(a), Some(b)) = (a, b) else { panic!("{what}: {a:?} and {b:?}") };
+        assert_eq!((a.scored_steps, a.mean_return), (b.scored_steps, b.mean_return), "{what}");
+        assert!((a.rmse - b.rmse).abs() <= TOLERANCE * a.rmse, "{what}: {a:?} and {b:?}");
+    }
+    assert_eq!(native.curve.len(), torch.curve.len(), "{what}");
+}
+
+#[test]
+fn runs_side_by_side_are_what_they_are_alone() {
+    // Streams of different lengths and pieces: one ends before the others.
+    let streams = [waves(1, &[150, 90]), waves(2, &[240]), waves(3, &[60, 100, 40])];
+    let runs = [run(&streams[0], 200, 1), run(&streams[1], 220, 2), run(&streams[2], 180, 3)];
+    let agents = agents();
+    let learners: Vec<_> = [0, 2]
+        .iter()
+        .flat_map(|&cumulant| {
+            agents.iter().map(move |config| Learner { config, cumulant, start: None })
+        })
+        .collect();
+    let together =
+        train_together(&runs, &learners, 4, &populations(), &Silent).expect("libtorch is there");
+    for (number, (run, outcomes)) in runs.iter().zip(&together).enumerate() {
+        for ((learner, native), torch) in learners.iter().zip(alone(*run, &learners)).zip(outcomes)
+        {
+            assert_close(&format!("run {number}, {learner:?}"), &native, torch);
+        }
+    }
+    let rmse = |of: &RunOutcome| of.scores.of(Part::WholeRun).expect("scored").rmse;
+    assert_ne!(rmse(&together[0][0]), rmse(&together[1][0]), "runs differ");
+    assert_ne!(rmse(&together[0][0]), rmse(&together[0][1]), "agents differ");
+}
+
+#[test]
+fn a_checkpoint_is_where_learning_starts() {
+    let stream = waves(4, &[200]);
+    let configs = [network(), AgentConfig { target_network_period: 9, ..network() }];
+    let count = parameter_count(&network(), 3);
+    let mut rng = Seed::new(8).rng();
+    let mut draw = |low, high| (0..count).map(|_| rng.uniform(low, high) as f32).collect();
+    let (parameters, mean, square) = (draw(-0.3, 0.3), draw(-0.01, 0.01), draw(1e-4, 1e-3));
+    let bare = Checkpoint { parameters, moments: None };
+    let moments = Moments { mean, square, powers: (0.5, 0.9) };
+    let whole = Checkpoint { moments: Some(moments), ..bare.clone() };
+    let learners: Vec<_> = configs
+        .iter()
+        .flat_map(|config| {
+            [None, Some(&bare), Some(&whole)].map(|start| Learner { config, cumulant: 1, start })
+        })
+        .collect();
+    let run = run(&stream, 190, 5);
+    let torch = train_together(&[run], &learners, 1, &populations(), &Silent).expect("trains");
+    for (number, (native, torch)) in alone(run, &learners).iter().zip(&torch[0]).enumerate() {
+        assert_close(&format!("learner {number}"), native, torch);
+    }
+}
+
+#[test]
+fn what_diverges_does_so_at_about_the_same_step_and_alone() {
+    let stream = waves(5, &[200]);
+    let sgd =
+        |learning_rate| AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate, ..network() };
+    let agents = [sgd(1e8), sgd(0.01), sgd(30.0)];
+    let learners: Vec<_> =
+        agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
+    let run = run(&stream, 190, 6);
+    let torch = train_together(&[run], &learners, 1, &populations(), &Silent).expect("trains");
+    let native = alone(run, &learners);
+    for (native, torch) in native.iter().zip(&torch[0]) {
+        let steps = [native, torch].map(|of| of.diverged.unwrap_or(190) as f64);
+        assert!((steps[0] - steps[1]).abs() <= 3.0, "{steps:?}");
+    }
+    assert!(native[0].diverged.is_some() && native[2].diverged.is_some());
+    assert_close("the one that learns", &native[1], &torch[0][1]);
+    assert_eq!(torch[0][0].scores.of(Part::WholeRun).expect("scored").rmse, f64::INFINITY);
+}
+
+#[test]
+fn more_runs_than_fit_are_fewer_side_by_side() {
+    let agents = agents();
+    let learners: Vec<_> =
+        agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
+    let side_by_side = |states, runs| runs_together(&populations(), &learners, (states, 3), runs);
+    assert_eq!(side_by_side(200, 5), 5);
+    assert_eq!(side_by_side(200, 1_000), 64);
+    assert_eq!(side_by_side(1 << 40, 1_000), 1);
+    let fit = side_by_side(400_000, 1_000);
+    assert!((2..64).contains(&fit), "{fit}");
+}
+
+#[test]
+fn what_no_accelerator_trains_is_refused() {
+    let stream = waves(6, &[100]);
+    let train = |config: &AgentConfig, monitor: &dyn Monitor| {
+        let learner = Learner { config, cumulant: 0, start: None };
+        train_together(&[run(&stream, 90, 1)], &[learner], 1, &populations(), monitor)
+    };
+    let linear = AgentConfig { value_function: ValueFunction::Linear, ..network() };
+    let error = train(&linear, &Silent).expect_err("refused").to_string();
+    assert_eq!(
+        error,
+        "agents with value_function = \"linear\" are trained natively; leave --device out"
+    );
+    let rounded = AgentConfig { precision: Precision::Bf16, ..network() };
+    assert!(matches!(train(&rounded, &Silent), Err(AgentError::NotAccelerated(_))));
+    let long = run(&stream, 100, 1);
+    let config = network();
+    let learner = Learner { config: &config, cumulant: 0, start: None };
+    let error = train_together(&[long], &[learner], 1, &populations(), &Silent);
+    assert!(matches!(error, Err(AgentError::ShortStream { .. })));
+    assert_eq!(train(&network(), &Stopped), Err(AgentError::Interrupted));
+}
+
+/// Asks to stop at once.
+struct Stopped;
+
+impl Monitor for Stopped {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn advance(&self, _: u64) {}
+
+    fn interrupted(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,185 @@
+//! A sweep whose runs are made side by side through libtorch.
+#![cfg(feature = "libtorch")]
+
+use std::{
+    collections::BTreeMap,
+    sync::atomic::{AtomicU64, Ordering},
+};
+
+use calib_agent::{Accelerator, AgentConfig, Part};
+use calib_core::{Monitor, RowIndex, RowStream, Seed, Segments, Silent, States};
+use calib_files::Fingerprint;
+use calib_sweep::{
+    Candidate, Environment, EnvironmentId, Plan, PlanOptions, RaceRule, RunStream, Span,
+    SweepConfig, SweepError, UnitResult, UnitStore, candidates,
+};
+use calib_torch::{DeviceChoice, Populations, device};
+
+/// Waves and noise, another one in each run.
+struct Waves {
+    id: EnvironmentId,
+    runs: usize,
+}
+
+impl Environment for Waves {
+    fn id(&self) -> EnvironmentId {
+        self.id
+    }
+
+    fn runs(&self) -> usize {
+        self.runs
+    }
+
+    fn inputs(&self, run: usize) -> Fingerprint {
+        Fingerprint::of(run.to_string().as_bytes())
+    }
+
+    fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
+        let rows = span().states();
+        let mut rng = Seed::new(3).child(&self.id.to_string()).number(run as u64).rng();
+        let mut value = |row: usize, phase: f64| {
+            (0.5 + 0.4 * (row as f64 * 0.3 + phase).sin() + 0.03 * rng.normal()) as f32
+        };
+        let values = (0..rows).flat_map(|row| [value(row, 0.0), value(row, 1.0)]).collect();
+        let states = States::new(values, rows, 2).expect("finite");
+        let whole = Segments::from_lengths([rows]).expect("one");
+        Ok(RunStream::complete(RowStream::replay(states, &whole), RowIndex::new(run)))
+    }
+}
+
+fn span() -> Span {
+    Span::new(200, [0.8])
+}
+
+fn environments() -> [Waves; 4] {
+    [
+        Waves { id: EnvironmentId::Member(0), runs: 3 },
+        Waves { id: EnvironmentId::Member(1), runs: 3 },
+        Waves { id: EnvironmentId::Online, runs: 2 },
+        Waves { id: EnvironmentId::LogReplay, runs: 2 },
+    ]
+}
+
+fn values() -> Vec<Candidate> {
+    let agent =
+        AgentConfig { hidden_units: 16, gamma: 0.8, batch_size: 8, ..AgentConfig::default() };
+    let grid = [1e-5, 1e-3, 1e-2].map(serde_json::Value::from).to_vec();
+    let grid = BTreeMap::from([("learning_rate".to_owned(), grid.into())]);
+    let config = SweepConfig { grid, ..SweepConfig::default() };
+    candidates(&config, &agent, Seed::new(1)).expect("valid")
+}
+
+/// As a small machine: three runs side by side.
+#[derive(Debug)]
+struct Small(Populations);
+
+impl Accelerator for Small {
+    fn class(&self) -> &str {
+        self.0.class()
+    }
+
+    fn memory(&self) -> u64 {
+        400_000
+    }
+
+    fn networks(
+        &self,
+        networks: &calib_agent::Networks<'_>,
+    ) -> Result<Box<dyn calib_agent::Lockstep>, calib_agent::AgentError> {
+        self.0.networks(networks)
+    }
+}
+
+fn small() -> Small {
+    Small(Populations::new(device(DeviceChoice::Cpu).expect("always there")))
+}
+
+fn with_plan<T>(accelerator: Option<&dyn Accelerator>, then: impl FnOnce(Plan<'_>) -> T) -> T {
+    let (candidates, environments) = (values(), environments());
+    let environments = environments.iter().map(|of| of as &dyn Environment).collect();
+    let seed = Seed::new(4);
+    let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 5, seed };
+    let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
+    then(Plan::new(&candidates, environments, sensors, options).on(accelerator))
+}
+
+fn rmses(results: &[UnitResult]) -> Vec<f64> {
+    let rows = results.iter().flat_map(|result| &result.rows);
+    rows.map(|row| row.scores.of(Part::WholeRun).expect("scored").rmse).collect()
+}
+
+#[test]
+fn a_sweep_side_by_side_is_the_native_one() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let store = |name: &str| UnitStore::new(directory.path().join(name));
+    let native = with_plan(None, |plan| plan.run(&store("native"), &Silent).expect("runs"));
+    let small = small();
+    let torch = with_plan(Some(&small), |plan| plan.run(&store("torch"), &Silent).expect("runs"));
+    assert_eq!(native.len(), 20);
+    for (native, torch) in native.iter().zip(&torch) {
+        assert_eq!((&native.unit, native.seed), (&torch.unit, torch.seed));
+        assert_ne!(native.key, torch.key, "another class of arithmetic");
+    }
+    for (native, torch) in rmses(&native).into_iter().zip(rmses(&torch)) {
+        assert!((native - torch).abs() < 1e-5 * native, "{native} and {torch}");
+    }
+    // Each finds its own.
+    let found = |accelerator| {
+        with_plan(accelerator, |plan| plan.stored(&store("torch")).expect("read").len())
+    };
+    assert_eq!((found(None), found(Some(&small))), (0, 20));
+}
+
+/// Asks to stop after so many looks.
+struct Impatient {
+    looks: AtomicU64,
+    patience: u64,
+}
+
+impl Monitor for Impatient {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn advance(&self, _: u64) {}
+
+    fn interrupted(&self) -> bool {
+        self.looks.fetch_add(1, Ordering::Relaxed) > self.patience
+    }
+}
+
+#[test]
+fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let (small, whole) = (small(), UnitStore::new(directory.path().join("whole")));
+    let expected = with_plan(Some(&small), |plan| plan.run(&whole, &Silent).expect("runs"));
+    let mut stopped = 0;
+    for patience in [3, 12, 20, 30] {
+        let store = UnitStore::new(directory.path().join(patience.to_string()));
+        let impatient = Impatient { looks: AtomicU64::new(0), patience };
+        let ended = with_plan(Some(&small), |plan| plan.run(&store, &impatient));
+        let some = with_plan(Some(&small), |plan| plan.stored(&store).expect("read").len());
+        if matches!(ended, Err(SweepError::Interrupted)) && some > 0 {
+            stopped += 1;
+        }
+        let went_on = with_plan(Some(&small), |plan| plan.run(&store, &Silent).expect("runs"));
+        assert_eq!(went_on, expected, "stopped after {patience} looks, with {some} units");
+    }
+    assert!(stopped > 1, "in the middle, {stopped} times");
+}
+
+#[test]
+fn a_race_is_run_side_by_side() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let run = |accelerator: Option<&dyn Accelerator>, name: &str| {
+        let store = UnitStore::new(directory.path().join(name));
+        with_plan(accelerator, |plan| {
+            let plan = plan.race(RaceRule::Halving).expect("valid");
+            plan.run(&store, &Silent).expect("runs")
+        })
+    };
+    let (native, torch) = (run(None, "native"), run(Some(&small()), "torch"));
+    let made = |results: &[UnitResult]| -> Vec<_> {
+        results.iter().map(|result| (result.unit.clone(), result.rows.len())).collect()
+    };
+    assert_eq!(made(&native), made(&torch), "the same values are dropped");
+    assert!(native.iter().any(|result| result.rows.len() < 3), "some are");
+}
