@@ -1,0 +1,81 @@
+//! Updates a second of value networks that learn side by side, as one line of JSON, to be compared with other implementations of the same step.
+//!
+//!     bash scripts/libtorch.sh cargo run --release -p calib-torch --features libtorch --example populations_speed -- cpu|cuda|native [RUNS [LEARNERS [STEPS]]]
+//!
+//! Each of RUNS streams of 142 sensors has LEARNERS networks 142-256-256-1 with learning rates of their own, mini-batches of 256 transitions, Adam.
+//! `native` trains one run after the other on one thread, without libtorch.
+
+#![cfg_attr(not(feature = "libtorch"), allow(unused, reason = "nothing is measured without it"))]
+#![expect(clippy::print_stdout, reason = "the figure is what it is for")]
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
+
+#[cfg(not(feature = "libtorch"))]
+fn main() {
+    println!("wants the feature libtorch");
+}
+
+#[cfg(feature = "libtorch")]
+fn main() {
+    use std::time::Instant;
+
+    use calib_agent::{
+        AgentConfig, CurveRule, Learner, NoKeeper, Run, train_learners, train_together,
+    };
+    use calib_core::{RowStream, Seed, Segments, Silent, States};
+    use calib_torch::{DeviceChoice, Populations, device};
+
+    let mut arguments = std::env::args().skip(1);
+    let place = arguments.next().unwrap_or_else(|| "cpu".to_owned());
+    let mut next = |default| {
+        arguments.next().map_or(default, |text| text.parse().expect("a whole number"))
+    };
+    let (runs, learners, steps) = (next(4_usize), next(9_usize), next(200_usize));
+    let (columns, batch) = (142, 256);
+    let streams: Vec<RowStream> = (0..runs)
+        .map(|run| {
+            let rows = batch + steps + 200;
+            let mut rng = Seed::new(1).number(run as u64).rng();
+            let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();
+            let states = States::new(values, rows, columns).expect("finite");
+            RowStream::replay(states, &Segments::from_lengths([rows]).expect("one"))
+        })
+        .collect();
+    let agent = |number: usize| AgentConfig {
+        gamma: 0.9,
+        batch_size: batch,
+        learning_rate: 1e-6 * 10_f64.powf(0.5 * (number % 9) as f64),
+        ..AgentConfig::default()
+    };
+    let agents: Vec<AgentConfig> = (0..learners).map(agent).collect();
+    let of = |config| Learner { config, cumulant: 0, start: None };
+    let all: Vec<Learner<'_>> = agents.iter().map(of).collect();
+    let choice = place.parse().unwrap_or(DeviceChoice::Cpu);
+    let populations = Populations::new(device(choice).expect("it is there"));
+    let train = |updates: usize| {
+        let start = Instant::now();
+        let run = |stream| Run {
+            stream,
+            steps: batch - 1 + updates,
+            curve: CurveRule::default(),
+            seed: Seed::new(2),
+        };
+        let runs: Vec<Run<'_>> = streams.iter().map(|stream| run(stream as _)).collect();
+        if place == "native" {
+            for run in &runs {
+                train_learners(*run, &all, &NoKeeper, &Silent).expect("trains");
+            }
+        } else {
+            train_together(&runs, &all, runs.len(), &populations, &Silent).expect("trains");
+        }
+        start.elapsed().as_secs_f64()
+    };
+    // The difference is updates alone: both predict as long before them, and move as much to the device.
+    let less = steps / 4;
+    train(less);
+    let seconds = train(steps) - train(less);
+    let networks = runs * learners;
+    println!(
+        "{{\"place\": \"{place}\", \"networks\": {networks}, \"seconds\": {seconds}, \"updates_per_second\": {}}}",
+        (networks * (steps - less)) as f64 / seconds,
+    );
+}
