@@ -205,6 +205,8 @@ fn draw_the_crates() {
 fn a_heavy_dependency_has_one_package() {
     let owners = [
         ("polars", "calib-data"),
+        ("polars-core", "calib-data"),
+        ("polars-io", "calib-data"),
         ("kiddo", "calib-knn"),
         ("gemm", "calib-nn"),
         ("tch", "calib-torch"),

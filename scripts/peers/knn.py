@@ -5,7 +5,7 @@
 
 The job is that of a calibration model: for every next state of a member the k = 3 nearest source states of the member,
 other than the state itself. calib does it for all five members; a peer does it for member 0 alone (four fifths of the log),
-so peers have the smaller job. Every contender runs in a process of its own with --threads threads (scikit-learn's tree
+so peers have the smaller job. calib-graph has the peers' job: the neighbours of member 0 alone. Every contender runs in a process of its own with --threads threads (scikit-learn's tree
 has one).
 
 Peers that would take longer than --budget seconds answer a sample of the queries; their query time is then extrapolated
@@ -26,6 +26,7 @@ Data sets are made once and kept in --cache:
     gaussian    independent, 100,000 x 142
     quantised   plant rows on a coarse grid, 30 % of them exact copies of others
     embedding   a smooth random map of plant rows to 64 dimensions, like a learned representation
+    switching   binary, coarse and slow channels without common causes: neighbours in time are the nearest
 """
 
 import argparse
@@ -52,6 +53,7 @@ PINNED = {
 K = 3
 CONTENDERS = {
     "calib": "exact, five members",
+    "calib-graph": "exact, one member, as all below",
     "faiss-flat": "exact",
     "faiss-ivf": "approximate",
     "faiss-hnsw": "approximate",
@@ -64,15 +66,16 @@ NEEDS = {
     "faiss-flat": "faiss-cpu", "faiss-ivf": "faiss-cpu", "faiss-hnsw": "faiss-cpu", "hnswlib": "hnswlib",
     "pynndescent": "pynndescent", "sklearn-kdtree": "scikit-learn",
 }
-DATA = ("plant-400000", "plant-3200000", "wells", "wells-traces", "gaussian", "quantised", "embedding")
+DATA = ("plant-400000", "plant-3200000", "wells", "wells-traces", "gaussian", "quantised", "embedding", "switching")
 
 
 def run(contender, python, program, path, rows, queries, truth, options):
     """One contender's result, or a text that says why there is none."""
     out = pathlib.Path(options.cache) / f"found-{contender}.npy"
-    if contender in ("calib", "kiddo"):
-        command = [program, contender, path, rows, queries, out, K]
-        command += [] if contender == "calib" else [options.budget]
+    own = {"calib": "calib", "calib-graph": "graph", "kiddo": "kiddo"}.get(contender)
+    if own:
+        command = [program, own, path, rows, queries, out, K]
+        command += [options.budget] if own == "kiddo" else []
     else:
         command = [python, HERE / "knn_peers.py", contender, path, rows, queries, out, options.budget, options.threads, truth]
     try:

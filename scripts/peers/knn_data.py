@@ -72,6 +72,9 @@ class Data:
             rows = rows or 100_000
             path = self.once(f"gaussian-{rows}", lambda out: step(self.python, "gaussian", out, rows, 142))
             return path, rows
+        if kind == "switching":
+            rows = rows or 200_000
+            return self.once(f"switching-{rows}", lambda out: step(self.python, "switching", out, rows)), rows
         if kind in ("quantised", "embedding"):
             rows = rows or {"quantised": 200_000, "embedding": 400_000}[kind]
             path = self.once(f"{kind}-{rows}", lambda out: step(self.python, kind, self.plant(rows), out, rows))

@@ -34,6 +34,22 @@ def prepare(step, arguments):
         out, rows, columns = arguments
         rng = np.random.default_rng(3)
         np.save(out, rng.standard_normal((int(rows), int(columns)), dtype=np.float32))
+    elif step == "switching":
+        out, rows = arguments
+        rows, rng, columns = int(rows), np.random.default_rng(6), []
+        for channel in range(142):
+            if channel < 40:  # on or off, for ten minutes to a day at a row in ten seconds
+                holds = rng.exponential(rng.choice([60, 600, 8640]), rows // 20 + 20).astype(np.int64) + 1
+                columns.append(np.repeat(np.arange(len(holds)) % 2, holds)[:rows] if holds.sum() >= rows else np.resize(np.repeat([0, 1], 300), rows))
+                continue
+            slow = 1 - 10 ** rng.uniform(-4, -2)  # an autoregression, on a coarse grid for 60 of them
+            noise, value, own = rng.normal(0, (1 - slow**2) ** 0.5, rows), rng.normal(), np.empty(rows)
+            for row in range(rows):
+                value = slow * value + noise[row]
+                own[row] = value
+            own = np.clip((own + 4) / 8, 0, 1)
+            columns.append(np.round(own * 32) / 32 if channel < 100 else own)
+        np.save(out, np.stack(columns, 1).astype(np.float32))
     elif step == "quantised":
         plant, out, rows = arguments
         rng, states = np.random.default_rng(4), np.load(plant, mmap_mode="r")[: int(rows)].copy()

@@ -2,11 +2,12 @@
 //!
 //! ```text
 //! knn_peers calib STATES.npy ROWS QUERIES.npy OUT.npy K
+//! knn_peers graph STATES.npy ROWS QUERIES.npy OUT.npy K
 //! knn_peers kiddo STATES.npy ROWS QUERIES.npy OUT.npy K BUDGET_SECS
 //! ```
 //!
-//! The first ROWS rows of STATES are one unbroken log. `calib` builds the tables of all five members, `kiddo` a
-//! k-d tree over the sources of member 0. A query is the number of a row that member 0 has as a next state; OUT
+//! The first ROWS rows of STATES are one unbroken log. `calib` builds the tables of all five members, `graph` the neighbours of every row of member 0
+//! as points that are no log, `kiddo` a k-d tree over the sources of member 0. A query is the number of a row that member 0 has as a next state; OUT
 //! receives its K nearest sources in that member other than the row itself, as row numbers. `kiddo` ends
 //! with the budget and says how many queries it answered, in their order.
 
@@ -17,7 +18,7 @@ use std::{env, error::Error, fs, num::NonZero, ops::Range, path::Path, sync::Arc
 
 use calib_core::{Segments, Silent, States, TransitionIndex, Transitions};
 use calib_files::{MappedNpy, map_npy, write_npy};
-use calib_knn::{KnnModel, ModelConfig};
+use calib_knn::{IndexKind, KnnModel, ModelConfig, Points, SelfMatch};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
@@ -30,13 +31,18 @@ fn main() -> Outcome<()> {
         ["calib", states, rows, queries, out, k] => {
             calib(open(states, rows)?, &read_rows(queries)?, out.as_ref(), k.parse()?)
         }
+        ["graph", states, rows, queries, out, k] => {
+            graph(&open(states, rows)?, &read_rows(queries)?, out.as_ref(), k.parse()?)
+        }
         ["kiddo", states, rows, queries, out, k, budget] => {
             let (log, queries) = (open(states, rows)?, read_rows(queries)?);
             kiddo(&log, &queries, out.as_ref(), k.parse()?, budget.parse()?)
         }
         // `cargo test` and `cargo bench` run examples without arguments.
         _ => {
-            println!("knn_peers calib|kiddo STATES.npy ROWS QUERIES.npy OUT.npy K [BUDGET_SECS]");
+            println!(
+                "knn_peers calib|graph|kiddo STATES.npy ROWS QUERIES.npy OUT.npy K [BUDGET_SECS]"
+            );
             Ok(())
         }
     }
@@ -104,6 +110,31 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
         peak_kib()
     );
     Ok(write_npy(out, &found, queries.len(), k)?)
+}
+
+/// What a graph of neighbours is elsewhere: of every row of member 0, its sources and the row after them, the nearest others.
+fn graph(log: &Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
+    let (sources, columns) = (log.sources(), log.file.columns());
+    let values = log.as_ref()[sources.start * columns..(sources.end + 1) * columns].to_vec();
+    let clock = Instant::now();
+    let points = Points::new(values, columns)?;
+    // The row after the sources is no source: one neighbour more.
+    let found = points.join(k + 1, SelfMatch::Excluded, IndexKind::Auto, &Silent)?;
+    let seconds = clock.elapsed().as_secs_f64();
+    let nearest: Vec<u32> = queries
+        .iter()
+        .flat_map(|&row| {
+            let own = &found.neighbors[(row - sources.start) * (k + 1)..][..k + 1];
+            let own = own.iter().map(|&place| place as usize + sources.start);
+            own.filter(|&row| row < sources.end).take(k).map(|row| row as u32)
+        })
+        .collect();
+    println!(
+        "{{\"build\": {seconds}, \"query\": 0, \"answered\": {}, \"peak_kib\": {}}}",
+        sources.len(),
+        peak_kib()
+    );
+    Ok(write_npy(out, &nearest, queries.len(), k)?)
 }
 
 fn kiddo(log: &Log, queries: &[usize], out: &Path, k: usize, budget: f64) -> Outcome<()> {

@@ -26,9 +26,8 @@ fn main() {
 
     let mut arguments = std::env::args().skip(1);
     let place = arguments.next().unwrap_or_else(|| "cpu".to_owned());
-    let mut next = |default| {
-        arguments.next().map_or(default, |text| text.parse().expect("a whole number"))
-    };
+    let mut next =
+        |default| arguments.next().map_or(default, |text| text.parse().expect("a whole number"));
     let (runs, learners, steps) = (next(4_usize), next(9_usize), next(200_usize));
     let (columns, batch) = (142, 256);
     let streams: Vec<RowStream> = (0..runs)
