@@ -124,7 +124,7 @@ fn graph(log: &Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     let nearest: Vec<u32> = queries
         .iter()
         .flat_map(|&row| {
-            let own = &found.neighbors[(row - sources.start) * (k + 1)..][..k + 1];
+            let own = &found.neighbors[(row - sources.start) * (k + 1)..][..=k];
             let own = own.iter().map(|&place| place as usize + sources.start);
             own.filter(|&row| row < sources.end).take(k).map(|row| row as u32)
         })

@@ -5,25 +5,16 @@
 //! Each of RUNS streams of 142 sensors has LEARNERS networks 142-256-256-1 with learning rates of their own, mini-batches of 256 transitions, Adam.
 //! `native` trains one run after the other on one thread, without libtorch.
 
-#![cfg_attr(not(feature = "libtorch"), allow(unused, reason = "nothing is measured without it"))]
 #![expect(clippy::print_stdout, reason = "the figure is what it is for")]
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 
-#[cfg(not(feature = "libtorch"))]
+use std::time::Instant;
+
+use calib_agent::{AgentConfig, CurveRule, Learner, NoKeeper, Run, train_learners, train_together};
+use calib_core::{RowStream, Seed, Segments, Silent, States};
+use calib_torch::{DeviceChoice, Populations, device};
+
 fn main() {
-    println!("wants the feature libtorch");
-}
-
-#[cfg(feature = "libtorch")]
-fn main() {
-    use std::time::Instant;
-
-    use calib_agent::{
-        AgentConfig, CurveRule, Learner, NoKeeper, Run, train_learners, train_together,
-    };
-    use calib_core::{RowStream, Seed, Segments, Silent, States};
-    use calib_torch::{DeviceChoice, Populations, device};
-
     let mut arguments = std::env::args().skip(1);
     let place = arguments.next().unwrap_or_else(|| "cpu".to_owned());
     let mut next =
