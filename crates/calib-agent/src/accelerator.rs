@@ -7,7 +7,8 @@ use crate::{AgentError, Learner};
 /// [`train_together`](crate::train_together) says what each network learns from, and scores what it predicts; here is nothing but
 /// networks. What it computes agrees with native training within the rounding of sums in single precision.
 pub trait Accelerator: fmt::Debug + Sync {
-    /// What its numbers are known by: results of two classes never stand beside each other.
+    /// What its numbers are known by, such as `libtorch-cuda`: results of two classes never share a key. Within a class a network's numbers follow from
+    /// what it learns from, and not from what else is side by side with it.
     fn class(&self) -> &str;
 
     /// Bytes that networks, mini-batches and streams may take at a time.

@@ -75,8 +75,16 @@ pub enum AgentError {
         /// Transitions of one mini-batch.
         expected: usize,
     },
-    /// A value function that no accelerator trains.
-    #[error("agents with {0} are trained natively; leave --device out")]
+    /// Runs side by side see different numbers of values.
+    #[error("runs that learn side by side see as many values a state: got {got} beside {expected}")]
+    Widths {
+        /// Values in a state of one.
+        got: usize,
+        /// Values in a state of the first.
+        expected: usize,
+    },
+    /// Agents that no accelerator trains.
+    #[error("agents with {0} are not trained side by side; leave --device out")]
     NotAccelerated(&'static str),
     /// An accelerator failed.
     #[error("{0}")]

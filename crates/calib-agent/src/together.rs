@@ -3,8 +3,8 @@
 use calib_core::Monitor;
 
 use crate::{
-    Accelerator, AgentConfig, AgentError, Learner, Precision, ReplayKind, Run, RunOutcome,
-    ValueFunction, layer_sizes, parameter_count,
+    Accelerator, AgentConfig, AgentError, AgentKind, Learner, Precision, ReplayKind, Run,
+    RunOutcome, ValueFunction, layer_sizes, parameter_count,
     train::{check_cumulant, populations},
 };
 
@@ -16,13 +16,12 @@ use cohort::Cohort;
 /// The most runs that are trained side by side: more make a GPU hardly faster.
 const MOST: usize = 64;
 
-/// Runs of `learners` that `accelerator` trains side by side, at most: as many as its memory holds, of `runs` that there are in all. `states` and `width`
-/// are those of a run's stream.
+/// Runs of `learners` that `accelerator` trains side by side, at most: as many as its memory holds, one at least. `states` and `width` are those of a
+/// run's stream.
 pub fn runs_together(
     accelerator: &dyn Accelerator,
     learners: &[Learner<'_>],
     (states, width): (usize, usize),
-    runs: usize,
 ) -> usize {
     let groups = groups(learners);
     let of_group = |group: &Vec<usize>| {
@@ -38,7 +37,7 @@ pub fn runs_together(
     };
     let bytes = groups.iter().map(of_group).max().unwrap_or(1).max(1);
     let fits = usize::try_from(accelerator.memory() / bytes).unwrap_or(usize::MAX);
-    fits.min(MOST).min(runs).max(1)
+    fits.clamp(1, MOST)
 }
 
 /// Train the same `learners` in every run, all of them side by side; outcomes run by run, in the order of the learners.
@@ -47,23 +46,23 @@ pub fn runs_together(
 /// Products and sums are the accelerator's, so errors differ in their last digits, and more where learning is about to diverge. A run
 /// is not resumed in its middle. `monitor` advances by the steps of all runs.
 ///
-/// Where there are fewer runs than `places`, the rest go to copies of the last one, which nobody looks at: with more or fewer networks side by side an
-/// accelerator may add in another order, and a run's outcome is not to depend on how many others were left to make.
-///
 /// # Errors
 /// As [`train_learners`](crate::train_learners); if a value function is not a network in single precision; if the accelerator fails.
 pub fn train_together(
     runs: &[Run<'_>],
     learners: &[Learner<'_>],
-    places: usize,
     accelerator: &dyn Accelerator,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<RunOutcome>>, AgentError> {
-    let Some(last) = runs.last() else { return Ok(Vec::new()) };
+    let Some(first) = runs.first() else { return Ok(Vec::new()) };
     for learner in learners {
         check_accelerated(learner.config)?;
     }
     for run in runs {
+        let (got, expected) = (run.stream.width(), first.stream.width());
+        if got != expected {
+            return Err(AgentError::Widths { got, expected });
+        }
         if run.steps > 0 && run.steps >= run.stream.len() {
             return Err(AgentError::ShortStream { steps: run.steps, states: run.stream.len() });
         }
@@ -77,9 +76,7 @@ pub fn train_together(
     let (mut done, mut reported) = (0, 0);
     for group in groups(learners) {
         let own: Vec<Learner<'_>> = group.iter().map(|&place| learners[place]).collect();
-        let copies = std::iter::repeat_n(last, places.saturating_sub(runs.len()));
-        let seated: Vec<Run<'_>> = runs.iter().chain(copies).copied().collect();
-        let mut cohort = Cohort::new(&seated, &own)?;
+        let mut cohort = Cohort::new(runs, &own)?;
         cohort.train(accelerator, |share| {
             let now = (done as f64 + share * group.len() as f64) / learners.len() as f64;
             let now = (now * steps as f64) as u64;
@@ -103,6 +100,9 @@ pub fn train_together(
 /// # Errors
 /// [`AgentError::NotAccelerated`], with what is in the way.
 pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
+    if config.kind != AgentKind::Td {
+        return Err(AgentError::NotAccelerated("kind = \"external\""));
+    }
     match (config.value_function, config.precision) {
         (ValueFunction::Mlp, Precision::F32) => Ok(()),
         (ValueFunction::Linear, _) => {

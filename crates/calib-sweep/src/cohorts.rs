@@ -2,19 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use calib_agent::{Accelerator, Run, runs_together, train_together};
+use calib_agent::{Accelerator, AgentError, Run, runs_together, train_together};
 use calib_core::Monitor;
 use rayon::prelude::*;
 
 use crate::{RunRow, RunStream, SweepError, UnitResult, UnitSink, pass::Pass};
 
-/// Make these passes, as many side by side as the accelerator can; results come in the order of the passes.
-///
-/// `all` is the number of passes of the plan. Whatever is missing of it, as many are made side by side, if need be with copies that nobody looks at: products
-/// are made in another order where there are more or fewer of them, and the results of a sweep that was interrupted are those of one that was not.
+/// Make these passes, as many side by side as the accelerator can; results come in the order of the passes. Those of a cohort are kept once all of it is
+/// done.
 pub(crate) fn run(
     passes: &[Pass<'_, '_>],
-    all: usize,
     accelerator: &dyn Accelerator,
     sink: &dyn UnitSink,
     monitor: &dyn Monitor,
@@ -31,13 +28,13 @@ pub(crate) fn run(
     for group in alike.values() {
         let first = &passes[group[0]];
         let size = (first.options.span.states(), first.stream()?.stream.width());
-        let places = runs_together(accelerator, &first.learners(), size, all);
-        for now in group.chunks(places) {
+        let most = runs_together(accelerator, &first.learners(), size);
+        for now in group.chunks(most) {
             if monitor.interrupted() {
                 return Err(SweepError::Interrupted);
             }
             let cohort: Vec<&Pass<'_, '_>> = now.iter().map(|&number| &passes[number]).collect();
-            let made = together(&cohort, places, accelerator, sink, monitor)?;
+            let made = together(&cohort, accelerator, sink, monitor)?;
             for (&number, made) in now.iter().zip(made) {
                 results[number] = made;
             }
@@ -46,10 +43,9 @@ pub(crate) fn run(
     Ok(results.into_iter().flatten().collect())
 }
 
-/// Make passes of the same learners side by side, `places` of them.
+/// Make passes of the same learners side by side.
 fn together(
     passes: &[&Pass<'_, '_>],
-    places: usize,
     accelerator: &dyn Accelerator,
     sink: &dyn UnitSink,
     monitor: &dyn Monitor,
@@ -61,8 +57,8 @@ fn together(
         .filter(|(_, streamed)| streamed.not_finite.is_none())
         .map(|(pass, streamed)| pass.agent_run(&*streamed.stream))
         .collect();
-    let made = train_together(&runs, &passes[0].learners(), places, accelerator, monitor)
-        .map_err(|source| passes[0].failed(source))?;
+    let made =
+        train_together(&runs, &passes[0].learners(), accelerator, monitor).map_err(failed)?;
     let mut made = made.into_iter();
     both()
         .map(|(pass, streamed)| match streamed.not_finite {
@@ -73,4 +69,12 @@ fn together(
             None => pass.put_outcomes(sink, streamed, made.next().unwrap_or_default()),
         })
         .collect()
+}
+
+/// Why training of a cohort ended.
+fn failed(source: AgentError) -> SweepError {
+    match source {
+        AgentError::Interrupted => SweepError::Interrupted,
+        source => SweepError::Together(source),
+    }
 }

@@ -127,6 +127,9 @@ pub enum SweepError {
         /// Why.
         source: AgentError,
     },
+    /// Training runs side by side failed.
+    #[error("training runs side by side")]
+    Together(#[source] AgentError),
     /// The program of external agents failed.
     #[error("{unit}")]
     Program {

@@ -85,7 +85,7 @@ impl Pass<'_, '_> {
     }
 
     /// Why training ended.
-    pub(crate) fn failed(&self, source: AgentError) -> SweepError {
+    fn failed(&self, source: AgentError) -> SweepError {
         match source {
             AgentError::Interrupted => SweepError::Interrupted,
             source => SweepError::Agent { unit: self.jobs[0].unit.clone(), source },

@@ -309,8 +309,7 @@ impl<'a> Plan<'a> {
         let missing: Vec<Pass<'_, '_>> =
             missing.into_values().map(|jobs| self.pass(jobs)).collect();
         if let Some(accelerator) = self.accelerator {
-            let all = self.environments.iter().map(|environment| environment.runs()).sum();
-            return cohorts::run(&missing, all, accelerator, store, monitor);
+            return cohorts::run(&missing, accelerator, store, monitor);
         }
         let trained = missing
             .into_par_iter()

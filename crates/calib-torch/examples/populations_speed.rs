@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use calib_agent::{AgentConfig, CurveRule, Learner, NoKeeper, Run, train_learners, train_together};
 use calib_core::{RowStream, Seed, Segments, Silent, States};
-use calib_torch::{DeviceChoice, Populations, device};
+use calib_torch::{Populations, device};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -39,7 +39,8 @@ fn main() {
     let agents: Vec<AgentConfig> = (0..learners).map(agent).collect();
     let of = |config| Learner { config, cumulant: 0, start: None };
     let all: Vec<Learner<'_>> = agents.iter().map(of).collect();
-    let choice = place.parse().unwrap_or(DeviceChoice::Cpu);
+    let choice = if place == "native" { "cpu" } else { &place };
+    let choice = choice.parse().expect("cpu, cuda or native");
     let populations = Populations::new(device(choice).expect("it is there"));
     let train = |updates: usize| {
         let start = Instant::now();
@@ -55,7 +56,7 @@ fn main() {
                 train_learners(*run, &all, &NoKeeper, &Silent).expect("trains");
             }
         } else {
-            train_together(&runs, &all, runs.len(), &populations, &Silent).expect("trains");
+            train_together(&runs, &all, &populations, &Silent).expect("trains");
         }
         start.elapsed().as_secs_f64()
     };

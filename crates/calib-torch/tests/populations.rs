@@ -12,6 +12,8 @@ use calib_torch::{DeviceChoice, Populations, device};
 
 /// Errors of runs that are nowhere near divergence; both round to 24 bits in their own order.
 const TOLERANCE: f64 = 2e-5;
+/// The same of a few steps.
+const CURVE: f64 = 2e-4;
 
 fn populations() -> Populations {
     Populations::new(device(DeviceChoice::Cpu).expect("always there"))
@@ -78,6 +80,10 @@ fn assert_close(what: &str, native: &RunOutcome, torch: &RunOutcome) {
         assert!((a.rmse - b.rmse).abs() <= TOLERANCE * a.rmse, "{what}: {a:?} and {b:?}");
     }
     assert_eq!(native.curve.len(), torch.curve.len(), "{what}");
+    for (a, b) in native.curve.iter().zip(&torch.curve) {
+        assert_eq!(a.step, b.step, "{what}");
+        assert!((a.rmse - b.rmse).abs() <= CURVE * a.rmse, "{what}: {a:?} and {b:?}");
+    }
 }
 
 #[test]
@@ -93,7 +99,7 @@ fn runs_side_by_side_are_what_they_are_alone() {
         })
         .collect();
     let together =
-        train_together(&runs, &learners, 4, &populations(), &Silent).expect("libtorch is there");
+        train_together(&runs, &learners, &populations(), &Silent).expect("libtorch is there");
     for (number, (run, outcomes)) in runs.iter().zip(&together).enumerate() {
         for ((learner, native), torch) in learners.iter().zip(alone(*run, &learners)).zip(outcomes)
         {
@@ -123,7 +129,7 @@ fn a_checkpoint_is_where_learning_starts() {
         })
         .collect();
     let run = run(&stream, 190, 5);
-    let torch = train_together(&[run], &learners, 1, &populations(), &Silent).expect("trains");
+    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
     for (number, (native, torch)) in alone(run, &learners).iter().zip(&torch[0]).enumerate() {
         assert_close(&format!("learner {number}"), native, torch);
     }
@@ -138,7 +144,7 @@ fn what_diverges_does_so_at_about_the_same_step_and_alone() {
     let learners: Vec<_> =
         agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
     let run = run(&stream, 190, 6);
-    let torch = train_together(&[run], &learners, 1, &populations(), &Silent).expect("trains");
+    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
     let native = alone(run, &learners);
     for (native, torch) in native.iter().zip(&torch[0]) {
         let steps = [native, torch].map(|of| of.diverged.unwrap_or(190) as f64);
@@ -150,15 +156,46 @@ fn what_diverges_does_so_at_about_the_same_step_and_alone() {
 }
 
 #[test]
+fn who_does_not_learn_does_not_diverge() {
+    let values = (0..300).flat_map(|row| [1e25_f32, (row % 7) as f32, 0.0]).collect();
+    let states = States::new(values, 300, 3).expect("finite");
+    let stream = RowStream::replay(states, &Segments::from_lengths([300]).expect("one"));
+    let frozen = AgentConfig { learning_rate: 0.0, ..network() };
+    let learners = [Learner { config: &frozen, cumulant: 1, start: None }];
+    let run = run(&stream, 250, 7);
+    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
+    assert_eq!((torch[0][0].diverged, alone(run, &learners)[0].diverged), (None, None));
+}
+
+#[test]
+fn a_network_does_not_depend_on_its_company() {
+    let streams = [waves(1, &[200]), waves(2, &[200]), waves(3, &[200])];
+    let runs = [1, 2, 3].map(|seed| run(&streams[seed - 1], 190, seed as u64));
+    let agents = agents();
+    let learners: Vec<_> =
+        agents.iter().map(|config| Learner { config, cumulant: 1, start: None }).collect();
+    let train = |runs: &[Run<'_>], learners: &[Learner<'_>]| {
+        train_together(runs, learners, &populations(), &Silent).expect("trains")
+    };
+    let all = train(&runs, &learners);
+    for (number, run) in runs.iter().enumerate() {
+        assert!(train(&[*run], &learners)[0] == all[number], "other runs beside it");
+        for (place, learner) in learners.iter().enumerate() {
+            let own = &train(&[*run], &[*learner])[0][0];
+            assert!(own == &all[number][place], "learner {place}: other learners beside it");
+        }
+    }
+}
+
+#[test]
 fn more_runs_than_fit_are_fewer_side_by_side() {
     let agents = agents();
     let learners: Vec<_> =
         agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
-    let side_by_side = |states, runs| runs_together(&populations(), &learners, (states, 3), runs);
-    assert_eq!(side_by_side(200, 5), 5);
-    assert_eq!(side_by_side(200, 1_000), 64);
-    assert_eq!(side_by_side(1 << 40, 1_000), 1);
-    let fit = side_by_side(400_000, 1_000);
+    let side_by_side = |states| runs_together(&populations(), &learners, (states, 3));
+    assert_eq!(side_by_side(200), 64);
+    assert_eq!(side_by_side(1 << 40), 1, "one is always tried");
+    let fit = side_by_side(400_000);
     assert!((2..64).contains(&fit), "{fit}");
 }
 
@@ -167,22 +204,27 @@ fn what_no_accelerator_trains_is_refused() {
     let stream = waves(6, &[100]);
     let train = |config: &AgentConfig, monitor: &dyn Monitor| {
         let learner = Learner { config, cumulant: 0, start: None };
-        train_together(&[run(&stream, 90, 1)], &[learner], 1, &populations(), monitor)
+        train_together(&[run(&stream, 90, 1)], &[learner], &populations(), monitor)
     };
     let linear = AgentConfig { value_function: ValueFunction::Linear, ..network() };
     let error = train(&linear, &Silent).expect_err("refused").to_string();
     assert_eq!(
         error,
-        "agents with value_function = \"linear\" are trained natively; leave --device out"
+        "agents with value_function = \"linear\" are not trained side by side; leave --device out"
     );
     let rounded = AgentConfig { precision: Precision::Bf16, ..network() };
     assert!(matches!(train(&rounded, &Silent), Err(AgentError::NotAccelerated(_))));
     let long = run(&stream, 100, 1);
     let config = network();
     let learner = Learner { config: &config, cumulant: 0, start: None };
-    let error = train_together(&[long], &[learner], 1, &populations(), &Silent);
+    let error = train_together(&[long], &[learner], &populations(), &Silent);
     assert!(matches!(error, Err(AgentError::ShortStream { .. })));
     assert_eq!(train(&network(), &Stopped), Err(AgentError::Interrupted));
+    let narrow = States::new(vec![0.0; 200], 100, 2).expect("finite");
+    let narrow = RowStream::replay(narrow, &Segments::from_lengths([100]).expect("one"));
+    let runs = [run(&stream, 90, 1), run(&narrow, 90, 1)];
+    let error = train_together(&runs, &[learner], &populations(), &Silent);
+    assert_eq!(error, Err(AgentError::Widths { got: 2, expected: 3 }));
 }
 
 /// Asks to stop at once.

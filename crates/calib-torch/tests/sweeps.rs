@@ -3,6 +3,8 @@
 
 use std::{
     collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
 };
 
@@ -130,6 +132,17 @@ fn a_sweep_side_by_side_is_the_native_one() {
     assert_eq!((found(None), found(Some(&small))), (0, 20));
 }
 
+/// All files below a folder, in order.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        if path.is_dir() { found.extend(files(&path)) } else { found.push(path) }
+    }
+    found.sort();
+    found
+}
+
 /// Asks to stop after so many looks.
 struct Impatient {
     looks: AtomicU64,
@@ -164,6 +177,19 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
         assert_eq!(went_on, expected, "stopped after {patience} looks, with {some} units");
     }
     assert!(stopped > 1, "in the middle, {stopped} times");
+    // Whatever is missing, what is made anew is what was there.
+    let gone = |of: usize| {
+        for (number, file) in files(&directory.path().join("whole")).iter().enumerate() {
+            if number % 3 == of {
+                fs::remove_file(file).expect("ours");
+            }
+        }
+    };
+    for of in 0..3 {
+        gone(of);
+        let again = with_plan(Some(&small), |plan| plan.run(&whole, &Silent).expect("runs"));
+        assert_eq!(again, expected, "with a third of the units gone");
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use calib_core::Monitor;
 use serde::{Deserialize, Serialize};
 
 use super::{Job, Plan, Survivors};
-use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink};
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink, cohorts};
 
 /// The units of some sensors in one run of one environment, which share a pass over its stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -115,6 +115,10 @@ impl Plan<'_> {
         if monitor.interrupted() {
             return Err(SweepError::Interrupted);
         }
-        self.pass(jobs).run(sink, monitor)
+        let pass = self.pass(jobs);
+        match self.accelerator {
+            Some(accelerator) => cohorts::run(&[pass], accelerator, sink, monitor),
+            None => pass.run(sink, monitor),
+        }
     }
 }

@@ -1,24 +1,24 @@
 //! Populations of value networks, stacked into batched products.
 
-use calib_agent::{Accelerator, AgentError, Lockstep, Made, Networks, Steps};
+use calib_agent::{Accelerator, AgentError, Learner, Lockstep, Made, Networks, Steps};
 use tch::{Device, Kind, TchError, Tensor, no_grad};
 
 mod optimiser;
 mod stack;
 
 use optimiser::Descent;
-use stack::{Stack, column, expanded};
+use stack::{Stack, aligned, column};
 
 /// libtorch, as what trains the agents of many runs side by side.
 ///
 /// Networks are stacked: what is one product of matrices for one network is one batched product for all of them, and streams are gathered on the
-/// device. Products are in single precision; TF32 is off, as libtorch has it by default.
+/// device. Everything is in single precision.
 #[derive(Clone, Copy, Debug)]
 pub struct Populations {
     device: Device,
 }
 
-/// Bytes that stacked networks may take: what fits beside other work on a processor, and on any GPU.
+/// Bytes that stacked networks and their streams may take: what fits beside other work.
 const ON_PROCESSOR: u64 = 1 << 30;
 const ON_GPU: u64 = 8 << 30;
 
@@ -31,7 +31,7 @@ impl Populations {
 
 impl Accelerator for Populations {
     fn class(&self) -> &str {
-        if self.device.is_cuda() { "libtorch on the GPU" } else { "libtorch on the processor" }
+        if self.device.is_cuda() { "libtorch-cuda" } else { "libtorch-cpu" }
     }
 
     fn memory(&self) -> u64 {
@@ -59,7 +59,8 @@ struct Population {
     states: Tensor,
     /// Where the states of each run begin, `[runs, 1]`.
     begins: Tensor,
-    /// The predicted column of each learner.
+    /// The run of each network, and the column that it predicts, `[networks, 1, 1]`.
+    run_of: Tensor,
     columns: Tensor,
     networks: Stack,
     /// Parameters of the target networks, and after how many updates those of each learner become the present ones.
@@ -69,23 +70,26 @@ struct Population {
 }
 
 impl Population {
-    fn new(networks: &Networks<'_>, device: Device) -> Result<Self, TchError> {
+    fn new<'a>(networks: &'a Networks<'a>, device: Device) -> Result<Self, TchError> {
         let Networks { sizes, learners, parameters, states, batch } = networks;
         let (runs, width) = (parameters.len() as i64, sizes[0] as i64);
-        let all: Vec<f32> = parameters
-            .iter()
-            .flat_map(|own| {
-                let start = |learner: &calib_agent::Learner<'_>| match learner.start {
-                    Some(start) => start.parameters.clone(),
-                    None => own.clone(),
-                };
-                learners.iter().flat_map(start)
-            })
-            .collect();
+        let own = parameters.iter().flat_map(|own| {
+            let start = |learner: &Learner<'a>| learner.start.map(|start| &start.parameters[..]);
+            learners.iter().map(move |learner| start(learner).unwrap_or(own))
+        });
+        let own: Vec<&[f32]> = own.collect();
         let of_run = states.len() as i64 / runs / width;
         let begins: Vec<i64> = (0..runs).map(|run| run * of_run).collect();
-        let columns: Vec<i64> = learners.iter().map(|learner| learner.cumulant as i64).collect();
-        let networks = Stack::new(sizes, &all, device)?;
+        let networks = Stack::new(sizes, &own, device)?;
+        // Networks that fill a product up are of the first run and learner.
+        let count = networks.parameters.size()[0] as usize;
+        let of_all = |of: &dyn Fn(usize) -> i64| -> Result<Tensor, TchError> {
+            let own = (0..runs as usize * learners.len()).map(of);
+            let all: Vec<i64> = own.chain(std::iter::repeat(0)).take(count).collect();
+            Tensor::f_from_slice(&all)?.f_to_device(device)
+        };
+        let run_of = of_all(&|network| (network / learners.len()) as i64)?;
+        let columns = of_all(&|network| learners[network % learners.len()].cumulant as i64)?;
         let periods: Vec<usize> =
             learners.iter().map(|learner| learner.config.target_network_period).collect();
         let target = periods[0] > 0;
@@ -98,7 +102,8 @@ impl Population {
             gamma: learners[0].config.gamma,
             states: Tensor::f_from_slice(states)?.f_view_([-1, width])?.f_to_device(device)?,
             begins: column(&begins, device)?,
-            columns: Tensor::f_from_slice(&columns)?.f_to_device(device)?,
+            run_of,
+            columns: columns.f_view_([-1, 1, 1])?,
             target: target.map(|target| (target, periods)),
             updates: 0,
             descent: Descent::new(learners, runs, &networks)?,
@@ -110,13 +115,12 @@ impl Population {
     fn gathered(&self, rows: &Tensor) -> Result<Tensor, TchError> {
         let count = rows.size()[1];
         let states = self.states.f_index_select(0, &rows.f_add(&self.begins)?.f_view_([-1])?)?;
-        states.f_view_([self.runs, count, -1])
+        states.f_view_([self.runs, count, -1])?.f_index_select(0, &self.run_of)
     }
 
-    /// One value a state, `[networks, rows]`, and the inputs of all layers.
-    fn values(&self, states: &Tensor) -> Result<(Tensor, Vec<Tensor>), TchError> {
-        let (inputs, values) = self.networks.forward(&expanded(states, self.learners)?)?;
-        Ok((values.f_squeeze_dim(2)?, inputs))
+    /// What is a value of each network, of those alone that learners have.
+    fn wanted(&self, of_all: &Tensor) -> Result<Tensor, TchError> {
+        of_all.f_narrow(0, 0, self.runs * self.learners)
     }
 
     /// Learn from the transitions that begin in `starts`, `[runs, batch]`. Values of the present states before, and whether TD errors were finite.
@@ -128,39 +132,48 @@ impl Population {
     ) -> Result<[Tensor; 2], TchError> {
         let batch = self.batch;
         let rows = Tensor::f_cat(&[starts, present, &starts.f_add_scalar(1)?], 1)?;
+        let count = rows.size()[1];
+        // Filled up with the first state, which nobody looks at.
+        let rows = rows.f_constant_pad_nd([0, aligned(count) - count])?;
         let states = self.gathered(&rows)?;
         let after = states.f_narrow(1, batch + 1, batch)?;
         let (values, inputs, next) = match &self.target {
             None => {
-                let (values, inputs) = self.values(&states)?;
+                let (inputs, values) = self.networks.forward(&states)?;
                 let next = values.f_narrow(1, batch + 1, batch)?;
                 (values, inputs, next)
             }
             Some((target, _)) => {
-                let (values, inputs) = self.values(&states.f_narrow(1, 0, batch + 1)?)?;
-                let target = self.networks.with(target);
-                let (_, next) = target.forward(&expanded(&after, self.learners)?)?;
-                (values, inputs, next.f_squeeze_dim(2)?)
+                let (inputs, values) =
+                    self.networks.forward(&states.f_narrow(1, 0, aligned(batch + 1))?)?;
+                let (_, next) = self.networks.with(target).forward(&after)?;
+                (values, inputs, next)
             }
         };
-        // o' of each learner, [runs, learners, batch].
-        let cumulants = after.f_index_select(2, &self.columns)?.f_transpose(1, 2)?;
-        let targets = cumulants.f_reshape([-1, batch])?.f_add(&next.f_mul_scalar(self.gamma)?)?;
+        let columns = self.columns.f_expand([-1, batch, 1], false)?;
+        let targets = after.f_gather(2, &columns, false)?.f_add(&next.f_mul_scalar(self.gamma)?)?;
         let errors = targets.f_sub(&values.f_narrow(1, 0, batch)?)?;
-        let finite = errors.f_isfinite()?.f_all_dim(1, false)?;
-        let slope = errors.f_mul_scalar(-1.0 / batch as f64)?.f_unsqueeze(2)?;
-        let gradient = self.networks.backward(&inputs, slope, batch)?;
+        // Who does not learn does not mind.
+        let finite = errors.f_squeeze_dim(2)?.f_isfinite()?.f_all_dim(1, false)?;
+        let finite = finite.f_logical_or(&self.descent.frozen)?;
+        let slope = errors.f_mul_scalar(-1.0 / batch as f64)?;
+        // No slope where nothing is learnt.
+        let slope = slope.f_constant_pad_nd([0, 0, 0, aligned(batch) - batch])?;
+        let gradient = self.networks.backward(&inputs, slope)?;
         self.descent.step(&mut self.networks.parameters, &gradient, step)?;
         self.updates += 1;
         self.renew_targets()?;
-        Ok([values.f_select(1, batch)?, finite])
+        let values = values.f_select(1, batch)?.f_squeeze_dim(1)?;
+        Ok([self.wanted(&values)?, self.wanted(&finite)?])
     }
 
     /// Target networks that are due become the present ones.
     fn renew_targets(&mut self) -> Result<(), TchError> {
         let Some((target, periods)) = &self.target else { return Ok(()) };
         let shape = [self.runs, self.learners, -1];
-        let (present, target) = (self.networks.parameters.f_view_(shape)?, target.f_view_(shape)?);
+        let [present, target] =
+            [&self.networks.parameters, target].map(|of| self.wanted(of)?.f_view_(shape));
+        let (present, target) = (present?, target?);
         for (learner, &period) in periods.iter().enumerate() {
             if period > 0 && self.updates.is_multiple_of(period) {
                 let own = |of: &Tensor| of.f_select(1, learner as i64);
@@ -180,8 +193,10 @@ impl Population {
         let (mut predictions, mut finite) = (Vec::new(), Vec::new());
         if steps.starts.is_empty() {
             for step in 0..count {
-                let states = self.gathered(&present.f_select(0, step)?)?;
-                predictions.push(self.values(&states)?.0.f_squeeze_dim(1)?);
+                let rows = present.f_select(0, step)?.f_constant_pad_nd([0, aligned(1) - 1])?;
+                let states = self.gathered(&rows)?;
+                let values = self.networks.forward(&states)?.1.f_select(1, 0)?.f_squeeze_dim(1)?;
+                predictions.push(self.wanted(&values)?);
             }
         } else {
             let starts = numbers(&steps.starts, &[count, runs, self.batch])?;
@@ -210,7 +225,8 @@ impl Lockstep for Population {
 
     fn finite(&self) -> Result<Vec<bool>, AgentError> {
         let finite = || -> Result<Vec<bool>, TchError> {
-            Vec::try_from(flat(&self.networks.parameters.f_isfinite()?.f_all_dim(1, false)?)?)
+            let all = self.networks.parameters.f_isfinite()?.f_all_dim(1, false)?;
+            Vec::try_from(flat(&self.wanted(&all)?)?)
         };
         no_grad(finite).map_err(failed)
     }

@@ -5,11 +5,13 @@ use super::stack::{Stack, column};
 
 /// The optimiser of every network, each with its own numbers: as [`calib_nn::Adam`] and [`calib_nn::Sgd`].
 pub(super) struct Descent {
-    /// 1 − αλ and ε, `[networks, 1]`.
+    /// Whose rate is 0, `[networks]`: it only predicts.
+    pub(super) frozen: Tensor,
+    /// 1 − αλ and α, `[networks, 1]`.
     keep: Tensor,
+    rate: Tensor,
     /// α of each network.
     rates: Vec<f64>,
-    rate: Tensor,
     adam: Option<Adam>,
 }
 
@@ -35,8 +37,11 @@ impl Descent {
         networks: &Stack,
     ) -> Result<Self, TchError> {
         let device = networks.parameters.device();
+        let count = networks.parameters.size()[0] as usize;
         let of_all = |number: fn(&AgentConfig) -> f64| -> Vec<f64> {
-            let all = (0..runs).flat_map(|_| learners.iter());
+            let own = (0..runs).flat_map(|_| learners.iter());
+            // What fills a product up is as the first.
+            let all = own.chain(std::iter::repeat(&learners[0])).take(count);
             all.map(|learner| number(learner.config)).collect()
         };
         let on_device = |number: fn(&AgentConfig) -> f64| {
@@ -58,13 +63,18 @@ impl Descent {
                 beta2: [on_device(|of| of.beta2)?, on_device(|of| 1.0 - of.beta2)?],
                 epsilon: on_device(|of| of.epsilon)?,
                 betas: beta1.into_iter().zip(beta2).map(|(one, two)| [one, two]).collect(),
-                powers: (0..runs).flat_map(|_| learners.iter().map(start)).collect(),
+                powers: {
+                    let own = (0..runs).flat_map(|_| learners.iter());
+                    own.chain(std::iter::repeat(&learners[0])).take(count).map(start).collect()
+                },
                 ahead: [Tensor::new(), Tensor::new()],
             })
         });
+        let rate = on_device(|of| of.learning_rate)?;
         Ok(Self {
+            frozen: rate.f_eq(0)?.f_view_([-1])?,
             keep: on_device(|of| 1.0 - of.learning_rate * of.weight_decay)?,
-            rate: on_device(|of| of.learning_rate)?,
+            rate,
             rates: of_all(|of| of.learning_rate),
             adam: adam.transpose()?,
         })
@@ -101,6 +111,8 @@ impl Descent {
             None => gradient.f_mul(&self.rate)?,
             Some(adam) => adam.change(gradient, step as i64)?,
         };
+        // Not 0 · ∞, where what is seen is large.
+        let change = change.f_masked_fill(&self.frozen.f_unsqueeze(1)?, 0)?;
         let _ = parameters.f_mul_(&self.keep)?.f_sub_(&change)?;
         Ok(())
     }
@@ -126,9 +138,10 @@ fn moments(learners: &[Learner<'_>], runs: i64, networks: &Stack) -> Result<[Ten
     for (number, learner) in learners.iter().enumerate() {
         let Some(kept) = learner.start.and_then(|start| start.moments.as_ref()) else { continue };
         for (all, own) in both.iter().zip([&kept.mean, &kept.square]) {
-            let own = Tensor::f_from_slice(own)?.f_to_device(all.device())?;
-            let mut place = all.f_view_(shape)?.f_select(1, number as i64)?;
-            place.f_copy_(&own.f_unsqueeze(0)?.f_expand([runs, -1], false)?)?;
+            let own = networks.placed(&[own])?;
+            let of_runs = all.f_narrow(0, 0, runs * learners.len() as i64)?.f_view_(shape)?;
+            let mut place = of_runs.f_select(1, number as i64)?;
+            place.f_copy_(&own.f_expand([runs, -1], false)?)?;
         }
     }
     Ok(both)

@@ -1,24 +1,31 @@
-use tch::{Device, TchError, Tensor};
+use tch::{Device, Kind, TchError, Tensor};
 
-/// Networks of one shape, whose parameters are stacked: `[networks, parameters]`, each as [`calib_nn::Mlp::parameters`].
+/// Networks of one product. Products are always of so many: where there are more or fewer, a library may choose another order of its sums, and what
+/// a network becomes is not to depend on how many others are trained beside it.
+const ON_GPU: i64 = 32;
+const ON_PROCESSOR: i64 = 4;
+/// Numbers of 64 bytes. Matrices begin at multiples of it, because a library may also choose by where they lie.
+const ALIGNED: i64 = 16;
+
+/// Networks of one shape, whose parameters are stacked, `[networks, places]`: those of [`calib_nn::Mlp::parameters`] with gaps of zeros, so that weights and
+/// biases begin where they should. Filled up with networks of zeros, which nobody looks at, to whole products.
 pub(super) struct Stack {
     pub(super) parameters: Tensor,
     layers: Vec<Layer>,
+    /// Networks of a product.
+    block: i64,
 }
 
-/// Where the weights of a layer, `[inputs, outputs]`, and after them its biases are.
+/// Where the weights of a layer, `[inputs, outputs]`, and its biases are.
 #[derive(Clone, Copy)]
 struct Layer {
     inputs: i64,
     outputs: i64,
     weights: i64,
+    biases: i64,
 }
 
 impl Layer {
-    fn biases(self) -> i64 {
-        self.weights + self.inputs * self.outputs
-    }
-
     /// The weights of all networks, `[networks, inputs, outputs]`.
     fn weights_of(self, parameters: &Tensor) -> Result<Tensor, TchError> {
         let flat = parameters.f_narrow(1, self.weights, self.inputs * self.outputs)?;
@@ -27,39 +34,68 @@ impl Layer {
 
     /// The biases of all networks, `[networks, 1, outputs]`.
     fn biases_of(self, parameters: &Tensor) -> Result<Tensor, TchError> {
-        parameters.f_narrow(1, self.biases(), self.outputs)?.f_unsqueeze(1)
+        parameters.f_narrow(1, self.biases, self.outputs)?.f_unsqueeze(1)
     }
 }
 
 impl Stack {
-    /// Networks with these sizes of layers, of `parameters` one after the other.
+    /// Networks with these sizes of layers, each of its `parameters`.
     pub(super) fn new(
         sizes: &[usize],
-        parameters: &[f32],
+        parameters: &[&[f32]],
         device: Device,
     ) -> Result<Self, TchError> {
-        let mut weights = 0;
         let mut layers = Vec::new();
+        let mut end = 0;
         for pair in sizes.windows(2) {
-            let layer = Layer { inputs: pair[0] as i64, outputs: pair[1] as i64, weights };
-            weights = layer.biases() + layer.outputs;
-            layers.push(layer);
+            let (inputs, outputs, weights) = (pair[0] as i64, pair[1] as i64, end);
+            let biases = aligned(weights + inputs * outputs);
+            layers.push(Layer { inputs, outputs, weights, biases });
+            end = aligned(biases + outputs);
         }
-        let parameters = Tensor::f_from_slice(parameters)?.f_view_([-1, weights])?;
-        Ok(Self { parameters: parameters.f_to_device(device)?, layers })
+        let block = if device.is_cuda() { ON_GPU } else { ON_PROCESSOR };
+        let count = (parameters.len() as u64).next_multiple_of(block as u64) as i64;
+        let zeros = Tensor::f_zeros([count, end], (Kind::Float, device))?;
+        let stack = Self { parameters: zeros, layers, block };
+        stack
+            .parameters
+            .f_narrow(0, 0, parameters.len() as i64)?
+            .f_copy_(&stack.placed(parameters)?)?;
+        Ok(stack)
+    }
+
+    /// What is a number a parameter of some networks, where the parameters are.
+    pub(super) fn placed(&self, numbers: &[&[f32]]) -> Result<Tensor, TchError> {
+        let places = self.parameters.size()[1];
+        let mut all = vec![0.0_f32; numbers.len() * places as usize];
+        for (to, from) in all.chunks_exact_mut(places as usize).zip(numbers) {
+            let mut rest = *from;
+            for layer in &self.layers {
+                let parts =
+                    [(layer.weights, layer.inputs * layer.outputs), (layer.biases, layer.outputs)];
+                for (place, count) in parts {
+                    let (own, after) = rest.split_at(count as usize);
+                    to[place as usize..][..own.len()].copy_from_slice(own);
+                    rest = after;
+                }
+            }
+        }
+        let all = Tensor::f_from_slice(&all)?.f_view_([-1, places])?;
+        all.f_to_device(self.parameters.device())
     }
 
     /// The same shape with other parameters.
     pub(super) fn with(&self, parameters: &Tensor) -> Self {
-        Self { parameters: parameters.shallow_clone(), layers: self.layers.clone() }
+        let layers = self.layers.clone();
+        Self { parameters: parameters.shallow_clone(), layers, block: self.block }
     }
 
     /// The inputs of every layer and what comes out, of `[networks, rows, width]`.
     pub(super) fn forward(&self, states: &Tensor) -> Result<(Vec<Tensor>, Tensor), TchError> {
         let (mut inputs, mut hidden) = (Vec::new(), states.shallow_clone());
         for (number, layer) in self.layers.iter().enumerate() {
-            let biases = layer.biases_of(&self.parameters)?;
-            let mut made = biases.f_baddbmm(&hidden, &layer.weights_of(&self.parameters)?, 1, 1)?;
+            let mut made = self.product(&hidden, &layer.weights_of(&self.parameters)?)?;
+            made = made.f_add_(&layer.biases_of(&self.parameters)?)?;
             if number + 1 < self.layers.len() {
                 made = made.f_relu_()?;
             }
@@ -68,36 +104,44 @@ impl Stack {
         Ok((inputs, hidden))
     }
 
-    /// Gradient of the parameters, `[networks, parameters]`, where that of the outputs of the first `rows` rows is `slope`,
-    /// `[networks, rows, outputs]`, and [`forward`](Self::forward) gave `inputs`.
-    pub(super) fn backward(
-        &self,
-        inputs: &[Tensor],
-        slope: Tensor,
-        rows: i64,
-    ) -> Result<Tensor, TchError> {
-        let gradient = self.parameters.f_empty_like()?;
+    /// Gradient of the parameters, where that of the outputs of the first rows is `slope`, `[networks, rows, outputs]`, and
+    /// [`forward`](Self::forward) gave `inputs`.
+    pub(super) fn backward(&self, inputs: &[Tensor], slope: Tensor) -> Result<Tensor, TchError> {
+        let (gradient, rows) = (self.parameters.f_zeros_like()?, slope.size()[1]);
+        // Sums over rows as products, for they are of a fixed order.
+        let ones = Tensor::f_ones([1, 1, rows], (Kind::Float, gradient.device()))?;
+        let ones = ones.f_expand([gradient.size()[0], -1, -1], false)?;
         let mut slope = slope;
         for (number, (layer, inputs)) in self.layers.iter().zip(inputs).enumerate().rev() {
             let inputs = inputs.f_narrow(1, 0, rows)?;
-            let weights = inputs.f_transpose(1, 2)?.f_bmm(&slope)?;
+            let weights = self.product(&inputs.f_transpose(1, 2)?, &slope)?;
             layer.weights_of(&gradient)?.f_copy_(&weights)?;
-            let biases = slope.f_sum_dim_intlist(&[1_i64][..], true, None)?;
-            layer.biases_of(&gradient)?.f_copy_(&biases)?;
+            layer.biases_of(&gradient)?.f_copy_(&self.product(&ones, &slope)?)?;
             if number > 0 {
-                let before = self.layers[number].weights_of(&self.parameters)?.f_transpose(1, 2)?;
-                slope = slope.f_bmm(&before)?.f_mul(&inputs.f_gt(0)?)?;
+                let back = layer.weights_of(&self.parameters)?.f_transpose(1, 2)?;
+                slope = self.product(&slope, &back)?.f_mul_(&inputs.f_gt(0)?)?;
             }
         }
         Ok(gradient)
     }
+
+    /// The product of each network, `[networks, a, b]` and `[networks, b, c]`.
+    fn product(&self, left: &Tensor, right: &Tensor) -> Result<Tensor, TchError> {
+        let (count, rows, columns) = (left.size()[0], left.size()[1], right.size()[2]);
+        let places = aligned(rows * columns);
+        let all = Tensor::f_empty([count, places], (Kind::Float, left.device()))?;
+        let all = all.f_narrow(1, 0, rows * columns)?.f_view_([count, rows, columns])?;
+        for first in (0..count).step_by(self.block as usize) {
+            let part = |of: &Tensor| of.f_narrow(0, first, self.block);
+            let _ = part(left)?.f_bmm_out(&part(&all)?, &part(right)?)?;
+        }
+        Ok(all)
+    }
 }
 
-/// States of each run, `[runs, rows, width]`, for each of its networks, `[networks, rows, width]`.
-pub(super) fn expanded(states: &Tensor, learners: i64) -> Result<Tensor, TchError> {
-    let [runs, rows, width] = states.size3()?.into();
-    let all = states.f_unsqueeze(1)?.f_expand([runs, learners, rows, width], false)?;
-    all.f_reshape([runs * learners, rows, width])
+/// The next place where a matrix may begin.
+pub(super) fn aligned(place: i64) -> i64 {
+    (place as u64).next_multiple_of(ALIGNED as u64) as i64
 }
 
 /// A column of numbers, `[n, 1]`.
