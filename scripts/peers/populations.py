@@ -4,7 +4,7 @@
 
 Each of RUNS streams of 142 sensors has LEARNERS networks 142-256-256-1 that learn from the run's mini-batches of 256 transitions: gather the batch, v(s) and
 v(s'), the semi-gradient of the mean of delta^2 / 2, Adam, and the prediction of the present state. The table has updates a second, one network's update
-each, medians over the rounds, and what share of the bare products' rate that is: those five batched products of an update alone, on the same device.
+each, medians over the rounds, and what share of the bare products' rate that is: the eight batched products of an update alone, on the same device.
 
 torch stacked   batched products and autograd, Adam written out for all networks at once
 torch vmap      torch.func: vmap over grad of the loss of one network, the same Adam
@@ -169,7 +169,7 @@ def main():
     print(f"{common.machine()}, {options.device}, {runs} runs x {options.learners} networks, {steps} steps, {options.rounds} rounds")
     print(f"  {'':16}{'updates/s':>12}{'calib is':>11}{'of products':>13}")
     for contender, rate in rates.items():
-        ratio = statistics.median(mine / other for mine, other in zip(rates["calib"], rate))
+        ratio = statistics.median(mine / other for mine, other in zip(rates.get("calib", rate), rate))
         share = statistics.median(one / bare for one, bare in zip(rate, rates.get("products", rate)))
         print(f"  {contender:16}{statistics.median(rate):12.0f}{ratio:9.2f} x{share:12.0%}")
     return None

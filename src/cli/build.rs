@@ -33,7 +33,7 @@ pub(crate) struct RepresentArgs {
 pub(crate) struct DeviceArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
-    /// Train through libtorch, all runs side by side on this device (default: natively); results are not shared with those of others
+    /// Train through libtorch on this device, agents of many runs side by side (default: natively); such results are kept apart
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
 }

@@ -167,8 +167,10 @@ fn what_wants_libtorch_says_how_to_get_it() {
         assert!(error.contains("bash scripts/libtorch.sh cargo build"), "{error}");
         assert!(error.contains("--features torch"), "{error}");
     }
+    let mlp = ["--set", "agent.value_function=mlp", "--set", "model.kind=knn"];
     for command in ["sweep", "run"] {
-        let error = place.calib(&[command, "study.toml", "--device", "cpu"]).fails(2);
+        let args = [&[command, "study.toml", "--device", "cpu"], &mlp[..]].concat();
+        let error = place.calib(&args).fails(2);
         assert!(error.contains("--device wants libtorch"), "{error}");
     }
     assert!(place.content("study-results") == before, "nothing was touched");
@@ -211,26 +213,60 @@ fn native_and_libtorch_training_agree_about_the_model() {
     assert!((a - b).abs() < 0.02 * a, "{a} {b}");
 }
 
+/// A study of neighbours, whose agents are networks.
+#[cfg(feature = "torch")]
+const NEIGHBOURS: [&str; 6] = [
+    "--set",
+    "model.kind=knn",
+    "--set",
+    "agent.value_function=mlp",
+    "--set",
+    "agent.hidden_units=8",
+];
+
 #[cfg(feature = "torch")]
 #[test]
 fn agents_that_libtorch_trains_are_results_of_their_own() {
     let place = place();
-    place.calib(&["build-model", "study.toml"]).succeeds();
-    let mlp = ["--set", "agent.value_function=mlp", "--set", "agent.hidden_units=8"];
-    let sweep = |more: &[&str]| place.calib(&[&["sweep", "study.toml"], more].concat());
-    let error = sweep(&["--set", "agent.value_function=linear", "--device", "cpu"]).fails(2);
-    assert!(error.contains("are trained natively; leave --device out"), "{error}");
-    let device = [&mlp[..], &["--device", "cpu"]].concat();
-    assert!(sweep(&device).succeeds().contains("units run in"));
+    let calib = |command: &str, more: &[&str]| {
+        place.calib(&[&[command, "study.toml"], &NEIGHBOURS[..], more].concat())
+    };
+    calib("build-model", &[]).succeeds();
+    let device = ["--device", "cpu"];
+    assert!(calib("sweep", &device).succeeds().contains("units run in"));
     let manifest = || {
         let path = place.path().join("study-results/sweep/manifest.json");
         let text = fs::read(path).expect("written");
         serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
     };
-    assert_eq!(manifest()["arithmetic"], "libtorch on the processor");
-    assert!(sweep(&device).succeeds().contains("up to date"));
-    place.calib(&[&["evaluate", "study.toml"], &mlp[..]].concat());
-    assert!(place.path().join("study-results/report.html").exists());
-    assert!(sweep(&mlp).succeeds().contains("units run in"), "natively they are others");
+    assert_eq!(manifest()["arithmetic"], "libtorch-cpu");
+    assert!(calib("sweep", &device).succeeds().contains("up to date"));
+    // The verdict is the device's, and says so.
+    let ended = calib("evaluate", &["--json"]);
+    let summary: serde_json::Value = serde_json::from_str(&ended.stdout()).expect("JSON");
+    assert!(summary["choices"].as_array().is_some_and(|of| !of.is_empty()), "{summary}");
+    assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
+    // Natively they are others, and those of the device stay.
+    assert!(calib("sweep", &[]).succeeds().contains("units run in"));
     assert_eq!(manifest().get("arithmetic"), None);
+    assert!(calib("sweep", &device).succeeds().contains("up to date"));
+    // A run knows which of them it would make.
+    let planned = |more: &[&str]| calib("run", &[more, &["--dry-run"]].concat()).stderr();
+    assert!(planned(&device).contains("up to date: "));
+    assert!(!planned(&[]).split("to do").next().unwrap_or_default().contains("sweep"));
+}
+
+#[cfg(feature = "torch")]
+#[test]
+fn what_a_device_cannot_train_is_refused_before_anything_is_made() {
+    let place = place();
+    let refused = |more: &[&str]| {
+        let error =
+            place.calib(&[&["run", "study.toml", "--device", "cpu"], more].concat()).fails(2);
+        assert!(error.contains("are not trained side by side; leave --device out"), "{error}");
+    };
+    refused(&["--set", "model.kind=knn", "--set", "agent.value_function=linear"]);
+    let rounded = ["agent.value_function=mlp", "agent.precision=bf16"];
+    refused(&["--set", rounded[0], "--set", rounded[1]]);
+    assert!(!place.path().join("study-results").exists(), "nothing was made");
 }

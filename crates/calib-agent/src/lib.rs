@@ -87,5 +87,5 @@ pub use pretrain::{
 pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
 pub use scoring::{Part, PartScore, Scores};
 pub use state_file::StateFile;
-pub use together::{check_accelerated, runs_together, train_together};
+pub use together::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use train::{Run, train, train_learners};

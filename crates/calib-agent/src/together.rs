@@ -14,7 +14,7 @@ mod seat;
 use cohort::Cohort;
 
 /// The most runs that are trained side by side: more make a GPU hardly faster.
-const MOST: usize = 64;
+pub const MOST_TOGETHER: usize = 64;
 
 /// Runs of `learners` that `accelerator` trains side by side, at most: as many as its memory holds, one at least. `states` and `width` are those of a
 /// run's stream.
@@ -37,7 +37,7 @@ pub fn runs_together(
     };
     let bytes = groups.iter().map(of_group).max().unwrap_or(1).max(1);
     let fits = usize::try_from(accelerator.memory() / bytes).unwrap_or(usize::MAX);
-    fits.clamp(1, MOST)
+    fits.clamp(1, MOST_TOGETHER)
 }
 
 /// Train the same `learners` in every run, all of them side by side; outcomes run by run, in the order of the learners.

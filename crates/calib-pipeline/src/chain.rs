@@ -126,7 +126,11 @@ pub(crate) fn run_to(
     let talk = &printer.talking();
     let mut ended = Ended(Outcome::Done);
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
-    let mut plan = Plan::of(job, &jobs)?;
+    // What a device cannot do is found out before anything is made.
+    let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
+    let on_devices = on_devices.collect::<anyhow::Result<Vec<_>>>()?;
+    let arithmetic = on_devices.iter().flatten().map(|of| of.class()).next();
+    let mut plan = Plan::of(job, &jobs, arithmetic)?;
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
     let course = Course::new(talk, stages(&models, plant.as_ref(), extent, job), &plan, &jobs)?;
@@ -304,7 +308,8 @@ impl Model {
                     && !was_interrupted(&reason) =>
             {
                 not_yet(command, &reason, talk);
-                if step == Step::Sweep {
+                // What another arithmetic takes is not known.
+                if step == Step::Sweep && going.device.is_none() {
                     let expect = |job: &Job| sweep::expected::before_model(job, counted, talk);
                     return each_part(Each::Deployment, &self.job, talk, expect);
                 }

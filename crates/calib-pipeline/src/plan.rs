@@ -51,8 +51,9 @@ impl State {
 }
 
 impl Plan {
-    /// What a run of these `models` of the study would do. Nothing is read but manifests, and the log if it was prepared.
-    pub(crate) fn of(job: &Job, models: &[&Job]) -> anyhow::Result<Self> {
+    /// What a run of these `models` of the study would do, whose agents are trained by an `arithmetic` that is not calib's own, if one is named. Nothing
+    /// is read but manifests, and the log if it was prepared.
+    pub(crate) fn of(job: &Job, models: &[&Job], arithmetic: Option<&str>) -> anyhow::Result<Self> {
         let mut plan = Self::default();
         let read = plan.log(&job.before_deployment()?);
         let study = job.study();
@@ -63,7 +64,7 @@ impl Plan {
             plan.add("pretrain", &job, state);
         }
         for model in models {
-            plan.model(model, read)?;
+            plan.model(model, read, arithmetic)?;
         }
         plan.add("evaluate", job, false);
         Ok(plan)
@@ -77,7 +78,7 @@ impl Plan {
     }
 
     /// The steps of one model; what follows from what is to be done is to be done as well.
-    fn model(&mut self, job: &Job, read: bool) -> anyhow::Result<()> {
+    fn model(&mut self, job: &Job, read: bool, arithmetic: Option<&str>) -> anyhow::Result<()> {
         let first = job.before_deployment()?;
         let (study, paths) = (first.study(), first.layout());
         let mut current = read;
@@ -98,7 +99,8 @@ impl Plan {
         }
         for part in job.parts(Each::Deployment)? {
             let found = artefact::read::<SweepManifest>(&part.layout().sweep())
-                .filter(|found| Some(&found.model) == content.as_ref());
+                .filter(|found| Some(&found.model) == content.as_ref())
+                .filter(|found| found.arithmetic.as_deref() == arithmetic);
             let same = is_same(&part, Made::Sweep, found.map(|found| found.study));
             self.add("sweep", &part, current && same);
         }

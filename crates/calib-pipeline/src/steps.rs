@@ -23,8 +23,8 @@ use crate::{
     verdict::{compare, evaluate as judging},
 };
 
-/// Every step that a study needs, from its log to the verdict, as far as it is missing; networks and agents are trained through libtorch on
-/// `device`, if one is named.
+/// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
+/// through libtorch on `device`, if one is named.
 ///
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.

@@ -1,11 +1,11 @@
-//! What may be decided by whoever runs a step, because no result depends on it.
+//! What whoever runs a step decides. No result depends on it, but for sweeps on a [`Device`].
 
 use std::path::PathBuf;
 
 use calib_knn::IndexKind;
 use calib_study::Share;
 
-/// Where networks are trained through libtorch.
+/// Where networks, representations and agents are trained through libtorch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Device {
     /// The processor.

@@ -25,7 +25,7 @@ use crate::{
     },
     output::Printer,
     sweep::{
-        Found,
+        Found, Source,
         cost::{Cost, Trained},
         plan::agents_of,
         setting::Setting,
@@ -147,8 +147,8 @@ impl Planning<'_> {
         };
         let environments = setting.open(study)?;
         let plan = setting.plan(study, &environments, None)?;
-        let store = unit_store(&job.layout().sweep());
-        let Found { stored, .. } = Found::of(&plan, &store, job, None)?;
+        let store = unit_store(&job.layout().sweep(), None);
+        let Found { stored, .. } = Found::of(&plan, &store, job, Source::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
             .flat_map(|of| (0..of.runs()).map(move |run| (of.id(), run)))

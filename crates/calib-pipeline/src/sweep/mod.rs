@@ -12,4 +12,6 @@ pub(crate) mod standing_still;
 pub(crate) mod streams;
 pub(crate) mod tables;
 
-pub(crate) use run::{Found, Pool, SweepManifest, put_together, run, unit_store, wall_secs};
+pub(crate) use run::{
+    Found, Pool, Source, SweepManifest, on_device, put_together, run, unit_store, wall_secs,
+};

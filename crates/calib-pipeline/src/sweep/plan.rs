@@ -3,7 +3,7 @@
 use std::{cell::RefCell, collections::BTreeSet};
 
 use anyhow::bail;
-use calib_agent::{AgentConfig, training_bytes};
+use calib_agent::{Accelerator, AgentConfig, MOST_TOGETHER, training_bytes};
 use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, Span};
@@ -164,6 +164,16 @@ impl Memory {
         let results = (units * agents.len()) as u64 * row;
         let total = data + threads.min(passes) as u64 * thread + predictions + results;
         Self { data, thread, predictions, results, total, available: memory::available() }
+    }
+
+    /// The same of runs that an accelerator trains side by side, on this machine: their streams, twice on the way there, and networks where it is no other device.
+    pub(crate) fn side_by_side(self, sizes: &Sizes, accelerator: &dyn Accelerator) -> Self {
+        let (states, runs) = (sizes.span.states(), sizes.passes.min(MOST_TOGETHER));
+        // Beside the states: returns of each sensor, the course, the draws.
+        let of_run = (states * (8 * sizes.width + 8 * sizes.sensors + 32)) as u64;
+        let thread = accelerator.memory() + runs as u64 * of_run;
+        let total = self.data + thread + self.predictions + self.results;
+        Self { thread, total, ..self }
     }
 
     /// Whether there is as much.

@@ -1,7 +1,6 @@
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::ensure;
-use calib_agent::{Accelerator, AgentKind};
+use calib_agent::{Accelerator, check_accelerated};
 use calib_core::{Period, Timestamp};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, read_json, write_json};
@@ -150,9 +149,10 @@ impl Manifest for SweepManifest {
     }
 }
 
-/// Where a sweep keeps its finished units.
-pub(crate) fn unit_store(directory: &Path) -> UnitStore {
-    UnitStore::new(directory.join("units"))
+/// Where a sweep keeps its finished units; those of another arithmetic than calib's own lie apart.
+pub(crate) fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStore {
+    let apart = arithmetic.map_or_else(String::new, |class| format!("-{class}"));
+    UnitStore::new(directory.join(format!("units{apart}")))
 }
 
 /// Results of units by their keys, as other processes made them.
@@ -165,11 +165,21 @@ pub(crate) fn run(
     device: Option<Device>,
     printer: &Printer,
 ) -> anyhow::Result<Outcome> {
-    let accelerator = device.map(torch::accelerator).transpose()?;
-    if accelerator.is_some() {
-        check_accelerated(job.study())?;
-    }
+    let accelerator = on_device(device, job.study())?;
     sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
+}
+
+/// What trains the agents of a study on a device, if one is named, before anything is read or made.
+///
+/// # Errors
+/// If this calib has no libtorch, the device is not there, or agents are not such as are trained side by side.
+pub(crate) fn on_device(
+    device: Option<Device>,
+    study: &Study,
+) -> anyhow::Result<Option<Box<dyn Accelerator>>> {
+    let Some(device) = device else { return Ok(None) };
+    candidates_of(study)?.iter().try_for_each(|of| check_accelerated(&of.agent))?;
+    Ok(Some(torch::accelerator(device)?))
 }
 
 /// Write the results that other processes made, where nothing is left to train.
@@ -180,19 +190,9 @@ pub(crate) fn put_together(job: &Job, pool: &Pool, printer: &Printer) -> anyhow:
     sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
 }
 
-/// Check that all agents are such as an accelerator trains, before anything is read.
-fn check_accelerated(study: &Study) -> anyhow::Result<()> {
-    ensure!(
-        study.agent.kind == AgentKind::Td,
-        "agents of another program are trained by it; leave --device out"
-    );
-    candidates_of(study)?.iter().try_for_each(|of| calib_agent::check_accelerated(&of.agent))?;
-    Ok(())
-}
-
 /// Where results come from, if not from this program's own arithmetic.
-#[derive(Clone, Copy)]
-struct Source<'a> {
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Source<'a> {
     /// Other processes.
     pool: Option<&'a Pool>,
     /// What trains.
@@ -214,8 +214,9 @@ fn sweep(
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
     let plan = setting.plan(study, &environments, accelerator)?;
-    let store = unit_store(&directory);
-    let Found { own, stored } = Found::of(&plan, &store, job, pool)?;
+    let arithmetic = accelerator.map(Accelerator::class);
+    let store = unit_store(&directory, arithmetic);
+    let Found { own, stored } = Found::of(&plan, &store, job, Source { pool, accelerator })?;
     let missing = plan.left(&stored)?;
     if pool.is_some() && missing > 0 {
         plan.collected(&stored)?;
@@ -223,6 +224,9 @@ fn sweep(
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
     let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
+    if let Some(accelerator) = accelerator {
+        preview.memory = preview.memory.side_by_side(&sizes, accelerator);
+    }
     // Of a program, and of another arithmetic, it is not known.
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
@@ -248,7 +252,12 @@ fn sweep(
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
     let mut manifest = manifest_of(study, &setting, &results, printer)?;
-    manifest.arithmetic = accelerator.map(|accelerator| accelerator.class().to_owned());
+    if let Some(class) = arithmetic {
+        manifest.arithmetic = Some(class.to_owned());
+        manifest.notes.push(format!(
+            "agents were trained by {class}, which rounds otherwise than calib does"
+        ));
+    }
     manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
     let is_the_same = match kept {
         Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,
@@ -391,12 +400,14 @@ impl Found {
         plan: &Plan<'_>,
         store: &UnitStore,
         job: &Job,
-        pool: Option<&Pool>,
+        Source { pool, accelerator }: Source<'_>,
     ) -> anyhow::Result<Self> {
         if job.policy().redoes() {
             return Ok(Self::default());
         }
-        let others = job.layout().other_sweeps().iter().map(|sweep| unit_store(sweep)).collect();
+        let arithmetic = accelerator.map(Accelerator::class);
+        let others = job.layout().other_sweeps();
+        let others = others.iter().map(|sweep| unit_store(sweep, arithmetic)).collect();
         let store = store.clone();
         let own = plan.stored(&store)?;
         let all = store.beside(others);

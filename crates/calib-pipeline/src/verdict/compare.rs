@@ -152,6 +152,7 @@ pub(crate) fn run(
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
     let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
+    same_arithmetic(&names, &parts)?;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
         let written = report::write(&judged.job, report, &judged.summary);
         artefact::or_read_only(written, &judged.paths().report(), printer)?;
@@ -182,6 +183,24 @@ pub(crate) fn run(
         printer.result(&format!("report: {}", paths.report().display()))?;
     }
     Ok(ended)
+}
+
+/// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
+fn same_arithmetic(names: &[String], parts: &[Part]) -> anyhow::Result<()> {
+    let of = |part: &Part| {
+        let class = part.judged.manifest.arithmetic.clone();
+        class.unwrap_or_else(|| "calib itself".to_owned())
+    };
+    let first = of(&parts[0]);
+    for (name, part) in names.iter().zip(parts) {
+        ensure!(
+            of(part) == first,
+            "{} was swept by {first}, {name} by {}; sweep all of them with the same --device, or all without",
+            names[0],
+            of(part)
+        );
+    }
+    Ok(())
 }
 
 /// Write the figures, the page and the summary, unless they are there and show the same.

@@ -135,7 +135,8 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
     if let Some(reason) = &manifest.left_out {
         bail!("there is nothing to judge: {reason}");
     }
-    let results = unit_store(&paths.sweep()).collect(&manifest.units).with_context(|| {
+    let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
+    let results = store.collect(&manifest.units).with_context(|| {
         format!("the sweep is not complete; run `{}` again", job.command("sweep"))
     })?;
     let sensors = study.sweep.sensors.iter();
