@@ -96,7 +96,13 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     let clock = Instant::now();
     let states = States::from_shared(Arc::new(log), rows, columns)?;
     let transitions = Transitions::new(Segments::from_lengths([rows])?);
-    let config = ModelConfig { neighbors: k, exclude_self: true, ..ModelConfig::default() };
+    // Neighbours alone, as the others: what traps rollouts is left out by models, and is another search.
+    let config = ModelConfig {
+        neighbors: k,
+        exclude_self: true,
+        recurrent: false,
+        ..ModelConfig::default()
+    };
     let model = KnnModel::build(states, transitions, &config, &Silent)?;
     let seconds = clock.elapsed().as_secs_f64();
     let found: Vec<u32> = queries
