@@ -246,6 +246,8 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     let summary: serde_json::Value = serde_json::from_str(&ended.stdout()).expect("JSON");
     assert!(summary["choices"].as_array().is_some_and(|of| !of.is_empty()), "{summary}");
     assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
+    let page = fs::read_to_string(place.path().join("study-results/report.html")).expect("a page");
+    assert!(page.contains("--device cpu"), "the report says how it was made");
     // Natively they are others, and those of the device stay.
     assert!(calib("sweep", &[]).succeeds().contains("units run in"));
     assert_eq!(manifest().get("arithmetic"), None);

@@ -111,6 +111,12 @@ impl SweepManifest {
         }
     }
 
+    /// This `command`, on the device that the sweep was made on, if it was one.
+    pub(crate) fn again(&self, command: &str) -> String {
+        let device = self.arithmetic.as_deref().and_then(|class| class.strip_prefix("libtorch-"));
+        device.map_or_else(|| command.to_owned(), |device| format!("{command} --device {device}"))
+    }
+
     /// Of runs that calib did not make, of whose data it knows nothing.
     pub(crate) fn of_no_data(
         study: &Study,

@@ -335,7 +335,8 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> anyhow::Resu
         }
     }
     let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
-    whole.reproduction.command = report::command_lines(job, &report::commands(&studies));
+    whole.reproduction.command =
+        report::command_lines(job, &report::commands(&studies), &parts[0].judged.manifest);
     Ok(whole)
 }
 

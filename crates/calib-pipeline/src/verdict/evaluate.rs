@@ -137,7 +137,7 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
     }
     let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
     let results = store.collect(&manifest.units).with_context(|| {
-        format!("the sweep is not complete; run `{}` again", job.command("sweep"))
+        format!("the sweep is not complete; run `{}` again", manifest.again(&job.command("sweep")))
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
@@ -154,7 +154,7 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
             format!(
                 "{} cannot be judged; if they were edited, `{} --force` makes them again",
                 paths.sweep().display(),
-                job.command("sweep")
+                manifest.again(&job.command("sweep"))
             )
         })?;
     let rows: Vec<calib_report::Verdict> = verdicts

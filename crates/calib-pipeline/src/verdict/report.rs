@@ -283,7 +283,7 @@ fn reproduction(
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
     });
     Ok(Reproduction {
-        command: command_lines(job, commands),
+        command: command_lines(job, commands, sweep),
         study_toml: laid_over + &toml::to_string(&written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
@@ -292,8 +292,12 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(crate) fn command_lines(job: &Job, commands: &[&str]) -> String {
-    commands.iter().map(|command| job.reproduction(command)).collect::<Vec<_>>().join("\n")
+pub(crate) fn command_lines(job: &Job, commands: &[&str], sweep: &SweepManifest) -> String {
+    let line = |command: &&str| match *command {
+        "sweep" => sweep.again(&job.reproduction("sweep")),
+        other => job.reproduction(other),
+    };
+    commands.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]
