@@ -40,11 +40,11 @@ impl Accelerator for Populations {
 
     fn networks(&self, networks: &Networks<'_>) -> Result<Box<dyn Lockstep>, AgentError> {
         let population = no_grad(|| Population::new(networks, self.device));
-        Ok(Box::new(population.map_err(failed)?))
+        Ok(Box::new(population.map_err(|error| failed(&error))?))
     }
 }
 
-fn failed(error: TchError) -> AgentError {
+fn failed(error: &TchError) -> AgentError {
     AgentError::Accelerator(format!("libtorch: {error}"))
 }
 
@@ -220,7 +220,7 @@ impl Population {
 
 impl Lockstep for Population {
     fn make(&mut self, steps: &Steps) -> Result<Made, AgentError> {
-        no_grad(|| Self::make(self, steps)).map_err(failed)
+        no_grad(|| Self::make(self, steps)).map_err(|error| failed(&error))
     }
 
     fn finite(&self) -> Result<Vec<bool>, AgentError> {
@@ -228,7 +228,7 @@ impl Lockstep for Population {
             let all = self.networks.parameters.f_isfinite()?.f_all_dim(1, false)?;
             Vec::try_from(flat(&self.wanted(&all)?)?)
         };
-        no_grad(finite).map_err(failed)
+        no_grad(finite).map_err(|error| failed(&error))
     }
 }
 
