@@ -172,6 +172,14 @@ pub struct ConfigError {
 }
 
 impl AgentConfig {
+    /// Transitions that an update learns from: the present one alone without replay.
+    pub(crate) fn transitions_per_update(&self) -> usize {
+        match self.replay {
+            ReplayKind::Uniform => self.batch_size,
+            ReplayKind::None => 1,
+        }
+    }
+
     /// Check every field against its range.
     ///
     /// # Errors

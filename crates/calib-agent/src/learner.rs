@@ -1,6 +1,6 @@
 use calib_nn::Moments;
 
-use crate::{AgentConfig, AgentError, ReplayKind, ValueFunction};
+use crate::{AgentConfig, AgentError, ValueFunction};
 
 /// One agent of a run: how it learns, what it predicts, and what it starts from.
 #[derive(Clone, Copy, Debug)]
@@ -61,12 +61,8 @@ impl Learner<'_> {
     /// weights and for the layer before. An update counts as at least a million, which small agents spend
     /// on gathering and bookkeeping.
     pub(crate) fn work_per_step(&self, width: usize) -> u64 {
-        let batch = match self.config.replay {
-            ReplayKind::Uniform => self.config.batch_size,
-            ReplayKind::None => 1,
-        };
         let parameters = parameter_count(self.config, self.config.seen_width(width));
-        let update = 4 * (parameters * batch) as u64;
+        let update = 4 * (parameters * self.config.transitions_per_update()) as u64;
         update.max(1_000_000).saturating_mul(self.config.updates_per_step as u64)
     }
 }

@@ -62,11 +62,7 @@ fn population_bytes(
     let target = usize::from(agent.target_network_period > 0);
     // The copy that is written, and its bytes.
     let own = 3 * (3 + target) * parameters + (1 + target) * rounded(agent, seen);
-    let batch = match agent.replay {
-        ReplayKind::Uniform => agent.batch_size,
-        ReplayKind::None => 1,
-    };
-    let work = batch_work(agent, batch, size, seen);
+    let work = batch_work(agent, agent.transitions_per_update(), size, seen);
     let traced = if agent.traces.is_empty() { 0 } else { states * seen };
     let buffer = if agent.replay == ReplayKind::Uniform { states } else { 0 };
     4 * (size * own + work + traced + buffer) as u64 + 8 * (states * sensors) as u64

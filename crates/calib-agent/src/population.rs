@@ -55,6 +55,17 @@ pub(crate) struct Task<'a> {
     pub(crate) seed: Seed,
 }
 
+impl<'a> Task<'a> {
+    /// The steps that are made, in order, and whether their returns by `gamma` are known. No step leads from one piece into the next.
+    pub(crate) fn course(self, gamma: f64) -> impl Iterator<Item = (usize, bool)> + use<'a> {
+        self.stream.pieces().iter().flat_map(move |piece| {
+            let known = known_returns(piece, gamma);
+            let steps = piece.start..piece.end.saturating_sub(1).min(self.steps);
+            steps.map(move |t| (t, known.contains(&t)))
+        })
+    }
+}
+
 /// The returns that the predictions of a population are held to, for each column that it predicts.
 pub(crate) struct Truth {
     cumulants: Cumulants,
@@ -125,14 +136,8 @@ impl<'a> Population<'a> {
     ) -> Self {
         let shared = learners[0].config;
         let Task { stream, seed, steps } = task;
-        let (replay, batch) = match shared.replay {
-            ReplayKind::Uniform => {
-                let seed = seed.child("replay");
-                let replay = Replay::new(seed, shared.replay_capacity, steps);
-                (Some(replay), shared.batch_size)
-            }
-            ReplayKind::None => (None, 1),
-        };
+        let replay = Replay::of_agent(shared, seed, steps);
+        let batch = shared.transitions_per_update();
         let mut values = values_of(learners, stream.width(), batch, seed);
         for (agent, learner) in learners.iter().enumerate() {
             if let Some(start) = learner.start {
@@ -167,8 +172,7 @@ impl<'a> Population<'a> {
             self.live.push(agent);
         }
         if let Some(replay) = &mut self.replay {
-            let steps = self.task.stream.pieces().iter();
-            let steps = steps.flat_map(|piece| piece.start..piece.end.saturating_sub(1));
+            let steps = self.task.course(self.gamma).map(|(t, _)| t);
             steps.take_while(|&t| t < next).for_each(|t| replay.push(t));
         }
     }
@@ -188,18 +192,15 @@ impl<'a> Population<'a> {
         &mut self,
         mut before: impl FnMut(&Self, usize) -> Result<(), AgentError>,
     ) -> Result<(), AgentError> {
-        let Task { stream, steps, .. } = self.task;
-        for piece in stream.pieces() {
-            let known = known_returns(piece, self.gamma);
-            for t in piece.start.max(self.next)..piece.end.saturating_sub(1).min(steps) {
-                if self.live.is_empty() {
-                    break;
-                }
-                before(self, t)?;
-                self.step(t, known.contains(&t));
+        let next = self.next;
+        for (t, known) in self.task.course(self.gamma).skip_while(|&(t, _)| t < next) {
+            if self.live.is_empty() {
+                break;
             }
+            before(self, t)?;
+            self.step(t, known);
         }
-        let last = steps.saturating_sub(1);
+        let last = self.task.steps.saturating_sub(1);
         for &agent in &self.live {
             if !self.values.is_finite(agent) {
                 self.trackers[agent].diverged = Some(last);

@@ -1,5 +1,7 @@
 use calib_core::Seed;
 
+use crate::{AgentConfig, ReplayKind};
+
 /// A replay buffer of transitions, named by the step they start from.
 ///
 /// The draw of an update depends only on the seed, the step, the number of the update in that step and
@@ -16,6 +18,12 @@ impl Replay {
     pub(crate) fn new(seed: Seed, capacity: usize, steps: usize) -> Self {
         assert!(u32::try_from(steps).is_ok(), "steps are numbered in 32 bits");
         Self { seed, capacity, starts: Vec::with_capacity(steps) }
+    }
+
+    /// The buffer of an agent that replays, in a run of so many steps from `run`.
+    pub(crate) fn of_agent(config: &AgentConfig, run: Seed, steps: usize) -> Option<Self> {
+        (config.replay == ReplayKind::Uniform)
+            .then(|| Self::new(run.child("replay"), config.replay_capacity, steps))
     }
 
     /// Add the transition from step `t` to the next.

@@ -3,9 +3,8 @@
 use calib_core::Monitor;
 
 use crate::{
-    Accelerator, AgentConfig, AgentError, AgentKind, Learner, Precision, ReplayKind, Run,
-    RunOutcome, ValueFunction, layer_sizes, parameter_count,
-    train::{check_cumulant, populations},
+    Accelerator, AgentConfig, AgentError, AgentKind, Learner, Precision, Run, RunOutcome,
+    ValueFunction, layer_sizes, parameter_count, train::populations,
 };
 
 mod cohort;
@@ -28,7 +27,7 @@ pub fn runs_together(
         let config = learners[group[0]].config;
         let seen = config.seen_width(width);
         let sizes = layer_sizes(config, seen);
-        let rows = 2 * batch_of(config) + 1;
+        let rows = 2 * config.transitions_per_update() + 1;
         // Inputs of each layer, and as much again for their gradients and what is made on the way.
         let activations = 3 * rows * sizes.iter().sum::<usize>();
         // Parameters, gradient, two moments, target network, and what an optimiser's step makes.
@@ -63,13 +62,7 @@ pub fn train_together(
         if got != expected {
             return Err(AgentError::Widths { got, expected });
         }
-        if run.steps > 0 && run.steps >= run.stream.len() {
-            return Err(AgentError::ShortStream { steps: run.steps, states: run.stream.len() });
-        }
-        for learner in learners {
-            learner.check(run.stream.width())?;
-            check_cumulant(run.stream, learner.cumulant)?;
-        }
+        run.check(learners)?;
     }
     let mut outcomes: Vec<Vec<Option<RunOutcome>>> = vec![vec![None; learners.len()]; runs.len()];
     let steps: u64 = runs.iter().map(|run| run.steps as u64).sum();
@@ -125,11 +118,4 @@ fn groups(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
         }
     }
     groups
-}
-
-fn batch_of(config: &AgentConfig) -> usize {
-    match config.replay {
-        ReplayKind::Uniform => config.batch_size,
-        ReplayKind::None => 1,
-    }
 }

@@ -75,6 +75,21 @@ pub struct Run<'a> {
     pub seed: Seed,
 }
 
+impl Run<'_> {
+    /// Check that there are enough states for its steps, and that `learners` can learn from it.
+    pub(crate) fn check(&self, learners: &[Learner<'_>]) -> Result<(), AgentError> {
+        let Self { stream, steps, .. } = *self;
+        if steps > 0 && steps >= stream.len() {
+            return Err(AgentError::ShortStream { steps, states: stream.len() });
+        }
+        for learner in learners {
+            learner.check(stream.width())?;
+            check_cumulant(stream, learner.cumulant)?;
+        }
+        Ok(())
+    }
+}
+
 /// Train all `learners` of a run side by side; see [`train`].
 ///
 /// Learners may predict different sensors and start from checkpoints: where their other settings agree they still
@@ -95,13 +110,7 @@ pub fn train_learners(
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
     let Run { stream, steps, curve, seed } = run;
-    if steps > 0 && steps >= stream.len() {
-        return Err(AgentError::ShortStream { steps, states: stream.len() });
-    }
-    for learner in learners {
-        learner.check(stream.width())?;
-        check_cumulant(stream, learner.cumulant)?;
-    }
+    run.check(learners)?;
     let task = Task { stream, steps, seed };
     let groups = populations(learners);
     let kept = keeper.load().filter(|kept| kept.progress.trackers.len() == learners.len());

@@ -3,10 +3,7 @@ use std::ops::Range;
 use calib_nn::Mlp;
 use rayon::prelude::*;
 
-use super::{
-    batch_of,
-    seat::{Did, Seat},
-};
+use super::seat::{Did, Seat};
 use crate::{
     Accelerator, AgentError, Learner, Lockstep, Made, Networks, ReplayKind, Run, RunOutcome, Steps,
     layer_sizes, values::parameter_seed,
@@ -30,7 +27,8 @@ impl<'a> Cohort<'a> {
         let shared = learners[0].config;
         let seats = runs.par_iter().map(|run| Seat::new(run, learners));
         let seats = seats.collect::<Result<_, _>>()?;
-        Ok(Self { learners, seats, updates: shared.updates_per_step, batch: batch_of(shared) })
+        let (updates, batch) = (shared.updates_per_step, shared.transitions_per_update());
+        Ok(Self { learners, seats, updates, batch })
     }
 
     /// Train to the end of the longest run. `look` is told the share that is done, and may end it.

@@ -1,11 +1,10 @@
 use calib_core::{Seed, Stream};
 
 use crate::{
-    AgentError, Learner, ReplayKind, Run, RunOutcome,
+    AgentError, Learner, Run, RunOutcome,
     outcome::Tracker,
     population::{Task, Truth},
     replay::Replay,
-    scoring::known_returns,
     traces::TracedStream,
 };
 
@@ -49,15 +48,10 @@ impl<'a> Seat<'a> {
         } else {
             Seen::Traced(TracedStream::new(stream, &shared.traces))
         };
-        let truth = Truth::new(Task { stream: seen.stream(), steps, seed }, learners)?;
-        let mut course = Vec::with_capacity(steps);
-        for piece in stream.pieces() {
-            let known = known_returns(piece, shared.gamma);
-            let own = piece.start..piece.end.saturating_sub(1).min(steps);
-            course.extend(own.map(|t| (t, known.contains(&t))));
-        }
-        let replay = (shared.replay == ReplayKind::Uniform)
-            .then(|| Replay::new(seed.child("replay"), shared.replay_capacity, steps));
+        let task = Task { stream: seen.stream(), steps, seed };
+        let truth = Truth::new(task, learners)?;
+        let course = task.course(shared.gamma).collect();
+        let replay = Replay::of_agent(shared, seed, steps);
         let trackers = vec![Tracker::new(curve, steps); learners.len()];
         let last = steps.saturating_sub(1);
         Ok(Self { seen, seed, truth, course, replay, trackers, last })
