@@ -1,7 +1,7 @@
 """The table and the figure of docs/control.md, from what the protocol of control left in a folder.
 
-    cargo run --release -p calib-control --example protocol -- DIR LOGS TRUTH_RUNS [--model euclidean|laplacian|network]
-    python3 scripts/control_protocol.py DIR [docs/figures/control.svg]
+    cargo run --release -p calib-control --example protocol -- docs/control LOGS TRUTH_RUNS [--model euclidean|laplacian|network]
+    python3 scripts/control_protocol.py docs/control [docs/control.svg]
 
 Prints Markdown: for each task, behaviour and length of log, the true mean return of what each model chooses, of what fitted Q
 evaluation chooses, and both regrets beside that of a random choice, with 95 % t-intervals over logs; then the models beside each other,
@@ -55,6 +55,8 @@ def read(folder):
     for line in (folder / "logs.jsonl").read_text().splitlines():
         log = json.loads(line)
         log["model_kind"] = log.get("model_kind", MODELS[0])
+        log["task"], log["quality"], length, _ = log["name"].split("/")
+        log["transitions"] = int(length)
         logs[log["name"], log["rule"], log["model_kind"]] = log
     return truth, list(logs.values())
 

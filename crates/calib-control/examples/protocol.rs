@@ -6,8 +6,8 @@
 //! ```
 //!
 //! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log and model: what each way to
-//! choose chose. What is there is not done again; all models have the same logs. `scripts/control_protocol.py DIR` makes the table and the figure
-//! of docs/control.md.
+//! choose chose, and the return that it promised. What is there is not done again; all models have the same logs. `docs/control` is such a folder;
+//! `scripts/control_protocol.py docs/control` makes the table and the figure of docs/control.md.
 
 use std::{
     error::Error,
@@ -205,12 +205,12 @@ impl Study<'_> {
             (0..values.len()).max_by(better)
         };
         let mut line = json!({
-            "task": kind, "quality": quality, "transitions": length, "rule": self.pessimism,
+            "rule": self.pessimism,
             "behaviour": behaved, "actions": log.counts(), "terminals": log.terminals(),
             "chosen": verdict.chosen, "fitted": fitted,
+            "promised": verdict.selection.mean_errors[verdict.chosen],
             "uncovered": verdict.coverage[verdict.chosen].uncovered(),
             "doubts": verdict.doubts,
-            "model": verdict.selection.mean_errors,
         });
         if self.model != Model::Euclidean {
             line["model_kind"] = json!(self.model.name());

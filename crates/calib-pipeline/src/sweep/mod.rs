@@ -3,6 +3,7 @@
 pub(crate) mod cost;
 pub(crate) mod environments;
 pub(crate) mod expected;
+mod manifest;
 pub(crate) mod notes;
 pub(crate) mod plan;
 pub(crate) mod recorded;
@@ -12,6 +13,5 @@ pub(crate) mod standing_still;
 pub(crate) mod streams;
 pub(crate) mod tables;
 
-pub(crate) use run::{
-    Found, Pool, Source, SweepManifest, on_device, put_together, run, unit_store, wall_secs,
-};
+pub(crate) use manifest::SweepManifest;
+pub(crate) use run::{Found, Pool, Source, on_device, put_together, run, unit_store, wall_secs};

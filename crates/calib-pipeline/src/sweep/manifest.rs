@@ -1,0 +1,134 @@
+use calib_core::{Period, Timestamp};
+use calib_data::Dataset;
+use calib_files::Fingerprint;
+use calib_study::Study;
+use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::streams::OnlineWindow;
+use crate::{
+    base::artefact::{Files, Manifest, TOOL},
+    model::model_files,
+};
+
+/// `manifest.json` of a sweep directory.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct SweepManifest {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    /// Fingerprint of all units.
+    pub(crate) key: String,
+    #[schemars(with = "crate::base::resolved::ResolvedStudy")]
+    pub(crate) study: Study,
+    pub(crate) data: Fingerprint,
+    pub(crate) model: String,
+    pub(crate) period: Period,
+    /// What Online replays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) held_out: Option<HeldOut>,
+    /// How long streams are.
+    pub(crate) span: Span,
+    /// What trained the agents, if not calib's own arithmetic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) arithmetic: Option<String>,
+    /// The windows of it that are replayed, in the order of time.
+    #[serde(default)]
+    pub(crate) windows: Vec<OnlineWindow>,
+    /// What errors are divided by.
+    pub(crate) scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) standing_still: Vec<String>,
+    /// Why nothing was trained, if nothing was: the deployment cannot be scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) left_out: Option<String>,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) units: Vec<PlannedUnit>,
+    /// What the reader of the results should know.
+    pub(crate) notes: Vec<String>,
+    /// Fingerprint of every table.
+    pub(crate) files: Files,
+}
+
+/// The states of a deployment.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct HeldOut {
+    pub(crate) rows: u64,
+    /// Times of the first and the last.
+    pub(crate) times: [Timestamp; 2],
+    /// Their fingerprint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) data: Option<Fingerprint>,
+}
+
+impl HeldOut {
+    fn of(dataset: &Dataset) -> Option<Self> {
+        let frames = dataset.held_out.as_ref()?;
+        let times = model_files::first_and_last(frames)?;
+        let data = dataset.held_out_fingerprint.clone();
+        Some(Self { rows: frames.rows() as u64, times, data })
+    }
+}
+
+impl SweepManifest {
+    /// Of a sweep that has trained nothing yet.
+    pub(crate) fn of_nothing(
+        study: &Study,
+        dataset: &Dataset,
+        model: String,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            format: <Self as Manifest>::FORMAT,
+            data: dataset.fingerprint.clone(),
+            model,
+            held_out: HeldOut::of(dataset),
+            ..Self::of_no_data(study, dataset.period, span, candidates)
+        }
+    }
+
+    /// This `command`, on the device that the sweep was made on, if it was one.
+    pub(crate) fn again(&self, command: &str) -> String {
+        let device = self.arithmetic.as_deref().and_then(|class| class.strip_prefix("libtorch-"));
+        device.map_or_else(|| command.to_owned(), |device| format!("{command} --device {device}"))
+    }
+
+    /// Of runs that calib did not make, of whose data it knows nothing.
+    pub(crate) fn of_no_data(
+        study: &Study,
+        period: Period,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            format: 0,
+            tool: TOOL.to_owned(),
+            key: String::new(),
+            study: study.clone(),
+            data: Fingerprint::of(b""),
+            model: String::new(),
+            period,
+            held_out: None,
+            span,
+            arithmetic: None,
+            windows: Vec::new(),
+            scales: Vec::new(),
+            standing_still: Vec::new(),
+            left_out: None,
+            candidates,
+            units: Vec::new(),
+            notes: Vec::new(),
+            files: Files::new(),
+        }
+    }
+}
+
+impl Manifest for SweepManifest {
+    const FORMAT: u32 = 3;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
