@@ -93,8 +93,9 @@ def cells(truth, logs, rule):
 
 
 def refused(log):
-    """Whether calib refuses the choice; a log of these tasks without terminals is refused, too."""
-    return bool(log["doubts"]) or log["terminals"] < 10
+    """Whether calib refuses the choice, by the limits that it has unless a study says otherwise; what a line was written with may be older."""
+    others = [doubt for doubt in log["doubts"] if doubt["reason"] != "uncovered"]
+    return bool(others) or log["uncovered"] > 0.5 or log["terminals"] < 10
 
 
 def table(truth, logs, rule):

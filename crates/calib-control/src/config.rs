@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionModelConfig, AgentConfig, ControlError, Grid, Reward};
+use crate::{ActionModelConfig, AgentConfig, ControlError, Grid, Reward, Support};
 
 /// `[control]`: an agent that acts, learnt from a log of decisions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -74,8 +74,8 @@ impl Default for ControlConfig {
             most_actions: 64,
             worst_return: None,
             start: StartRows::Episodes,
-            most_uncovered: 0.5,
-            fewest_terminals: 10,
+            most_uncovered: Support::default().most_uncovered,
+            fewest_terminals: Support::default().fewest_terminals,
             model: ActionModelConfig::default(),
             agent: AgentConfig::default(),
             grid: Grid::default(),

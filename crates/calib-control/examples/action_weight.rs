@@ -1,0 +1,186 @@
+//! How much should a continuous action count in the distance? A pendulum whose torque was logged as a number is the truth:
+//!
+//! ```sh
+//! cargo run --release -p calib-control --example action_weight -- DIR [LOGS] [TRUTH_RUNS]
+//! ```
+//!
+//! `DIR/truth.json` has the true mean returns of the 54 candidates of the literature's grid, which choose among five torques; `DIR/weights.jsonl` a line
+//! for every log and weight: what was chosen. What is there is not done again. Then means over logs are printed, with 95 % t-intervals.
+
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fs::{self, OpenOptions},
+    io::Write as _,
+    path::Path,
+};
+
+use calib_control::{
+    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Decisions, Extent, Grid,
+    Levels, Pendulum, Quality, Simulated, Span, Starts, Support, TaskKind, judge, record, regret,
+    sweep, truth,
+};
+use calib_core::{Seed, Silent, States};
+use calib_stats::summarise;
+use serde_json::{Value, json};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+const KIND: TaskKind = TaskKind::Pendulum;
+const STEPS: usize = 15_000;
+const SPAN: Span = Span { steps: STEPS, timeout: KIND.timeout() };
+const WEIGHTS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |place: usize, default: usize| -> Outcome<usize> {
+        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
+    };
+    let directory = Path::new(arguments.first().ok_or("where to write?")?);
+    let (logs, truth_runs) = (number(1, 10)?, number(2, 30)?);
+    fs::create_dir_all(directory)?;
+    let candidates = Grid::published().candidates(AgentConfig::default())?;
+    let truth = true_returns(&directory.join("truth.json"), &candidates, truth_runs)?;
+    let path = directory.join("weights.jsonl");
+    for log in 0..logs {
+        for quality in [Quality::Medium, Quality::Random] {
+            for length in [500, 5000] {
+                one(&path, (quality, length, log), &candidates, &truth)?;
+            }
+        }
+    }
+    table(&path, &truth)
+}
+
+/// True mean return of each candidate.
+fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome<Vec<f64>> {
+    if !path.exists() {
+        let make = || Simulated::new(Pendulum::default(), Begin::AsTheTask);
+        let extent = Extent { runs, span: SPAN };
+        let runs = truth(make, candidates, extent, Seed::new(1), &Silent)?;
+        fs::write(path, json!(runs).to_string())?;
+    }
+    let runs: Vec<Vec<f64>> = serde_json::from_slice(&fs::read(path)?)?;
+    let mean = |of: usize| runs.iter().map(|run| run[of]).sum::<f64>() / runs.len() as f64;
+    Ok((0..candidates.len()).map(mean).collect())
+}
+
+/// The model of one log with each weight.
+fn one(
+    path: &Path,
+    (quality, length, number): (Quality, usize, usize),
+    candidates: &[AgentConfig],
+    truth: &[f64],
+) -> Outcome<()> {
+    let name = format!("{}/{length}/{number}", quality.name());
+    let done = |weight: f64| {
+        lines(path).iter().any(|of| of["name"] == name.as_str() && of["weight"] == weight)
+    };
+    if WEIGHTS.into_iter().all(done) {
+        return Ok(());
+    }
+    let seed = Seed::new(2).child(quality.name()).number(length as u64).number(number as u64);
+    let log = log_of(quality, length, candidates, truth, seed)?;
+    let starts = starts(&log)?;
+    for weight in WEIGHTS.into_iter().filter(|&weight| !done(weight)) {
+        let config = ActionModelConfig { action_weight: weight, ..Default::default() };
+        let (metric, worst) = (log.states().clone(), KIND.worst_return());
+        let model =
+            ActionModel::build(log.clone(), &metric, starts.clone(), &config, worst, &Silent)?;
+        let extent = Extent { runs: 1, span: SPAN };
+        let runs = sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?;
+        let support = Support { fewest_terminals: 0, ..Support::default() };
+        let verdict = judge(&runs, candidates.len(), None, &log, support, 200, seed)?;
+        let line = json!({
+            "name": name, "weight": weight, "chosen": verdict.chosen,
+            "promised": verdict.selection.mean_errors[verdict.chosen],
+            "uncovered": verdict.coverage[verdict.chosen].uncovered(),
+        });
+        writeln!(OpenOptions::new().create(true).append(true).open(path)?, "{line}")?;
+    }
+    Ok(())
+}
+
+/// A log of torques that are anything about the five levels.
+fn log_of(
+    quality: Quality,
+    length: usize,
+    candidates: &[AgentConfig],
+    truth: &[f64],
+    seed: Seed,
+) -> Outcome<Decisions> {
+    let mut behaviour = Behaviour::Random;
+    if quality != Quality::Random {
+        let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
+        let mut world = Simulated::new(Pendulum::default(), Begin::AsTheTask);
+        let agent = Agent::new(candidates[best], 3, 5);
+        let span = Span { steps: 200_000, ..SPAN };
+        let learnt = Behaviour::learnt(
+            agent,
+            &mut world,
+            KIND.near_optimal(),
+            span,
+            seed.child("behaviour"),
+        );
+        behaviour = learnt.perturbed(quality.random_share());
+    }
+    let mut plant = Simulated::new(Pendulum::continuous(), Begin::AsTheTask);
+    let recorded = record(&mut behaviour, &mut plant, length, SPAN.timeout, seed.child("log"));
+    // What is logged of a step is in the row that it led to; what was set, in the row where it was.
+    let mut torque = recorded.beside.clone();
+    torque.rotate_left(1);
+    let acted = torque.iter_mut().zip(&recorded.actions);
+    acted.filter(|(_, action)| action.is_none()).for_each(|(torque, _)| *torque = f64::NAN);
+    let (levels, settings) = Levels::of_range(&[torque], 5, 64)?;
+    Ok(recorded.decisions(levels.values.len())?.with_settings(settings)?)
+}
+
+/// Episodes begin where recorded ones did.
+fn starts(log: &Decisions) -> Outcome<Starts> {
+    let rows: Vec<usize> = log.starts().into_iter().map(|row| row.get()).collect();
+    let states = log.states();
+    let first: Vec<f32> = rows.iter().flat_map(|&row| states.row(row).to_vec()).collect();
+    let first = States::new(first, rows.len(), states.columns())?;
+    Ok(Starts { observed: first.clone(), metric: first })
+}
+
+fn lines(path: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+}
+
+/// By length of the log and weight: percentile and regret of the choices, as a share of that of a random choice, and uncovered steps.
+fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
+    let random = truth.iter().map(|of| truth.iter().copied().fold(f64::MIN, f64::max) - of);
+    let random = random.sum::<f64>() / truth.len() as f64;
+    let mut cells: BTreeMap<(String, String), Vec<[f64; 3]>> = BTreeMap::new();
+    for line in lines(path) {
+        let name = line["name"].as_str().unwrap_or_default();
+        let cell = name.rsplit_once('/').map_or(name, |(cell, _)| cell).to_owned();
+        let of = regret(truth, line["chosen"].as_u64().unwrap_or(0) as usize);
+        let uncovered = line["uncovered"].as_f64().unwrap_or(f64::NAN);
+        let row = [of.percentile, of.regret / random, uncovered].map(|share| 100.0 * share);
+        for cell in [cell, "all".to_owned()] {
+            cells.entry((cell, line["weight"].to_string())).or_default().push(row);
+        }
+    }
+    println!(
+        "| behaviour and steps | weight | logs | percentile | regret in % of a random choice's | not covered, % |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for ((cell, weight), rows) in cells {
+        let told = |column: usize| -> Outcome<String> {
+            let of = summarise(&rows.iter().map(|row| row[column]).collect::<Vec<_>>())?;
+            let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
+            Ok(format!("{:.0} ± {half:.0}", of.mean))
+        };
+        println!(
+            "| {cell} | {weight} | {} | {} | {} | {} |",
+            rows.len(),
+            told(0)?,
+            told(1)?,
+            told(2)?
+        );
+    }
+    Ok(())
+}
