@@ -5,11 +5,12 @@
 //! ```
 //!
 //! `DIR/truth.json` has the true mean returns of the 54 candidates of the literature's grid, which choose among five torques; `DIR/weights.jsonl` a line
-//! for every log and weight: what was chosen. What is there is not done again. Then means over logs are printed, with 95 % t-intervals.
+//! for every log and weight: what was chosen. What is there is not done again. Then `DIR/weights.md` is written: means over logs, with 95 % t-intervals.
 
 use std::{
     collections::BTreeMap,
     error::Error,
+    fmt::Write as _,
     fs::{self, OpenOptions},
     io::Write as _,
     path::Path,
@@ -20,7 +21,7 @@ use calib_control::{
     Levels, Pendulum, Quality, Simulated, Span, Starts, Support, TaskKind, judge, record, regret,
     sweep, truth,
 };
-use calib_core::{Seed, Silent, States};
+use calib_core::{RowIndex, Seed, Silent, States};
 use calib_stats::summarise;
 use serde_json::{Value, json};
 
@@ -137,7 +138,7 @@ fn log_of(
 
 /// Episodes begin where recorded ones did.
 fn starts(log: &Decisions) -> Outcome<Starts> {
-    let rows: Vec<usize> = log.starts().into_iter().map(|row| row.get()).collect();
+    let rows: Vec<usize> = log.starts().into_iter().map(RowIndex::get).collect();
     let states = log.states();
     let first: Vec<f32> = rows.iter().flat_map(|&row| states.row(row).to_vec()).collect();
     let first = States::new(first, rows.len(), states.columns())?;
@@ -164,23 +165,18 @@ fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
             cells.entry((cell, line["weight"].to_string())).or_default().push(row);
         }
     }
-    println!(
-        "| behaviour and steps | weight | logs | percentile | regret in % of a random choice's | not covered, % |"
+    let mut text = String::from(
+        "| behaviour and steps | weight | logs | percentile | regret in % of a random choice's | not covered, % |\n|---|---|---|---|---|---|\n",
     );
-    println!("|---|---|---|---|---|---|");
     for ((cell, weight), rows) in cells {
         let told = |column: usize| -> Outcome<String> {
             let of = summarise(&rows.iter().map(|row| row[column]).collect::<Vec<_>>())?;
             let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
             Ok(format!("{:.0} ± {half:.0}", of.mean))
         };
-        println!(
-            "| {cell} | {weight} | {} | {} | {} | {} |",
-            rows.len(),
-            told(0)?,
-            told(1)?,
-            told(2)?
-        );
+        let [percentile, regret, uncovered] = [told(0)?, told(1)?, told(2)?];
+        let logs = rows.len();
+        writeln!(text, "| {cell} | {weight} | {logs} | {percentile} | {regret} | {uncovered} |")?;
     }
-    Ok(())
+    Ok(fs::write(path.with_extension("md"), text)?)
 }
