@@ -212,7 +212,9 @@ pub fn regret(truth: &[f64], chosen: usize) -> Regret {
     let below = truth.iter().filter(|&&of| of < own).count() as f64;
     let alike = truth.iter().filter(|&&of| of == own).count() as f64 - 1.0;
     let others = (truth.len() as f64 - 1.0).max(1.0);
-    Regret { regret: best - own, percentile: (below + alike / 2.0) / others }
+    // Where all are −∞, nothing is lost.
+    let regret = if own == best { 0.0 } else { best - own };
+    Regret { regret, percentile: (below + alike / 2.0) / others }
 }
 
 #[cfg(test)]

@@ -169,13 +169,21 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
     };
     let mut lines = vec![format!("{verb}: {}", name(told, verdict.chosen))];
     match &verdict.over_default {
-        Some(_) if verdict.default == Some(verdict.chosen) => {
+        _ if verdict.default == Some(verdict.chosen) => {
             lines.push("that is the default".to_owned());
         }
         Some(over) => lines.push(format!("over the default: {}", difference(over))),
-        None => lines.push("the default is not in the grid".to_owned()),
+        None if verdict.default.is_none() => {
+            lines.push("the default is not in the grid".to_owned());
+        }
+        None => lines.push("the default diverged in the model as well".to_owned()),
     }
-    lines.push(format!("over a random candidate: {}", difference(&verdict.over_random)));
+    let over_random = &verdict.over_random;
+    lines.push(if over_random.mean.is_finite() {
+        format!("over a random candidate: {}", difference(over_random))
+    } else {
+        "a random candidate may diverge in the model".to_owned()
+    });
     if let Some(behaviour) = verdict.behaviour {
         lines.push(format!(
             "recorded episodes: mean return {}{}",

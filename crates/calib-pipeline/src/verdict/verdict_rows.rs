@@ -219,7 +219,8 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     if !verdict.rule.is_by_logarithms() {
         return None;
     }
-    let streams = verdict.members.iter().chain(&verdict.log_replay).map(|of| of.streams).sum();
+    let log = verdict.log_replay.iter().filter(|_| verdict.rule != Rule::MeanLogError);
+    let streams = verdict.members.iter().chain(log).map(|of| of.streams).sum();
     let point = |(value, &mean_log): (usize, &f64)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());

@@ -93,7 +93,8 @@ impl Chooser<'_> {
         evidence: Evidence<'_, '_>,
     ) -> Result<usize, StatsError> {
         let by_ranks = |key: fn(&Selection, usize) -> [f64; 2]| -> Result<usize, StatsError> {
-            let selection = self.selection(evidence)?;
+            let mut selection = self.selection(evidence)?;
+            self.without_dropped(&mut selection.mean_errors);
             let keys: Vec<[f64; 2]> = (0..self.values).map(|of| key(&selection, of)).collect();
             Ok(first_smallest(&keys))
         };
@@ -116,6 +117,13 @@ impl Chooser<'_> {
         }
     }
 
+    /// What a race dropped made few runs, and its mean error over them is not that of the others over all: it cannot be chosen by it.
+    fn without_dropped(&self, mean_errors: &mut [f64]) {
+        for dropped in self.dropped {
+            mean_errors[dropped.candidate] = f64::INFINITY;
+        }
+    }
+
     /// How values stand by a rule, small is good: for correlations with the truth.
     pub(super) fn scores(
         &self,
@@ -125,7 +133,11 @@ impl Chooser<'_> {
         Ok(match rule {
             Rule::WorstRank => selection_order(&self.selection(evidence)?),
             Rule::MeanRank => self.selection(evidence)?.mean_ranks,
-            Rule::MeanError => self.selection(evidence)?.mean_errors,
+            Rule::MeanError => {
+                let mut errors = self.selection(evidence)?.mean_errors;
+                self.without_dropped(&mut errors);
+                errors
+            }
             Rule::MeanLogError | Rule::Pooled | Rule::LogReplay | Rule::OneStandardError => {
                 choose_by_mean_log(&evidence.sources(rule))?.mean_logs
             }

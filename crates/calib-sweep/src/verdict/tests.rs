@@ -93,6 +93,22 @@ fn rules_choose_by_their_definitions() {
 }
 
 #[test]
+fn what_a_race_dropped_is_not_chosen() {
+    // Value 1 made one run, in a stream that was easy for all; its error there is the smallest of all means.
+    let errors = [[0.1, 0.15, 0.2], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5]];
+    let of = |number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]);
+    let mut results: Vec<UnitResult> = (0..4).map(of).collect();
+    for result in &mut results[1..] {
+        result.rows.retain(|row| row.candidate != 1);
+    }
+    for rule in Rule::ALL {
+        let verdict = judge(rule, &results);
+        assert_eq!(verdict.dropped.len(), 1);
+        assert_eq!(verdict.chosen, 0, "{rule:?}");
+    }
+}
+
+#[test]
 fn a_result_of_another_sweep_is_named() {
     let mut results = members();
     results[2].rows[1].candidate = usize::MAX;
