@@ -119,7 +119,8 @@ fn write(
     let row_bytes = (columns.len() + 1) * size_of::<f64>();
     let group = (GROUP_BYTES / row_bytes).clamp(1, GROUP_ROWS);
     monitor.begin("writing rows", timestamps.len() as u64);
-    write_atomically(path, |file| {
+    let mut interrupted = false;
+    let written = write_atomically(path, |file| {
         let empty = frame(&[], 0, columns, spill)?;
         let mut writer = pl::ParquetWriter::new(file)
             .with_compression(pl::ParquetCompression::Zstd(None))
@@ -127,6 +128,7 @@ fn write(
             .map_err(io::Error::other)?;
         for (number, timestamps) in timestamps.chunks(group).enumerate() {
             if monitor.interrupted() {
+                interrupted = true;
                 return Err(io::Error::other("interrupted"));
             }
             let frame = frame(timestamps, number * group, columns, spill)?;
@@ -135,8 +137,11 @@ fn write(
         }
         writer.finish().map_err(io::Error::other)?;
         Ok(())
-    })?;
-    Ok(())
+    });
+    if interrupted {
+        return Err(DataError::Interrupted);
+    }
+    Ok(written?)
 }
 
 /// Rows from `first` on.

@@ -265,10 +265,12 @@ impl<'a> Plan<'a> {
             // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
             read(&jobs, &mut found, &|unit, key| store.get(unit, key));
             let now = self.passes(&found)?;
-            monitor.advance(((left - now) * self.options.span.steps) as u64);
+            // Sensors need not have come equally far before, so that one pass can train units of several rounds.
+            let done = left.saturating_sub(now);
+            monitor.advance((done * self.options.span.steps) as u64);
             let trained = self.train(&jobs, &found, store, monitor)?;
             ran += trained.len();
-            left = now - Self::passes_of(&trained);
+            left = now.saturating_sub(Self::passes_of(&trained));
             found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
             if !self.decide(&mut survivors, &found)? {
                 store.forget_stale(&kept);

@@ -45,7 +45,9 @@ fn without_date(stem: &str) -> &str {
         let year = |field: &str| field.len() == 4 && ("1970".."2100").contains(&field);
         let is_date = match date {
             [first, ..] if first.len() >= 8 && first.len() <= 14 && year(&first[..4]) => true,
-            [first, second, ..] => year(first) && second.len() == 2,
+            [first, second, ..] => {
+                year(first) && ("01"..="12").contains(second) && second.len() == 2
+            }
             _ => false,
         };
         if is_date {
@@ -69,6 +71,7 @@ mod tests {
         assert_eq!(tag("2024-03-01.csv"), "");
         assert_eq!(tag("20240301.csv"), "");
         assert_eq!(tag("FIC-2024.csv"), "FIC-2024", "a number of a tag");
+        assert_eq!(tag("FIC-2001-45.csv"), "FIC-2001-45", "there is no such month");
         assert_eq!(tag("12.csv"), "12");
         assert_eq!(tag("UNIT 1 FIC.PV.csv"), "UNIT 1 FIC.PV");
         assert_eq!(tag("tag=T-1/part-0.parquet"), "T-1");

@@ -69,7 +69,13 @@ fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
         .to_datetime()
         .or_else(|_| parsed.to_date().map(|date| date.to_datetime(civil::Time::midnight())))
         .ok()?;
-    Some(Stamp::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
+    let instant = TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond();
+    // Patterns end in these words where cells do.
+    let zone = pattern.to_ascii_uppercase();
+    if ["Z", "UTC", "GMT"].into_iter().any(|of| zone.ends_with(of) && !zone.ends_with("%Z")) {
+        return Some(Stamp::Instant(instant));
+    }
+    Some(Stamp::Wall(instant))
 }
 
 /// Which notations a column of times may have, as far as its cells have shown.
@@ -283,6 +289,20 @@ mod tests {
         let stamp = Notation::Pattern(pattern.to_owned()).read(text)?;
         let (Stamp::Instant(micros) | Stamp::Wall(micros)) = stamp;
         Some(crate::format_time(calib_core::Timestamp::from_micros(micros)))
+    }
+
+    #[test]
+    fn times_that_name_utc_are_instants() {
+        for cell in ["2024-03-01 06:00:00 UTC", "01-Mar-24 06:00 GMT", "2024/03/01 06:00:00 Z"] {
+            let candidates = Candidates::of(&[cell], None);
+            let [one] = &candidates.left[..] else { panic!("{cell}: {:?}", candidates.left) };
+            assert!(
+                matches!(one.read(cell), Some(Stamp::Instant(1_709_272_800_000_000))),
+                "{cell}"
+            );
+        }
+        let wall = Notation::Pattern("%d.%m.%Y %H:%M".to_owned()).read("01.03.2024 06:00");
+        assert!(matches!(wall, Some(Stamp::Wall(1_709_272_800_000_000))));
     }
 
     #[test]

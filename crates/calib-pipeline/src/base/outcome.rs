@@ -1,6 +1,7 @@
 //! How a step ended.
 
 use calib_agent::AgentError;
+use calib_control::ControlError;
 use calib_data::DataError;
 use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
@@ -88,5 +89,9 @@ pub(crate) fn was_interrupted(error: &anyhow::Error) -> bool {
             || matches!(cause.downcast_ref(), Some(ModelError::Interrupted))
             || matches!(cause.downcast_ref(), Some(RolloutError::Interrupted))
             || matches!(cause.downcast_ref(), Some(DynamicsError::Interrupted))
+            || matches!(
+                cause.downcast_ref(),
+                Some(ControlError::Interrupted | ControlError::Knn(KnnError::Interrupted))
+            )
     })
 }

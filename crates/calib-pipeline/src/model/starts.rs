@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, bail};
 use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
-use calib_data::Moment;
+use calib_data::{DataConfig, Moment};
 use calib_files::Fingerprint;
 use calib_model::{
     ModelStart, RolloutConfig, Search, StartKind, StartSource, Wanted, month_of, year_of,
@@ -39,15 +39,16 @@ pub(crate) struct Starts<'a> {
 }
 
 impl<'a> Starts<'a> {
-    /// As `config` asks for, for the deployment `held_out`.
+    /// As `config` asks for, on the clock of `data`, for the deployment `held_out`.
     pub(crate) fn new(
         config: &'a RolloutConfig,
+        data: &DataConfig,
         model: &'a OpenModel,
         held_out: Option<&Frames>,
         seed: Seed,
     ) -> anyhow::Result<Self> {
         let listed = match config.start {
-            StartKind::Rows => listed_rows(config, &model.frames)?,
+            StartKind::Rows => listed_rows(config, data, &model.frames)?,
             _ => Vec::new(),
         };
         let metric = match config.start {
@@ -177,12 +178,16 @@ impl StartSummary {
 }
 
 /// The rows that the study lists, by number or by time.
-fn listed_rows(config: &RolloutConfig, frames: &Frames) -> anyhow::Result<Vec<RowIndex>> {
+fn listed_rows(
+    config: &RolloutConfig,
+    data: &DataConfig,
+    frames: &Frames,
+) -> anyhow::Result<Vec<RowIndex>> {
     let mut rows = config.rows.clone();
     for text in &config.timestamps {
         let moment =
             Moment::new(text).map_err(|reason| anyhow::anyhow!("rollout.timestamps: {reason}"))?;
-        rows.push(row_at(frames, moment.instant(), text)?);
+        rows.push(row_at(frames, data.instant(&moment), text)?);
     }
     Ok(rows)
 }

@@ -109,7 +109,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         .filter(|_| study.starts_follow_from_deployment())
         .map(|(frames, fingerprint)| (frames, fingerprint))
         .unzip();
-    let starts = Starts::new(&study.rollout, &model, held_out, seed)?;
+    let starts = Starts::new(&study.rollout, &study.data, &model, held_out, seed)?;
     let key = artefact::key(&(
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,

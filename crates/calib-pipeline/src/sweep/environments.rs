@@ -133,7 +133,8 @@ impl Environments {
         let mut described = Vec::new();
         let configured = study.sweep_starts();
         let rollout_seed = Seed::new(study.seed).child("rollout");
-        let starts = Starts::new(&configured, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let starts =
+            Starts::new(&configured, &study.data, model, dataset.held_out.as_ref(), rollout_seed)?;
         let inputs = Fingerprint::of(&serde_json::to_vec(&(
             model.manifest.content()?,
             (study.model.weights, study.model.temperature),
