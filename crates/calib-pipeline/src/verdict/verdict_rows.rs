@@ -220,7 +220,9 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
         return None;
     }
     let log = verdict.log_replay.iter().filter(|_| verdict.rule != Rule::MeanLogError);
-    let streams = verdict.members.iter().chain(log).map(|of| of.streams).sum();
+    let is_log_alone = verdict.rule == Rule::LogReplay && verdict.log_replay.is_some();
+    let members = verdict.members.iter().filter(|_| !is_log_alone);
+    let streams = members.chain(log).map(|of| of.streams).sum();
     let point = |(value, &mean_log): (usize, &f64)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());

@@ -43,7 +43,10 @@ impl Rule {
 
     /// Whether values stand by the mean logarithms of their errors.
     pub const fn is_by_logarithms(self) -> bool {
-        matches!(self, Self::MeanLogError | Self::Pooled | Self::OneStandardError)
+        match self {
+            Self::WorstRank | Self::MeanRank | Self::MeanError => false,
+            Self::MeanLogError | Self::Pooled | Self::LogReplay | Self::OneStandardError => true,
+        }
     }
 
     /// Its name in studies and files.
@@ -179,11 +182,10 @@ pub(super) enum Standing {
 impl Standing {
     /// Of the choice of a rule that ranks values by `scores`.
     pub(super) fn of(rule: Rule, chosen: usize, scores: &[f64], selection: &Selection) -> Self {
-        let error = match rule {
-            Rule::WorstRank | Rule::MeanRank | Rule::MeanError => selection.mean_errors[chosen],
-            Rule::MeanLogError | Rule::Pooled | Rule::LogReplay | Rule::OneStandardError => {
-                scores[chosen]
-            }
+        let error = if rule.is_by_logarithms() {
+            scores[chosen]
+        } else {
+            selection.mean_errors[chosen]
         };
         if error == f64::INFINITY { Self::Diverged } else { Self::Finite }
     }
