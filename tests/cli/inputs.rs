@@ -63,6 +63,26 @@ fn a_log_is_known_by_what_it_holds() {
 }
 
 #[test]
+fn a_variable_may_mean_another_log() {
+    let place = Place::with_study();
+    place.edit_study("path = \"data\"", "path = \"${PLANT}\"");
+    let at = |command: &str, plant: &str| {
+        place.calib_with(&[command, "study.toml"], &[("PLANT", plant)])
+    };
+    for command in ["build-model", "rollout", "sweep"] {
+        at(command, "data").succeeds();
+    }
+    let other =
+        ["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
+    place.calib(&other).succeeds();
+    for command in ["rollout", "evaluate"] {
+        let message = at(command, "other").fails(2);
+        assert!(message.contains("other data"), "{command}: {message}");
+    }
+    at("evaluate", "data").ends(&[0, 1]);
+}
+
+#[test]
 fn the_keys_that_differ_are_named_with_both_values() {
     let place = Place::with_study();
     run(&place);

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use calib_data::DataConfig;
 
-use crate::{Job, StudyError};
+use crate::{Job, Study, StudyError};
 
 impl Job {
     /// The `[data]` section to read with: `${NAME}` is replaced by what `variable` says of the environment, and relative
@@ -34,6 +34,12 @@ impl Job {
         }
         data.resolve(self.folder());
         Ok(data)
+    }
+
+    /// Whether the log is surely that of another study: the same paths, none of which follows from the environment.
+    pub fn reads_the_log_of(&self, other: &Study) -> bool {
+        let paths = &self.study().data.path;
+        *paths == other.data.path && !paths.0.iter().any(|path| path.contains("${"))
     }
 
     /// A path that the study gives, from the folder that the study lies in.

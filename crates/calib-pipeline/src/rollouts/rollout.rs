@@ -295,7 +295,7 @@ fn held_out(
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
-    let is_in_place = model.manifest.study.data.path == study.data.path;
+    let is_in_place = job.reads_the_log_of(&model.manifest.study);
     let is_used = is_held_out && study.rollout.dtw_steps > 0;
     if !study.starts_follow_from_deployment() && !is_used && is_in_place {
         return Ok(None);

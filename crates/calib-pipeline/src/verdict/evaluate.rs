@@ -236,9 +236,9 @@ fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
     Ok(manifest)
 }
 
-/// Whether a log in another folder than the one that was swept holds the same states.
+/// Whether a log that may be another than the one that was swept holds the same states.
 fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
-    if job.study().data.path == swept.study.data.path {
+    if job.reads_the_log_of(&swept.study) {
         return Ok(());
     }
     let dataset = partition::load(job, &Printer::nobody())?.dataset;

@@ -182,11 +182,8 @@ pub(super) enum Standing {
 impl Standing {
     /// Of the choice of a rule that ranks values by `scores`.
     pub(super) fn of(rule: Rule, chosen: usize, scores: &[f64], selection: &Selection) -> Self {
-        let error = if rule.is_by_logarithms() {
-            scores[chosen]
-        } else {
-            selection.mean_errors[chosen]
-        };
+        let error =
+            if rule.is_by_logarithms() { scores[chosen] } else { selection.mean_errors[chosen] };
         if error == f64::INFINITY { Self::Diverged } else { Self::Finite }
     }
 }
