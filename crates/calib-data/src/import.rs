@@ -78,9 +78,9 @@ fn spill_columns(
         let read = log.read(channels, &mut batch, monitor)?;
         for (&channel, values) in channels.iter().zip(read) {
             let name = log.channels[channel].name.clone();
-            contradicting += values.contradicting;
             let found = std::mem::take(&mut values.contradictions);
-            examples.extend(found.into_iter().map(|of| told(&name, &of)));
+            contradicting += found.count;
+            examples.extend(found.first.into_iter().map(|of| told(&name, &of)));
             let has_words = !values.not_numbers.words.is_empty();
             let labels = if has_words && values.values.iter().all(|value| value.is_nan()) {
                 let Codes { codes, labels } = log.read_codes(channel, monitor)?;

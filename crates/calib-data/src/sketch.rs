@@ -135,7 +135,7 @@ impl Look<'_> {
             autocorrelation: moments
                 .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
             spikes,
-            contradicting: channel.contradicting,
+            contradicting: channel.contradictions.count,
             thinned: values.iter().step_by(step).copied().collect(),
             missing_run: missing_run(values, stretches),
             own_period_secs: own_period(values, timestamps),

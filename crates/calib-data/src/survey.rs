@@ -238,10 +238,10 @@ impl Scan<'_> {
         for &position in &channel.conflicts {
             self.conflicts[position as usize].store(true, Relaxed);
         }
-        if channel.contradicting > 0 {
+        if channel.contradictions.count > 0 {
             let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
-            found.count += channel.contradicting;
-            found.first.insert(index, std::mem::take(&mut channel.contradictions));
+            found.count += channel.contradictions.count;
+            found.first.insert(index, channel.contradictions.first.clone());
         }
         let values = &mut channel.values;
         let train = log.train.clone();

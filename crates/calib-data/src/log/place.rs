@@ -12,6 +12,23 @@ pub(crate) struct Contradiction {
     pub(crate) values: [f64; 2],
 }
 
+/// Values that another one of the same time contradicts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Contradicting {
+    pub(crate) count: u64,
+    /// The first of them.
+    pub(crate) first: Vec<Contradiction>,
+}
+
+impl Contradicting {
+    pub(crate) fn add(&mut self, time: i64, values: [f64; 2]) {
+        self.count += 1;
+        if self.first.len() < SHOWN {
+            self.first.push(Contradiction { time, values });
+        }
+    }
+}
+
 /// Samples of which each has a time of its own.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Placed {
@@ -19,10 +36,10 @@ pub(crate) struct Placed {
     pub(crate) cells: Vec<u64>,
     /// Samples that said again what another had said.
     pub(crate) repeated: u64,
-    /// Samples with another value than the one at their time.
-    pub(crate) contradicting: u64,
-    /// The first of these.
-    pub(crate) contradictions: Vec<Contradiction>,
+    /// Numbers with another number at their time.
+    pub(crate) contradictions: Contradicting,
+    /// Words with another word at their time, by their positions: they count where words are read.
+    pub(crate) words: Contradicting,
 }
 
 /// Samples in order of time, of which several may have the same: the one that has a value is kept, and of several
@@ -44,10 +61,13 @@ pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Place
             (_, Cell::Missing) => placed.repeated += 1,
             (before, now) if before == now => placed.repeated += 1,
             (Cell::Number(before), Cell::Number(now)) => {
-                placed.contradicting += 1;
-                if placed.contradictions.len() < SHOWN {
-                    placed.contradictions.push(Contradiction { time, values: [before, now] });
+                placed.contradictions.add(time, [before, now]);
+                if keep == Contradictions::Last {
+                    *kept = cell;
                 }
+            }
+            (Cell::Word(before), Cell::Word(now)) => {
+                placed.words.add(time, [before, now].map(f64::from));
                 if keep == Contradictions::Last {
                     *kept = cell;
                 }
@@ -76,9 +96,20 @@ mod tests {
         let values = cells(&[nan, 5.0, 6.0, 6.0, 7.0, nan, 8.0]);
         let placed = place(&times, &values, Contradictions::Refuse);
         assert_eq!((placed.times, placed.cells), (vec![1, 2, 3], cells(&[5.0, 6.0, 7.0])));
-        assert_eq!((placed.repeated, placed.contradicting), (2, 1));
-        assert_eq!(placed.contradictions, [Contradiction { time: 3, values: [7.0, 8.0] }]);
+        assert_eq!((placed.repeated, placed.contradictions.count), (2, 1));
+        assert_eq!(placed.contradictions.first, [Contradiction { time: 3, values: [7.0, 8.0] }]);
         let last = place(&times, &values, Contradictions::Last);
         assert_eq!(last.cells, cells(&[5.0, 6.0, 8.0]));
+    }
+
+    #[test]
+    fn of_two_words_the_first_or_the_last_is_kept() {
+        let words = [3, 3, 4].map(|word| Cell::Word(word).encode());
+        let placed = |keep| place(&[7, 7, 7], &words, keep);
+        let first = placed(Contradictions::First);
+        assert_eq!((first.cells, first.repeated), (vec![words[0]], 1));
+        assert_eq!((first.contradictions.count, first.words.count), (0, 1));
+        assert_eq!(first.words.first, [Contradiction { time: 7, values: [3.0, 4.0] }]);
+        assert_eq!(placed(Contradictions::Last).cells, [words[2]]);
     }
 }

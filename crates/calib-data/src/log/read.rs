@@ -2,19 +2,19 @@
 
 use std::collections::HashMap;
 
-use calib_core::Monitor;
+use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use super::{
     Log, Origin,
     file::LogFile,
-    place::Contradiction,
+    place::{Contradicting, Contradiction},
     resample::Grid,
     rows::{LEFT_OUT, RowMap, Rows},
     series::Series,
     values::{NotNumbers, cells_to_numbers, label, to_labels, to_numbers},
 };
-use crate::{Contradictions, DataError};
+use crate::{Contradictions, DataError, format_time};
 
 /// What a batch of channels may hold in memory, in bytes.
 const BATCH_BYTES: usize = 256 << 20;
@@ -33,10 +33,7 @@ pub(crate) struct ChannelValues {
     /// One per duplicate of the recorded rows.
     duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
-    /// Values that another one of the same time contradicts.
-    pub(crate) contradicting: u64,
-    /// The first of them.
-    pub(crate) contradictions: Vec<Contradiction>,
+    pub(crate) contradictions: Contradicting,
     /// Duplicates of the recorded rows that contradict the row that is kept.
     pub(crate) conflicts: Vec<u32>,
 }
@@ -48,8 +45,7 @@ impl ChannelValues {
         self.duplicates.clear();
         self.duplicates.resize(rows.duplicates.len(), f64::NAN);
         self.not_numbers = NotNumbers::default();
-        self.contradicting = 0;
-        self.contradictions.clear();
+        self.contradictions = Contradicting::default();
         self.conflicts.clear();
     }
 
@@ -66,12 +62,9 @@ impl ChannelValues {
                 *kept = value;
                 continue;
             }
-            self.contradicting += 1;
             self.conflicts.push(position as u32);
-            if self.contradictions.len() < super::SHOWN {
-                let time = rows.timestamps[duplicate.row as usize].as_micros();
-                self.contradictions.push(Contradiction { time, values: [*kept, value] });
-            }
+            let time = rows.timestamps[duplicate.row as usize].as_micros();
+            self.contradictions.add(time, [*kept, value]);
             if keep == Contradictions::Last {
                 *kept = value;
             }
@@ -143,7 +136,6 @@ impl Log {
         channel: &mut ChannelValues,
     ) -> Result<(), DataError> {
         let placed = series.settled(tag, window, self.contradictions)?;
-        channel.contradicting = placed.contradicting;
         channel.contradictions = placed.contradictions;
         let mut values = vec![f64::NAN; placed.cells.len()];
         let words = &series.store.words;
@@ -252,18 +244,29 @@ pub(crate) struct Codes {
 
 /// Labels, each once.
 #[derive(Default)]
-struct Labels(HashMap<String, usize>);
+struct Labels {
+    codes: HashMap<String, usize>,
+    are_numbers: Vec<bool>,
+}
 
 impl Labels {
     fn code(&mut self, label: String) -> f64 {
-        let next = self.0.len();
-        *self.0.entry(label).or_insert(next) as f64
+        let Self { codes, are_numbers } = self;
+        let code = *codes.entry(label).or_insert_with_key(|label| {
+            are_numbers.push(label.parse::<f64>().is_ok());
+            are_numbers.len() - 1
+        });
+        code as f64
     }
 
-    fn list(self) -> Vec<String> {
-        let mut labels = vec![String::new(); self.0.len()];
-        for (label, code) in self.0 {
-            labels[code] = label;
+    fn is_number(&self, code: f64) -> bool {
+        self.are_numbers[code as usize]
+    }
+
+    fn list(&self) -> Vec<String> {
+        let mut labels = vec![String::new(); self.codes.len()];
+        for (label, &code) in &self.codes {
+            labels[code].clone_from(label);
         }
         labels
     }
@@ -271,6 +274,10 @@ impl Labels {
 
 impl Log {
     /// Read one channel of numbers or text, whose values are names of something.
+    ///
+    /// # Errors
+    /// If words contradict each other at the same time, and the study does not say which counts. Numbers that do are found where
+    /// numbers are read.
     pub(crate) fn read_codes(
         &self,
         channel: usize,
@@ -279,7 +286,8 @@ impl Log {
         let mut labels = Labels::default();
         let (times, codes) = match &self.origin {
             Origin::Tables(files) => {
-                let codes = self.codes_of_files(files, channel, &mut labels, monitor)?;
+                let recorded = self.codes_of_files(files, channel, &mut labels, monitor)?;
+                let codes = self.settle_codes(channel, recorded, &labels)?;
                 if self.grid.is_none() {
                     return Ok(Codes { codes, labels: labels.list() });
                 }
@@ -289,6 +297,7 @@ impl Log {
             Origin::Series(series, window) => {
                 let placed = series.settled(channel, window, self.contradictions)?;
                 let words = &series.store.words;
+                self.refuse_words(channel, &placed.words, words.list())?;
                 let code =
                     |&cell: &u64| label(cell, words).map_or(f64::NAN, |label| labels.code(label));
                 let codes = placed.cells.iter().map(code).collect::<Vec<f64>>();
@@ -309,15 +318,17 @@ impl Log {
         Ok(Codes { codes: placed, labels: labels.list() })
     }
 
+    /// The codes of a channel: one per recorded row, and one per duplicate of them.
     fn codes_of_files(
         &self,
         files: &[LogFile],
         channel: usize,
         labels: &mut Labels,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<f64>, DataError> {
+    ) -> Result<[Vec<f64>; 2], DataError> {
         let rows = self.recorded();
         let mut codes = vec![f64::NAN; rows.timestamps.len()];
+        let mut duplicates = vec![f64::NAN; rows.duplicates.len()];
         for (file, log_file) in files.iter().enumerate() {
             let Some(&field) = self.channels[channel].positions.get(&file) else {
                 continue;
@@ -329,13 +340,71 @@ impl Log {
                 }
                 let column = log_file.read(&[field], &slice)?.swap_remove(0);
                 let read = to_labels(&column).map_err(|error| log_file.damaged(&error))?;
-                for (label, file_row) in read.into_iter().zip(slice) {
-                    if let (Some(label), Some(row)) = (label, map.row(file_row)) {
-                        codes[row] = labels.code(label);
+                let code = |label: Option<String>| label.map_or(f64::NAN, |of| labels.code(of));
+                let read: Vec<f64> = read.into_iter().map(code).collect();
+                for (&code, file_row) in read.iter().zip(slice.clone()) {
+                    if let Some(row) = map.row(file_row) {
+                        codes[row] = code;
                     }
                 }
+                self.place_duplicates(file, slice.start, &read, &mut duplicates);
             }
         }
+        Ok([codes, duplicates])
+    }
+
+    /// Codes of the same time become one: a number says more than a word, and of two words the first or the last is kept.
+    fn settle_codes(
+        &self,
+        channel: usize,
+        [mut codes, duplicates]: [Vec<f64>; 2],
+        labels: &Labels,
+    ) -> Result<Vec<f64>, DataError> {
+        let rows = self.recorded();
+        let mut words = Contradicting::default();
+        for (duplicate, code) in rows.duplicates.iter().zip(duplicates) {
+            let kept = &mut codes[duplicate.row as usize];
+            if code.is_nan() || code == *kept {
+                continue;
+            }
+            if kept.is_nan() {
+                *kept = code;
+                continue;
+            }
+            match [*kept, code].map(|of| labels.is_number(of)) {
+                [true, false] => continue,
+                [false, true] => *kept = code,
+                [true, true] => {}
+                [false, false] => {
+                    let time = rows.timestamps[duplicate.row as usize].as_micros();
+                    words.add(time, [*kept, code]);
+                }
+            }
+            if self.contradictions == Contradictions::Last {
+                *kept = code;
+            }
+        }
+        self.refuse_words(channel, &words, &labels.list())?;
         Ok(codes)
+    }
+
+    /// Refuse words that contradict each other, unless the study says which counts. Contradictions have positions in `labels`.
+    fn refuse_words(
+        &self,
+        channel: usize,
+        words: &Contradicting,
+        labels: &[String],
+    ) -> Result<(), DataError> {
+        if words.count == 0 || self.contradictions != Contradictions::Refuse {
+            return Ok(());
+        }
+        let name = &self.channels[channel].name;
+        let told = |of: &Contradiction| {
+            let at = format_time(Timestamp::from_micros(of.time));
+            let [before, now] = of.values.map(|label| &labels[label as usize]);
+            format!("at {at} {name} is {before:?} and {now:?}")
+        };
+        let examples = words.first.iter().map(told).collect();
+        Err(DataError::Contradictions { count: words.count, examples })
     }
 }

@@ -71,6 +71,20 @@ pub(crate) fn recognise(
     times: &[usize],
     data: &DataConfig,
 ) -> Result<Recognised, DataError> {
+    let mut recognised = recognise_apart(heads, times, data)?;
+    if let Recognised::Samples(_, roles) = &mut recognised {
+        let qualities = roles.iter_mut().filter_map(|of| of.quality.as_mut());
+        Quality::agree(qualities.map(|(_, quality)| quality));
+    }
+    Ok(recognised)
+}
+
+/// What the files are, each by its own first rows.
+fn recognise_apart(
+    heads: &[Head],
+    times: &[usize],
+    data: &DataConfig,
+) -> Result<Recognised, DataError> {
     let refused = |reason: String| Err(DataError::Shape { reason });
     let annotated = heads.iter().filter(|head| matches!(head, Head::Annotated(..))).count();
     if annotated > 0 {

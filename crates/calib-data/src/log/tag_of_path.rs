@@ -36,7 +36,7 @@ fn without_date(stem: &str) -> &str {
     {
         from += 1;
     }
-    let (tag, end) = stem.split_at(from);
+    let end = &stem[from..];
     let fields: Vec<&str> =
         end.split(|c: char| !c.is_ascii_digit()).filter(|field| !field.is_empty()).collect();
     // Numbers of the tag itself may stand before the date: PIT_300_2024-03-01.
@@ -51,8 +51,9 @@ fn without_date(stem: &str) -> &str {
             _ => false,
         };
         if is_date {
-            let starts: usize = end.find(date[0]).unwrap_or(0);
-            return stem[..tag.len() + starts].trim_end_matches(['-', '_', '.', ' ']);
+            // The field itself, not the first place where its digits stand: PI_32023_2023-05.
+            let starts = date[0].as_ptr().addr() - stem.as_ptr().addr();
+            return stem[..starts].trim_end_matches(['-', '_', '.', ' ']);
         }
     }
     stem
@@ -72,6 +73,7 @@ mod tests {
         assert_eq!(tag("20240301.csv"), "");
         assert_eq!(tag("FIC-2024.csv"), "FIC-2024", "a number of a tag");
         assert_eq!(tag("FIC-2001-45.csv"), "FIC-2001-45", "there is no such month");
+        assert_eq!(tag("PI_32023_2023-05.csv"), "PI_32023", "its digits hold a year as well");
         assert_eq!(tag("12.csv"), "12");
         assert_eq!(tag("UNIT 1 FIC.PV.csv"), "UNIT 1 FIC.PV");
         assert_eq!(tag("tag=T-1/part-0.parquet"), "T-1");

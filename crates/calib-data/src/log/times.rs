@@ -11,7 +11,11 @@ use super::{
     rows::NO_TIME,
     values::RawColumn,
 };
-use crate::{DataConfig, DataError, TimestampUnit, text::Notation, time::Stamp};
+use crate::{
+    DataConfig, DataError, TimestampUnit,
+    text::{Notation, compact_pattern},
+    time::Stamp,
+};
 
 /// What to say of a file without a timestamp column that is known.
 pub(crate) fn no_timestamp(head: &Head, data: &DataConfig) -> DataError {
@@ -103,12 +107,30 @@ impl Times {
             dtype if dtype.is_integer() => {
                 let column = column.cast(&pl::DataType::Int64).map_err(damaged)?;
                 let values = column.i64().map_err(damaged)?;
-                Self::Integers(values.iter().map(|value| value.unwrap_or(NO_TIME)).collect())
+                let numbers: Vec<Option<i64>> = values.iter().collect();
+                match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
+                    Some(dates) => Self::Stamps(dates),
+                    None => Self::Integers(
+                        numbers.into_iter().map(|number| number.unwrap_or(NO_TIME)).collect(),
+                    ),
+                }
             }
             dtype if dtype.is_float() => {
                 let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
                 let values = column.f64().map_err(damaged)?;
-                Self::Floats(values.iter().map(|value| value.unwrap_or(f64::NAN)).collect())
+                let numbers: Vec<f64> =
+                    values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
+                // Missing values make whole numbers into floats.
+                let whole = |number: &f64| match number {
+                    number if !number.is_finite() => Some(None),
+                    number => (number.fract() == 0.0).then_some(Some(*number as i64)),
+                };
+                let wholes: Option<Vec<Option<i64>>> = numbers.iter().map(whole).collect();
+                let found = wholes.map_or(Ok(None), |wholes| dates(&wholes, data));
+                match found.map_err(|reason| bad(&column, reason))? {
+                    Some(dates) => Self::Stamps(dates),
+                    None => Self::Floats(numbers),
+                }
             }
             _ => {
                 let field = file.field(column.name()).map(|field| &file.fields[field].type_name);
@@ -141,6 +163,39 @@ impl Times {
             }
         }
     }
+}
+
+/// Whole numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
+/// 1970. None if they count.
+fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option<Stamp>>>, String> {
+    if data.timestamp_unit.is_some() {
+        return Ok(None);
+    }
+    let Some(format) = &data.timestamp_format else {
+        let first = numbers.iter().flatten().next().map(i64::to_string);
+        if first.is_none_or(|first| compact_pattern(&[&first]).is_none()) {
+            return Ok(None);
+        }
+        let written: Vec<String> = numbers.iter().flatten().map(i64::to_string).collect();
+        let cells: Vec<&str> = written.iter().map(String::as_str).collect();
+        return match compact_pattern(&cells) {
+            None => Ok(None),
+            Some(pattern) => Err(format!(
+                "its numbers, such as {}, look like dates; set data.timestamp_format = \"{pattern}\" if they are, or data.timestamp_unit if they count since 1970",
+                cells[0]
+            )),
+        };
+    };
+    let notation = Notation::Pattern(format.clone());
+    let stamp = |number: &Option<i64>| {
+        let Some(number) = number else { return Ok(None) };
+        notation.read(&number.to_string()).map(Some).ok_or_else(|| {
+            format!(
+                "{number} is not what data.timestamp_format says; set data.timestamp_unit if it counts since 1970"
+            )
+        })
+    };
+    numbers.iter().map(stamp).collect::<Result<_, _>>().map(Some)
 }
 
 /// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.

@@ -13,6 +13,8 @@ pub(crate) enum Quality {
     OpcClassic,
     /// OPC UA: the two highest of 32 bits are clear; 0 is good.
     OpcUa,
+    /// Nothing but 0, which is good in OPC UA and bad in OPC Classic: as OPC UA, unless another file of the log tells.
+    Zeros,
 }
 
 impl Quality {
@@ -27,8 +29,19 @@ impl Quality {
             return Ok(Self::OpcClassic);
         }
         match numbers.iter().find(|&&code| code > 0 && code < UA_UNCERTAIN) {
+            None if !numbers.is_empty() && numbers.iter().all(|&code| code == 0) => Ok(Self::Zeros),
             None => Ok(Self::OpcUa),
             Some(code) => Err(unknown(&code.to_string())),
+        }
+    }
+
+    /// Read zeros as the other files of the log have them.
+    pub(crate) fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) {
+        let all: Vec<&mut Self> = all.collect();
+        if all.iter().any(|of| **of == Self::OpcClassic) {
+            for quality in all.into_iter().filter(|of| **of == Self::Zeros) {
+                *quality = Self::OpcClassic;
+            }
         }
     }
 
@@ -42,7 +55,9 @@ impl Quality {
             (Self::Given(good), _) => Ok(good.contains(&lower(code))),
             (Self::Words, _) => Ok(is_good_word(&lower(code))),
             (Self::OpcClassic, Some(code)) => Ok(code & 0xC0 == 0xC0),
-            (Self::OpcUa, Some(code)) if code == 0 || code >= UA_UNCERTAIN => Ok(code >> 30 == 0),
+            (Self::OpcUa | Self::Zeros, Some(code)) if code == 0 || code >= UA_UNCERTAIN => {
+                Ok(code >> 30 == 0)
+            }
             _ => Err(unknown(code)),
         }
     }
@@ -111,5 +126,16 @@ mod tests {
         // Zeros alone are good in OPC UA and bad in OPC Classic: the first code that decides is refused.
         let quality = Quality::of(&["0"], &DataConfig::default()).expect("zeros");
         assert!(quality.is_good("192").is_err());
+    }
+
+    #[test]
+    fn zeros_are_what_they_are_in_the_other_files() {
+        let of = |codes: &[&str]| Quality::of(codes, &DataConfig::default()).expect("known");
+        let mut all = [of(&["0", "0"]), of(&["192", "0"]), of(&["Good"])];
+        Quality::agree(all.iter_mut());
+        assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);
+        let mut alone = [of(&["0"]), of(&["0", "2147483648"]), of(&[])];
+        Quality::agree(alone.iter_mut());
+        assert_eq!(alone[0].is_good("0"), Ok(true));
     }
 }

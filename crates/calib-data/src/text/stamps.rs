@@ -95,7 +95,9 @@ impl Candidates {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
         let mut all = vec![Notation::Iso];
-        if let Some(numbers) =
+        if let Some(pattern) = compact_pattern(cells).filter(|_| unit.is_none()) {
+            all = vec![Notation::Pattern(pattern.to_owned())];
+        } else if let Some(numbers) =
             cells.iter().map(|cell| cell.parse::<f64>().ok()).collect::<Option<Vec<f64>>>()
         {
             let unit = unit.unwrap_or_else(|| {
@@ -154,6 +156,24 @@ fn patterns(example: &str) -> Vec<String> {
     let Some(time) = time_pattern(time) else { return Vec::new() };
     let orders = date_patterns(date);
     orders.into_iter().map(|date| format!("{date}{time}")).collect()
+}
+
+/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: eight, twelve or fourteen digits that
+/// name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of 1976 or of the year 2611.
+pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
+    let pattern = match cells.first()?.len() {
+        8 => "%Y%m%d",
+        12 => "%Y%m%d%H%M",
+        14 => "%Y%m%d%H%M%S",
+        _ => return None,
+    };
+    let is_date = |cell: &&str| {
+        cell.len() == cells[0].len()
+            && cell.bytes().all(|byte| byte.is_ascii_digit())
+            && ("1970".."2100").contains(&&cell[..4])
+            && read_pattern(pattern, cell).is_some()
+    };
+    cells.iter().all(is_date).then_some(pattern)
 }
 
 /// The date, and the time with what stands before it.
@@ -316,6 +336,13 @@ mod tests {
         assert_eq!(notation(&["13.03.2024 06:00:00,25"]), ["%d.%m.%Y %H:%M:%S%.f"]);
         assert_eq!(notation(&["March 1, 2024 06:00:00"]), ["%B %d, %Y %H:%M:%S%.f"]);
         assert_eq!(notation(&["20240301 06:00:00"]), ["ISO 8601"], "its basic form");
+        assert_eq!(notation(&["20240301", "20240302"]), ["%Y%m%d"]);
+        assert_eq!(notation(&["202403010600"]), ["%Y%m%d%H%M"]);
+        assert_eq!(notation(&["20240301060000", "20240301235959"]), ["%Y%m%d%H%M%S"]);
+        assert_eq!(notation(&["20240301", "20240332"]), ["numbers of seconds"], "no such day");
+        let unit = Some(TimestampUnit::Seconds);
+        let told = Candidates::of(&["20240301"], unit).left;
+        assert_eq!(told, [Notation::Number(TimestampUnit::Seconds)], "as the study says");
         assert_eq!(notation(&["2024-03-01 06:00:00 UTC"]), ["%Y-%m-%d %H:%M:%S%.f UTC"]);
         assert_eq!(notation(&["01.03.2024", "13.03.2024"]), ["%d.%m.%Y"]);
         assert!(notation(&["yesterday"]).is_empty());
@@ -352,6 +379,7 @@ mod tests {
         read("%m/%d/%Y %I:%M:%S%.f %p", "3/13/2024 12:00:01 AM", "2024-03-13 00:00:01");
         read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
         read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
+        read("%Y%m%d%H%M%S", "20240313060001", "2024-03-13 06:00:01");
         assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
         let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
         assert_eq!(number, Some(Stamp::Instant(1_709_272_800_000_000)));

@@ -2,7 +2,8 @@
 
 use calib_core::{Bounds, ColumnKind};
 use calib_data::{
-    DataConfig, DropReason, Normalisation, PreprocessConfig, Reduce, inspect, table::Table,
+    Contradictions, DataConfig, DropReason, Normalisation, PreprocessConfig, Reduce, inspect,
+    table::Table,
 };
 
 use crate::support::{
@@ -167,6 +168,28 @@ fn modes_may_be_text_missing_or_new() {
     let wrong = PreprocessConfig { one_hot: Some("mod".to_owned()), ..PreprocessConfig::default() };
     let error = refused(&data, &wrong).to_string();
     assert!(error.contains("not a channel of the log; did you mean mode?"), "{error}");
+}
+
+#[test]
+fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
+    let folder = Folder::new();
+    let modes = |modes: [&str; 6]| {
+        let modes = modes.map(str::to_owned).to_vec();
+        Table::new().with("timestamp", seconds(0..6)).with("mode", modes)
+    };
+    folder.write("a.parquet", &log(0, &[("a", &rising(6))]));
+    folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
+    let preprocess =
+        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let data = |contradictions| DataConfig { contradictions, train_fraction: 1.0, ..folder.data() };
+    let stops =
+        |contradictions| train_values(&load_with(&data(contradictions), &preprocess), "mode=stop");
+    assert_eq!(stops(Contradictions::Refuse), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    folder.write("c.parquet", &modes(["run", "", "run", "stop", "run", "run"]));
+    let error = refused(&data(Contradictions::Refuse), &preprocess).to_string();
+    assert!(error.contains("00:00:02 mode is \"stop\" and \"run\""), "{error}");
+    assert_eq!(stops(Contradictions::First), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    assert_eq!(stops(Contradictions::Last), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
 }
 
 #[test]

@@ -143,6 +143,41 @@ fn a_timestamp_column_of_another_type_is_explained() {
 }
 
 #[test]
+fn numbers_that_are_dates_are_not_taken_for_seconds() {
+    let folder = Folder::new();
+    let dates = [20_240_301_235_958_i64, 20_240_301_235_959, 20_240_302_000_000];
+    let plain = PreprocessConfig::default();
+    let format = Some("%Y%m%d%H%M%S".to_owned());
+    let as_floats = dates.map(|date| date as f64).to_vec();
+    for table in
+        [Table::new().with("timestamp", dates.to_vec()), Table::new().with("timestamp", as_floats)]
+    {
+        folder.write("a.parquet", &table.with("a", vec![1.0, 2.0, 3.0]));
+        let error = refused(&folder.data(), &plain).to_string();
+        assert!(
+            error.contains("20240301235958, look like dates")
+                && error.contains("data.timestamp_format = \"%Y%m%d%H%M%S\""),
+            "{error}"
+        );
+        let data = DataConfig { timestamp_format: format.clone(), ..folder.data() };
+        let profile = inspect(&data, &plain, &Silent).expect("dates");
+        assert_eq!(profile.period_secs, 1.0);
+        assert_eq!(profile.start.as_micros(), 1_709_337_598_000_000);
+        let data =
+            DataConfig { timestamp_unit: Some(TimestampUnit::Milliseconds), ..folder.data() };
+        inspect(&data, &plain, &Silent).expect("numbers, if the study says so");
+    }
+    // Numbers since 1970 are no such dates, and a format wants to be followed.
+    let seconds = vec![1_709_272_800_i64, 1_709_272_801, 1_709_272_802];
+    let table = Table::new().with("timestamp", seconds).with("a", vec![1.0, 2.0, 3.0]);
+    folder.write("a.parquet", &table);
+    inspect(&folder.data(), &plain, &Silent).expect("seconds");
+    let data = DataConfig { timestamp_format: format, ..folder.data() };
+    let error = refused(&data, &plain).to_string();
+    assert!(error.contains("1709272800 is not what data.timestamp_format says"), "{error}");
+}
+
+#[test]
 fn timestamps_of_every_type_name_the_same_instants() {
     let zoned = |unit: pl::TimeUnit, factor: i64, zone: Option<&str>| {
         let values: Vec<i64> = (0..4).map(|second| second * factor).collect();
