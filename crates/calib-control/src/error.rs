@@ -46,6 +46,16 @@ pub enum ControlError {
         /// How many are allowed.
         most: usize,
     },
+    /// Tile coding of more features than can be numbered.
+    #[error(
+        "states of {columns} columns have {weights} weights of tiles, at most 4294967295 can be numbered; set control.agent.pairs = false, or keep fewer columns"
+    )]
+    ManyFeatures {
+        /// Columns of the states.
+        columns: usize,
+        /// Features, times actions.
+        weights: u128,
+    },
     /// A log of which a member would have nothing to learn from, or nothing to check that by.
     #[error("the log has too few transitions for networks of {members} members")]
     FewTransitions {

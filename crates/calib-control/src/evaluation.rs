@@ -5,13 +5,15 @@ use rayon::prelude::*;
 
 use crate::{
     Agent, AgentConfig, ControlError, Decisions, Ending, Outcome,
-    agent::{Tiles, policy},
+    agent::{Pairs, Tiles, policy},
 };
 
 /// Tilings, tiles and step size of the fitted values; fewer tilings than agents have, for the sake of time.
 const TILINGS: usize = 4;
 const TILES: usize = 8;
 const STEP: f64 = 0.3;
+/// States of more columns have tiles of single columns only: pairs would be hundreds of times as many.
+const PAIRED_COLUMNS: usize = 16;
 /// Passes over the log.
 const PASSES: usize = 20;
 
@@ -19,7 +21,7 @@ const PASSES: usize = 20;
 ///
 /// A candidate learns from the log in the order in which it was recorded, again and again until it has seen `updates` transitions, without
 /// traces (they would follow the behaviour, not the agent). The policy π that it has then is evaluated by fitted Q evaluation (Le,
-/// Voloshin & Yue 2019) with values linear in tile coding of their own: in 20 passes over the log, last transition first,
+/// Voloshin & Yue 2019) with values linear in tile coding of their own, with pairs of columns where there are at most 16: in 20 passes over the log, last transition first,
 /// q(s, a) ← q(s, a) + 0.3 · (r + γ Σ π(a' | s') q(s', a') − q(s, a)), the target being cut to what an episode of `timeout` steps can get. The value is the
 /// mean of Σ π(a | s) q(s, a) over the states in which episodes begin. −∞ if the candidate diverged.
 ///
@@ -34,7 +36,6 @@ pub fn fitted_q_evaluation(
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, ControlError> {
     monitor.begin("fitted Q evaluation", candidates.len() as u64);
-    let features = Features::new(log, starts);
     let values: Option<Vec<f64>> = candidates
         .par_iter()
         .map(|&config| {
@@ -42,44 +43,12 @@ pub fn fitted_q_evaluation(
                 return None;
             }
             let mut agent = from_log(log, config, updates);
-            let value = evaluated(log, starts, &mut agent, config, timeout, &features);
+            let value = evaluated(log, starts, &mut agent, config, timeout);
             monitor.advance(1);
             Some(if value.is_finite() { value } else { f64::NEG_INFINITY })
         })
         .collect();
     values.ok_or(ControlError::Interrupted)
-}
-
-/// The features of every source, every next state and every start.
-struct Features {
-    tiles: Tiles,
-    sources: Vec<u32>,
-    nexts: Vec<u32>,
-    starts: Vec<u32>,
-}
-
-impl Features {
-    fn new(log: &Decisions, starts: &States) -> Self {
-        let mut tiles = Tiles::new(TILINGS, TILES, log.states().columns());
-        let mut one = Vec::new();
-        let mut of = |state: &[f32], all: &mut Vec<u32>| {
-            tiles.of(state, &mut one);
-            all.extend_from_slice(&one);
-        };
-        let (mut sources, mut nexts, mut begun) = (Vec::new(), Vec::new(), Vec::new());
-        for number in 0..log.len() {
-            let transition = TransitionIndex::new(number);
-            of(log.states().row(log.transitions().source(transition).get()), &mut sources);
-            of(log.states().row(log.transitions().next(transition).get()), &mut nexts);
-        }
-        (0..starts.rows()).for_each(|row| of(starts.row(row), &mut begun));
-        Self { tiles, sources, nexts, starts: begun }
-    }
-
-    fn at<'a>(&self, all: &'a [u32], number: usize) -> &'a [u32] {
-        let active = self.tiles.active();
-        &all[number * active..][..active]
-    }
 }
 
 /// An agent that learnt from `updates` recorded transitions.
@@ -125,41 +94,53 @@ fn evaluated(
     agent: &mut Agent,
     config: AgentConfig,
     timeout: usize,
-    features: &Features,
 ) -> f64 {
-    let next = |number: usize| {
-        log.states().row(log.transitions().next(TransitionIndex::new(number)).get())
-    };
-    let after = policies(agent, &config, (0..log.len()).map(next));
-    let (actions, length) = (log.levels(), features.tiles.len());
+    let states = log.states();
+    let source = |number: usize| log.transitions().source(TransitionIndex::new(number)).get();
+    let next = |number: usize| log.transitions().next(TransitionIndex::new(number)).get();
+    let after = policies(agent, &config, (0..log.len()).map(|number| states.row(next(number))));
+    let pairs = if states.columns() > PAIRED_COLUMNS { Pairs::No } else { Pairs::Too };
+    // Features are found anew in every pass: those of all rows of a long log would take more memory than the log.
+    let mut tiles = Tiles::new(TILINGS, TILES, states.columns(), pairs);
+    let (mut here, mut ahead) = (Vec::new(), Vec::new());
+    let mut row_here = None;
+    let (actions, length) = (log.levels(), tiles.len());
     let mut weights = vec![0.0_f64; actions * length];
     let rewards = log.rewards().iter().copied().map(f64::from);
     let extreme = |reward: f64, other: f64| (timeout as f64 * reward).min(other.min(reward));
     let lowest = extreme(rewards.clone().fold(f64::INFINITY, f64::min), 0.0);
     let highest = -extreme(rewards.map(|of| -of).fold(f64::INFINITY, f64::min), 0.0);
-    let step = STEP / features.tiles.active() as f64;
+    let step = STEP / tiles.active() as f64;
     for _ in 0..PASSES {
         for number in (0..log.len()).rev() {
             let mut target = f64::from(log.rewards()[number]);
             if log.endings()[number] == Ending::Continues {
                 let policy = &after[number * actions..][..actions];
-                let at = features.at(&features.nexts, number);
-                target += config.gamma * mean_value(&weights, length, policy, at);
+                // Backwards, the next row is mostly the one that was just looked at.
+                if row_here == Some(next(number)) {
+                    std::mem::swap(&mut here, &mut ahead);
+                } else {
+                    tiles.of(states.row(next(number)), &mut ahead);
+                }
+                target += config.gamma * mean_value(&weights, length, policy, &ahead);
             }
             let own = &mut weights[usize::from(log.actions()[number]) * length..][..length];
-            let at = features.at(&features.sources, number);
-            let value: f64 = at.iter().map(|&feature| own[feature as usize]).sum();
+            tiles.of(states.row(source(number)), &mut here);
+            row_here = Some(source(number));
+            let value: f64 = here.iter().map(|&feature| own[feature as usize]).sum();
             let change = step * (target.clamp(lowest, highest) - value);
-            for &feature in at {
+            for &feature in &here {
                 own[feature as usize] += change;
             }
         }
     }
     let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
-    let values = first.chunks(actions).enumerate().map(|(row, policy)| {
-        mean_value(&weights, length, policy, features.at(&features.starts, row))
-    });
-    values.sum::<f64>() / starts.rows() as f64
+    let mut value = 0.0;
+    for (row, policy) in first.chunks(actions).enumerate() {
+        tiles.of(starts.row(row), &mut here);
+        value += mean_value(&weights, length, policy, &here);
+    }
+    value / starts.rows() as f64
 }
 
 /// Σ π(a) q(a) at `features`.

@@ -25,6 +25,8 @@ pub struct Grid {
     pub tilings: Option<Vec<usize>>,
     /// Numbers of tiles of a column.
     pub tiles: Option<Vec<usize>>,
+    /// With pairs of columns, without, or both.
+    pub pairs: Option<Vec<bool>>,
     /// Discounts γ.
     pub gamma: Option<Vec<f64>>,
     /// Units of each hidden layer.
@@ -94,6 +96,7 @@ impl Grid {
         each(&mut all, "lambda", self.lambda.as_ref(), |of, value| of.lambda = value)?;
         each(&mut all, "tilings", self.tilings.as_ref(), |of, value| of.tilings = value)?;
         each(&mut all, "tiles", self.tiles.as_ref(), |of, value| of.tiles = value)?;
+        each(&mut all, "pairs", self.pairs.as_ref(), |of, value| of.pairs = value)?;
         each(&mut all, "gamma", self.gamma.as_ref(), |of, value| of.gamma = value)?;
         self.networks(&mut all)?;
         all.iter().try_for_each(AgentConfig::check)?;
@@ -130,6 +133,7 @@ impl Grid {
             ("lambda", self.lambda.is_some(), agent.lambda.to_string()),
             ("tilings", self.tilings.is_some(), agent.tilings.to_string()),
             ("tiles", self.tiles.is_some(), agent.tiles.to_string()),
+            ("pairs", self.pairs.is_some(), agent.pairs.to_string()),
             ("gamma", self.gamma.is_some(), agent.gamma.to_string()),
             ("hidden_width", self.hidden_width.is_some(), agent.hidden_width.to_string()),
             ("hidden_layers", self.hidden_layers.is_some(), agent.hidden_layers.to_string()),

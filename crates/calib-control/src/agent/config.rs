@@ -3,6 +3,7 @@ use std::ops::RangeInclusive;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::{Network, Pairs, Tiles, weights::Weights};
 use crate::ControlError;
 
 /// How an agent that acts learns and chooses. Every field can be swept.
@@ -29,6 +30,8 @@ pub struct AgentConfig {
     pub tilings: usize,
     /// Tiles of each column in a tiling; not of `deep_q_learning`.
     pub tiles: usize,
+    /// Whether pairs of columns have tiles beside single columns, a pair `tiles`² a tiling; not of `deep_q_learning`.
+    pub pairs: bool,
     /// Units of each hidden layer of the network; this and what follows of `deep_q_learning` only.
     pub hidden_width: usize,
     /// Hidden layers.
@@ -67,6 +70,7 @@ impl Default for AgentConfig {
             gamma: 1.0,
             tilings: 16,
             tiles: 8,
+            pairs: true,
             hidden_width: 64,
             hidden_layers: 2,
             batch: 32,
@@ -112,5 +116,54 @@ impl AgentConfig {
             Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
             None => Ok(()),
         }
+    }
+
+    /// Memory of an agent for states of so many columns, in bytes: weights with their moments, or networks and what they replay.
+    ///
+    /// # Errors
+    /// If tile coding has more features than can be numbered, 2³² − 1.
+    pub fn bytes(&self, columns: usize, actions: usize) -> Result<u64, ControlError> {
+        if self.algorithm == Algorithm::DeepQLearning {
+            return Ok(Network::bytes(self, columns, actions));
+        }
+        let weights = self.tiling(columns).len() as u128 * actions as u128;
+        if weights > u128::from(u32::MAX) {
+            return Err(ControlError::ManyFeatures { columns, weights });
+        }
+        Ok(Weights::bytes(weights as usize))
+    }
+
+    /// Its tile coding of states of so many columns.
+    pub(super) fn tiling(&self, columns: usize) -> Tiles {
+        let pairs = if self.pairs { Pairs::Too } else { Pairs::No };
+        Tiles::new(self.tilings, self.tiles, columns, pairs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_follows_from_what_is_tiled() {
+        let tiles = AgentConfig::default();
+        // 16 tilings of nine tiles a column and 81 a pair; a weight, two moments and the place of a trace.
+        let bytes = |config: AgentConfig| config.bytes(4, 3).expect("few");
+        assert_eq!(bytes(tiles), 3 * 16 * (4 * 9 + 6 * 81) * 16);
+        assert_eq!(bytes(AgentConfig { pairs: false, ..tiles }), 3 * 16 * 4 * 9 * 16);
+        let network = AgentConfig { algorithm: Algorithm::DeepQLearning, ..tiles };
+        let replayed = network.replay as u64 * (2 * 4 * 4 + 24);
+        assert!((replayed..replayed + 200_000).contains(&bytes(network)), "{}", bytes(network));
+    }
+
+    #[test]
+    fn features_beyond_all_numbers_are_refused() {
+        let tiles = AgentConfig::default();
+        let told = tiles.bytes(5_000, 1).expect_err("16 billion pairs").to_string();
+        assert!(
+            told.contains("states of 5000 columns") && told.contains("pairs = false"),
+            "{told}"
+        );
+        assert!(AgentConfig { pairs: false, ..tiles }.bytes(5_000, 1).is_ok());
     }
 }

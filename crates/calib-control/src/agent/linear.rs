@@ -22,7 +22,7 @@ pub(super) struct Linear {
 
 impl Linear {
     pub(super) fn new(config: &AgentConfig, columns: usize, actions: usize) -> Self {
-        let tiles = Tiles::new(config.tilings, config.tiles, columns);
+        let tiles = config.tiling(columns);
         let weight = config.initial_weight / config.tilings as f64;
         Self {
             weights: Weights::new(actions * tiles.len(), weight as f32),

@@ -107,6 +107,15 @@ impl Network {
         }
     }
 
+    /// Memory of one whose replay is full: both networks, two moments and two gradients, and what is replayed.
+    pub(super) fn bytes(config: &AgentConfig, columns: usize, actions: usize) -> u64 {
+        let hidden = vec![config.hidden_width; config.hidden_layers];
+        let sizes = [vec![columns], hidden, vec![actions]].concat();
+        let parameters: usize = sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum();
+        let transition = 2 * columns * size_of::<f32>() + size_of::<(usize, Outcome)>();
+        (6 * parameters * size_of::<f32>() + config.replay * transition) as u64
+    }
+
     /// Be in `state`, whose values are put in `values`.
     pub(super) fn go_on(&mut self, state: &[f32], values: &mut [f64]) {
         self.state.copy_from_slice(state);

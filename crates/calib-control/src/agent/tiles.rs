@@ -1,8 +1,8 @@
-/// Tile coding of single columns and of pairs of columns.
+/// Tile coding of single columns and, if wanted, of pairs of columns.
 ///
 /// Each of `tilings` tilings cuts every column, whose range is 0 to 1, into `tiles` tiles, and is shifted by its own share of a tile: tiling
 /// `t` shifts column `c` by `((1 + 2c) · t mod tilings) / tilings` tiles (Sutton & Barto 2018, section 9.5.4). A state of `d` columns has one
-/// feature a tiling for each column and for each pair of columns: `tilings · (d + d(d − 1)/2)` active features in all. What lies outside
+/// feature a tiling for each column and for each pair of columns: `tilings · (d + d(d − 1)/2)` active features in all, or `tilings · d` without pairs. What lies outside
 /// the range is in the first or the last tile. Pairs rather than all columns at once keep weights few: the choice of the public code of the
 /// literature's experiments.
 #[derive(Clone, Debug)]
@@ -11,13 +11,28 @@ pub(crate) struct Tiles {
     /// Tiles of a column in a tiling.
     cuts: usize,
     columns: usize,
+    pairs: Pairs,
+    /// By how many tiles each tiling shifts each column.
+    shifts: Vec<f32>,
     /// Where each column of the current tiling falls.
     at: Vec<u32>,
 }
 
+/// Whether pairs of columns are tiled beside single ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pairs {
+    Too,
+    No,
+}
+
 impl Tiles {
-    pub(crate) fn new(tilings: usize, tiles: usize, columns: usize) -> Self {
-        Self { tilings, cuts: tiles, columns, at: vec![0; columns] }
+    pub(crate) fn new(tilings: usize, tiles: usize, columns: usize, pairs: Pairs) -> Self {
+        let shift = |place: usize| {
+            let (tiling, column) = (place / columns, place % columns);
+            ((1 + 2 * column) * tiling % tilings) as f32 / tilings as f32
+        };
+        let shifts = (0..tilings * columns).map(shift).collect();
+        Self { tilings, cuts: tiles, columns, pairs, shifts, at: vec![0; columns] }
     }
 
     /// Tiles of one column in one tiling; one more than asked for, because tilings are shifted.
@@ -26,7 +41,10 @@ impl Tiles {
     }
 
     fn pairs(&self) -> usize {
-        self.columns * self.columns.saturating_sub(1) / 2
+        match self.pairs {
+            Pairs::Too => self.columns * self.columns.saturating_sub(1) / 2,
+            Pairs::No => 0,
+        }
     }
 
     /// Number of features.
@@ -45,15 +63,15 @@ impl Tiles {
         features.clear();
         let per = self.per_column() as u32;
         let mut base = 0;
-        for tiling in 0..self.tilings {
-            for (column, (at, value)) in self.at.iter_mut().zip(state).enumerate() {
-                let shift = ((1 + 2 * column) * tiling % self.tilings) as f32 / self.tilings as f32;
+        for shifts in self.shifts.chunks_exact(self.columns.max(1)) {
+            for ((at, value), shift) in self.at.iter_mut().zip(state).zip(shifts) {
                 let place = (value * self.cuts as f32 + shift).max(0.0) as u32;
                 *at = place.min(per - 1);
                 features.push(base + *at);
                 base += per;
             }
-            for first in 0..self.columns {
+            let paired = if self.pairs == Pairs::Too { self.columns } else { 0 };
+            for first in 0..paired {
                 for second in first + 1..self.columns {
                     features.push(base + self.at[first] * per + self.at[second]);
                     base += per * per;
@@ -75,8 +93,10 @@ mod tests {
             state in proptest::collection::vec(-0.5_f32..1.5, 1..6),
             tilings in 1_usize..9,
             tiles in 1_usize..9,
+            paired in any::<bool>(),
         ) {
-            let mut coder = Tiles::new(tilings, tiles, state.len());
+            let pairs = if paired { Pairs::Too } else { Pairs::No };
+            let mut coder = Tiles::new(tilings, tiles, state.len(), pairs);
             let mut features = Vec::new();
             coder.of(&state, &mut features);
             prop_assert_eq!(features.len(), coder.active());
@@ -87,7 +107,7 @@ mod tests {
 
     #[test]
     fn near_states_share_features_and_far_ones_do_not() {
-        let mut coder = Tiles::new(16, 8, 2);
+        let mut coder = Tiles::new(16, 8, 2, Pairs::Too);
         let mut of = |state: [f32; 2]| {
             let mut features = Vec::new();
             coder.of(&state, &mut features);

@@ -59,6 +59,11 @@ impl Weights {
         Self { values: vec![value; count], moments: vec![none; count], traced: Traced::default() }
     }
 
+    /// Memory of so many of them.
+    pub(crate) fn bytes(count: usize) -> u64 {
+        (count * (size_of::<f32>() + size_of::<Moments>())) as u64
+    }
+
     /// The sums of the weights of `features` of each action, whose weights are `length` after those of the one before.
     pub(crate) fn sums(&self, length: usize, features: &[u32], sums: &mut [f64]) {
         sums.fill(0.0);

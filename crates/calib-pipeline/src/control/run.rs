@@ -1,7 +1,7 @@
 use anyhow::bail;
 use calib_control::{
-    ActionModel, ControlConfig, Distance, Extent, Span, Support, fitted_q_evaluation,
-    importance_sampling, judge, sweep,
+    ActionModel, AgentConfig, Algorithm, ControlConfig, Distance, Extent, Span, Support,
+    fitted_q_evaluation, importance_sampling, judge, sweep,
 };
 use calib_study::Job;
 
@@ -12,8 +12,8 @@ use super::{
     page, show,
 };
 use crate::{
-    base::{clock::Stopwatch, outcome::Outcome},
-    output::{Printer, counted, duration},
+    base::{clock::Stopwatch, memory, outcome::Outcome},
+    output::{Printer, count, counted, duration},
     represent::decisions,
 };
 
@@ -41,6 +41,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     }
     let candidates = config.grid.candidates(config.agent)?;
     announce(config, &log, candidates.len(), printer);
+    fits(&candidates, &log, printer)?;
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
@@ -72,6 +73,36 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
         counted(config.steps, "step"),
     ));
 }
+
+/// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
+fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> anyhow::Result<()> {
+    let (columns, actions) = (log.names.columns.len(), log.decisions.levels());
+    let mut largest = 0;
+    for candidate in candidates {
+        largest = largest.max(candidate.bytes(columns, actions)?);
+    }
+    let threads = rayon::current_num_threads();
+    memory::require(
+        largest * threads as u64,
+        &format!(
+            "an agent of {columns} columns and {actions} actions on each of {threads} threads"
+        ),
+        "set control.agent.pairs = false, keep fewer columns with preprocess.include, or use fewer threads (--threads)",
+    )?;
+    let is_paired = |of: &AgentConfig| of.pairs && of.algorithm != Algorithm::DeepQLearning;
+    if columns > PAIRED_COLUMNS && candidates.iter().any(is_paired) {
+        let times = (columns - 1) / 2 + 1;
+        printer.warn(&format!(
+            "agents tile the {} pairs of {columns} columns, which takes some {times} times as long as the columns alone; \
+             consider control.agent.pairs = false, or fewer columns",
+            count(columns * (columns - 1) / 2),
+        ));
+    }
+    Ok(())
+}
+
+/// Pairs of more columns are worth a warning.
+const PAIRED_COLUMNS: usize = 32;
 
 type Judged = ((calib_files::Fingerprint, Told), Vec<calib_control::Run>);
 
@@ -122,7 +153,7 @@ fn judged(
     Ok(((fingerprint, told), runs))
 }
 
-fn named(config: &ControlConfig, candidate: &calib_control::AgentConfig) -> Vec<(String, String)> {
+fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {
     let told = config.grid.told(candidate).into_iter();
     told.map(|(field, value)| (field.to_owned(), value)).collect()
 }
