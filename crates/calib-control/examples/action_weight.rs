@@ -91,7 +91,8 @@ fn one(
         let extent = Extent { runs: 1, span: SPAN };
         let runs = sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?;
         let support = Support { fewest_terminals: 0, ..Support::default() };
-        let verdict = judge(&runs, candidates.len(), None, &log, support, 200, seed)?;
+        let verdict =
+            judge(&runs, candidates.len(), None, (&log, SPAN.timeout), support, 200, seed)?;
         let line = json!({
             "name": name, "weight": weight, "chosen": verdict.chosen,
             "promised": verdict.selection.mean_errors[verdict.chosen],

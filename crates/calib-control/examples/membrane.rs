@@ -108,7 +108,8 @@ impl Study {
         let log = model.log();
         // Plants hardly ever trip: terminals are few wherever operators are careful.
         let support = Support { fewest_terminals: 0, ..Support::default() };
-        let verdict = judge(&runs, candidates.len(), untuned, log, support, 200, seed)?;
+        let verdict =
+            judge(&runs, candidates.len(), untuned, (log, span.timeout), support, 200, seed)?;
         let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, span.timeout, &Silent)?;
         let best_fitted =
             (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));

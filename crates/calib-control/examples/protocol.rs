@@ -196,7 +196,8 @@ impl Study<'_> {
         let log = recorded.decisions(world.actions())?;
         let starts = starts(&mut world, seed.child("starts"))?;
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
-        let verdict = judge(&runs, candidates.len(), None, &log, Support::default(), 200, seed)?;
+        let verdict =
+            judge(&runs, candidates.len(), None, (&log, timeout), Support::default(), 200, seed)?;
         let fitted = if let Some(fitted) = fitted {
             Some(fitted as usize)
         } else {

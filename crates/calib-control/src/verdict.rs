@@ -89,7 +89,7 @@ impl ReturnVerdict {
     }
 }
 
-/// Judge the runs of `candidates` candidates in the model of `log`.
+/// Judge the runs of `candidates` candidates in the model of `log`, in episodes of at most `timeout` steps.
 ///
 /// The choice is the one whose worst rank over the members is best, as for prediction, with the highest mean return as rank 1
 /// ([`select`]). Where a candidate diverged its return is −∞.
@@ -100,7 +100,7 @@ pub fn judge(
     runs: &[Run],
     candidates: usize,
     default: Option<usize>,
-    log: &Decisions,
+    (log, timeout): (&Decisions, usize),
     support: Support,
     resamples: usize,
     seed: Seed,
@@ -133,7 +133,7 @@ pub fn judge(
             smaller: None,
         }),
         chosen_of_resamples: shares.counts,
-        behaviour: summarise(&log.returns()).ok(),
+        behaviour: summarise(&log.returns(timeout)).ok(),
         coverage,
         doubts,
         selection,
@@ -173,7 +173,9 @@ fn doubts(
     support: Support,
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
-    let never = log.counts().into_iter().enumerate().filter(|of| of.1 == 0);
+    // Near settings stand for a level that was never set: there coverage tells.
+    let has_levels = log.settings().is_none();
+    let never = log.counts().into_iter().enumerate().filter(|of| of.1 == 0 && has_levels);
     doubts.extend(never.map(|(action, _)| Doubt::ActionNeverTaken { action }));
     let share = coverage.uncovered();
     if share > support.most_uncovered {
@@ -184,7 +186,8 @@ fn doubts(
         doubts.push(Doubt::FewTerminals { terminals });
     }
     let alike = selection.tie_set.len() == selection.worst_ranks.len();
-    if alike && selection.mean_ranks.windows(2).all(|pair| pair[0] == pair[1]) {
+    let several = selection.worst_ranks.len() > 1;
+    if several && alike && selection.mean_ranks.windows(2).all(|pair| pair[0] == pair[1]) {
         doubts.push(Doubt::NotToldApart);
     }
     if !selection.mean_errors[selection.chosen].is_finite() {

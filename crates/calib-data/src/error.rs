@@ -77,7 +77,7 @@ pub enum DataError {
     File(#[from] FileError),
     /// A file is not Parquet, or is damaged.
     #[error(
-        "{} is not a readable Parquet file (truncated or damaged?): {reason}. Export it again, or leave it out",
+        "{} cannot be read as Parquet: {reason}. If it is whole, one of its columns has a type that is not supported (16-bit floats, times with offsets such as +05:30): write it as another one, or leave the column out with data.exclude; if not, export it again",
         path.display()
     )]
     NotParquet {

@@ -2,14 +2,19 @@
 
 use calib_core::Monitor;
 
-use crate::{DataError, Surveyed, log::Batch, names::hint};
+use crate::{
+    Contradictions, DataError, Surveyed,
+    log::{Batch, SHOWN},
+    names::hint,
+    survey::told,
+};
 
 impl Surveyed {
     /// The values of these channels in the training rows, one list a channel, `[names][rows]`: as recorded, without treatment, NaN where one is
     /// missing. They may be channels that are no column of the states.
     ///
     /// # Errors
-    /// If there is no such channel, it holds no numbers, rows are sub-sampled (an action belongs to one row), a file cannot be read, or
+    /// If there is no such channel, it holds no numbers, it says two things of one time and the study does not say which counts, rows are sub-sampled (an action belongs to one row), a file cannot be read, or
     /// the monitor interrupts.
     pub fn recorded(
         &self,
@@ -42,10 +47,18 @@ impl Surveyed {
         let mut recorded = Vec::with_capacity(names.len());
         let mut batch = Batch::default();
         monitor.begin("reading actions and rewards", channels.len() as u64);
+        let (mut contradicting, mut examples) = (0, Vec::new());
         for some in channels.chunks(log.batch_size()) {
-            for channel in log.read(some, &mut batch, monitor)? {
+            for (&number, channel) in some.iter().zip(log.read(some, &mut batch, monitor)?) {
+                contradicting += channel.contradictions.count;
+                let name = &log.channels[number].name;
+                examples.extend(channel.contradictions.first.iter().map(|of| told(name, of)));
                 recorded.push(starts.iter().map(|&row| channel.values[row as usize]).collect());
             }
+        }
+        if contradicting > 0 && log.keeps() == Contradictions::Refuse {
+            examples.truncate(SHOWN);
+            return Err(DataError::Contradictions { count: contradicting, examples });
         }
         Ok(recorded)
     }

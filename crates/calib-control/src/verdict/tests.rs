@@ -14,7 +14,7 @@ fn judged(returns: &[[f64; 3]], support: Support) -> ReturnVerdict {
         .flat_map(|(member, of)| (0..3).map(move |candidate| run(member, candidate, of[candidate])))
         .collect();
     let model = small_model();
-    judge(&runs, 3, Some(0), model.log(), support, 200, Seed::new(1)).expect("judged")
+    judge(&runs, 3, Some(0), (model.log(), 500), support, 200, Seed::new(1)).expect("judged")
 }
 
 #[test]

@@ -81,28 +81,9 @@ impl Times {
                 Self::Stamps(days.iter().map(|day| day.map(stamp)).collect())
             }
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
-                let notation = match &data.timestamp_format {
-                    Some(pattern) => Notation::Pattern(pattern.clone()),
-                    None => Notation::Iso,
-                };
                 let text = column.cast(&pl::DataType::String).map_err(damaged)?;
-                let stamp = |(row, text): (usize, Option<&str>)| {
-                    match text.map(str::trim) {
-                    None | Some("") => Ok(None),
-                    Some(text) => notation.read(text).map(Some).ok_or_else(|| {
-                        bad(column, format!(
-                            "row {} is {text:?}; expected {}, or data.timestamp_format to say how times are written",
-                            start + row,
-                            match notation {
-                                Notation::Pattern(_) => "what data.timestamp_format says",
-                                _ => "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z",
-                            },
-                        ))
-                    }),
-                }
-                };
-                let text = text.str().map_err(damaged)?;
-                Self::Stamps(text.iter().enumerate().map(stamp).collect::<Result<_, _>>()?)
+                let stamps = text_stamps(text.str().map_err(damaged)?, data, start);
+                Self::Stamps(stamps.map_err(|reason| bad(column, reason))?)
             }
             dtype if dtype.is_integer() => {
                 let column = column.cast(&pl::DataType::Int64).map_err(damaged)?;
@@ -120,13 +101,7 @@ impl Times {
                 let values = column.f64().map_err(damaged)?;
                 let numbers: Vec<f64> =
                     values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
-                // Missing values make whole numbers into floats.
-                let whole = |number: &f64| match number {
-                    number if !number.is_finite() => Some(None),
-                    number => (number.fract() == 0.0).then_some(Some(*number as i64)),
-                };
-                let wholes: Option<Vec<Option<i64>>> = numbers.iter().map(whole).collect();
-                let found = wholes.map_or(Ok(None), |wholes| dates(&wholes, data));
+                let found = dates_of_floats(&numbers, data);
                 match found.map_err(|reason| bad(&column, reason))? {
                     Some(dates) => Self::Stamps(dates),
                     None => Self::Floats(numbers),
@@ -165,6 +140,30 @@ impl Times {
     }
 }
 
+/// Times that are text, of which the first is that of row `start`.
+fn text_stamps(
+    text: &pl::StringChunked,
+    data: &DataConfig,
+    start: usize,
+) -> Result<Vec<Option<Stamp>>, String> {
+    let (notation, expected) = match &data.timestamp_format {
+        Some(pattern) => (Notation::Pattern(pattern.clone()), "what data.timestamp_format says"),
+        None => (Notation::Iso, "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z"),
+    };
+    let stamp = |(row, text): (usize, Option<&str>)| {
+        match text.map(str::trim) {
+        None | Some("") => Ok(None),
+        Some(text) => notation.read(text).map(Some).ok_or_else(|| {
+            format!(
+                "row {} is {text:?}; expected {expected}, or data.timestamp_format to say how times are written",
+                start + row
+            )
+        }),
+    }
+    };
+    text.iter().enumerate().map(stamp).collect()
+}
+
 /// Whole numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
 /// 1970. None if they count.
 fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option<Stamp>>>, String> {
@@ -196,6 +195,19 @@ fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option
         })
     };
     numbers.iter().map(stamp).collect::<Result<_, _>>().map(Some)
+}
+
+/// The same of floats, which whole numbers become where some are missing.
+fn dates_of_floats(
+    numbers: &[f64],
+    data: &DataConfig,
+) -> Result<Option<Vec<Option<Stamp>>>, String> {
+    let whole = |number: &f64| match number {
+        number if !number.is_finite() => Some(None),
+        number => (number.fract() == 0.0).then_some(Some(*number as i64)),
+    };
+    let wholes: Option<Vec<Option<i64>>> = numbers.iter().map(whole).collect();
+    wholes.map_or(Ok(None), |wholes| dates(&wholes, data))
 }
 
 /// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.

@@ -2,6 +2,7 @@
 
 use calib_agent::AgentError;
 use calib_control::ControlError;
+use calib_core::Monitor;
 use calib_data::DataError;
 use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
@@ -32,6 +33,14 @@ pub(crate) struct Incomplete(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted; run the same command again to go on")]
 pub(crate) struct Interrupted;
+
+/// Go on, unless somebody asked to stop.
+///
+/// # Errors
+/// [`Interrupted`].
+pub(crate) fn go_on(monitor: &dyn Monitor) -> Result<(), Interrupted> {
+    if monitor.interrupted() { Err(Interrupted) } else { Ok(()) }
+}
 
 /// Why a step did not do what it should: the study or the data is wrong, the machine refuses, or somebody asked it to stop.
 #[derive(Debug, thiserror::Error)]

@@ -26,10 +26,12 @@ pub(super) struct ControlManifest {
     /// Of the log.
     log: Fingerprint,
     files: Files,
+    /// The report and its figures, which follow from the others.
+    shown: Files,
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 3;
+    const FORMAT: u32 = 4;
 
     fn format(&self) -> u32 {
         self.format
@@ -88,28 +90,31 @@ pub(super) fn key(study: &Study, log: &Fingerprint) -> anyhow::Result<String> {
     artefact::key(&(ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples))
 }
 
-/// The verdict that is there, if it follows from the same and is whole.
-pub(super) fn kept(directory: &Path, key: &str) -> Option<Told> {
+/// The verdict that is there, if it follows from the same and is whole, and whether what shows it is.
+pub(super) fn kept(directory: &Path, key: &str) -> Option<(Told, bool)> {
     let manifest: ControlManifest = artefact::read(directory)?;
     if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
         return None;
     }
-    read_sealed_json(&directory.join(VERDICT)).ok()
+    let told = read_sealed_json(&directory.join(VERDICT)).ok()?;
+    Some((told, artefact::are_whole(directory, &manifest.shown)))
 }
 
-/// Write verdict and runs.
+/// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.
 pub(super) fn write(
     directory: &Path,
     study: &Study,
-    log: &Fingerprint,
-    told: &Told,
+    (log, told): (&Fingerprint, &Told),
     runs: &[Run],
+    show: impl FnOnce() -> anyhow::Result<Vec<String>>,
 ) -> anyhow::Result<()> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     artefact::write_table(table(runs), &directory.join(RUNS))?;
     write_sealed_json(&directory.join(VERDICT), told)?;
+    let shown = show()?;
     let manifest = ControlManifest {
+        shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
         format: ControlManifest::FORMAT,
         tool: TOOL.to_owned(),
         key: key(study, log)?,

@@ -65,7 +65,14 @@ pub(super) fn read(
         }
     };
     let rows = dataset.train.rows();
-    let rewards = config.reward.of(rows, column);
+    let rewards = config.reward.of(rows, |name| {
+        let mut values = column(name);
+        // What a step cost is what was done in it: the action of the row before the one that it led to.
+        if config.actions.iter().any(|of| of == name) && !values.is_empty() {
+            values.rotate_right(1);
+        }
+        values
+    });
     let ended = |value: &f64| {
         if *value == 0.0 || value.is_nan() { Ending::Continues } else { Ending::Terminal }
     };

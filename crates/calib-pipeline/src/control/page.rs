@@ -16,16 +16,19 @@ use crate::{
     rollouts::figures as drawn,
 };
 
+const PAGE: &str = "report.html";
+
 /// Where the page is.
 pub(super) fn path(directory: &Path) -> PathBuf {
-    directory.join("report.html")
+    directory.join(PAGE)
 }
 
-/// Write the page, and each figure as SVG and PNG.
-pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<()> {
+/// Write the page, and each figure as SVG and PNG; the names of the files.
+pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<Vec<String>> {
     let figures = figures::all(told);
+    let mut names = vec![PAGE.to_owned()];
     for (name, figure) in &figures {
-        drawn::write(directory, name, &Figure::new(figure.chart.clone()))?;
+        names.extend(drawn::write(directory, name, &Figure::new(figure.chart.clone()))?);
     }
     let page = Overview {
         title: "An agent that acts".to_owned(),
@@ -38,7 +41,8 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<
         command: job.command("control"),
     };
     let html = page.html();
-    Ok(write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?)
+    write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?;
+    Ok(names)
 }
 
 /// The representations that were tried, where neighbours are near in one.

@@ -35,7 +35,10 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     } else {
         files::kept(&directory, &files::key(study, &log.fingerprint)?)
     };
-    if let Some(told) = kept {
+    if let Some((told, is_shown)) = kept {
+        if !is_shown && !job.policy().is_dry() {
+            page::write(&directory, job, &told)?;
+        }
         printer.say(&format!("{} is up to date", directory.display()));
         return show::show(&told, printer);
     }
@@ -47,8 +50,8 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     let (told, runs) = judged(job, config, log, printer)?;
-    files::write(&directory, study, &told.0, &told.1, &runs)?;
-    page::write(&directory, job, &told.1)?;
+    let page = || page::write(&directory, job, &told.1);
+    files::write(&directory, study, (&told.0, &told.1), &runs, page)?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
@@ -87,7 +90,7 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> anyho
         &format!(
             "an agent of {columns} columns and {actions} actions on each of {threads} threads"
         ),
-        "set control.agent.pairs = false, keep fewer columns with preprocess.include, or use fewer threads (--threads)",
+        "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
     let is_paired = |of: &AgentConfig| of.pairs && of.algorithm != Algorithm::DeepQLearning;
     if columns > PAIRED_COLUMNS && candidates.iter().any(is_paired) {
@@ -123,7 +126,7 @@ fn judged(
     let ActionLog { decisions, names, fingerprint } = log;
     let starts = log::starts(&decisions, &metric, config.start)?;
     let observed = starts.observed.clone();
-    let worst = decisions.returns().into_iter().fold(f64::INFINITY, f64::min);
+    let worst = decisions.returns(config.timeout).into_iter().fold(f64::INFINITY, f64::min);
     let worst = config.worst_return.unwrap_or(worst);
     let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
     let extent =
@@ -136,7 +139,15 @@ fn judged(
     };
     let default = candidates.iter().position(|of| *of == config.agent);
     let resamples = study.evaluate.resamples;
-    let verdict = judge(&runs, candidates.len(), default, decisions, support, resamples, seed)?;
+    let verdict = judge(
+        &runs,
+        candidates.len(),
+        default,
+        (decisions, config.timeout),
+        support,
+        resamples,
+        seed,
+    )?;
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
     let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;

@@ -97,7 +97,9 @@ pub(super) fn best(told: &Told, count: usize) -> Vec<usize> {
     order.sort_by(|&a, &b| {
         let rank = |of: usize| (selection.worst_ranks[of], selection.mean_ranks[of]);
         let (one, other) = (rank(a), rank(b));
-        one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)).then(a.cmp(&b))
+        let is_behind = |of: usize| of != verdict.chosen;
+        let by_rank = one.0.cmp(&other.0).then(one.1.total_cmp(&other.1));
+        by_rank.then(is_behind(a).cmp(&is_behind(b))).then(a.cmp(&b))
     });
     order.truncate(count);
     order.extend(verdict.default.filter(|of| !order.contains(of)));
@@ -226,7 +228,7 @@ pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
             if *terminals == 1 { "ends" } else { "end" }
         ),
         Doubt::NotToldApart => {
-            "all candidates rank alike in every member; sweep values that differ more, or longer (control.steps)"
+            "the members together rank no candidate before another; sweep values that differ more, or longer (control.steps)"
                 .to_owned()
         }
         Doubt::Diverged => "the chosen candidate diverged in a member; sweep smaller step sizes".to_owned(),

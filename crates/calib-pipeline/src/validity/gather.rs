@@ -2,6 +2,7 @@
 
 use anyhow::bail;
 use calib_agent::Part;
+use calib_core::Silent;
 use calib_sweep::{Baseline, Candidate, RaceRule, SensorVerdict, SweepError, Truth};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
@@ -90,7 +91,7 @@ fn of_model(
     study: &Listed,
     (model, deployment): (Option<&str>, Option<&str>),
 ) -> anyhow::Result<OfModel> {
-    let judged = evaluate::judge(&study.job.choose(model, deployment)?)?;
+    let judged = evaluate::judge(&study.job.choose(model, deployment)?, &Silent)?;
     let name = judged.job.model_name().to_owned();
     let key = &judged.manifest.model;
     let rollouts = rollout::finished(&judged.job, key)?;

@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use anyhow::ensure;
+use calib_core::Monitor;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
@@ -74,8 +75,8 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    fn new(job: &Job) -> anyhow::Result<Self> {
-        let judged = judge(job)?;
+    fn new(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Self> {
+        let judged = judge(job, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
         let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, &manifest.model)?;
@@ -151,10 +152,12 @@ pub(crate) fn run(
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
-    let parts = parts.iter().map(Part::new).collect::<anyhow::Result<Vec<Part>>>()?;
+    let monitor = printer.progress();
+    let part = |job: &Job| Part::new(job, &*monitor);
+    let parts = parts.iter().map(part).collect::<anyhow::Result<Vec<Part>>>()?;
     same_arithmetic(&names, &parts)?;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
-        let written = report::write(&judged.job, report, &judged.summary);
+        let written = report::write(&judged.job, report, &judged.summary, &*monitor);
         artefact::or_read_only(written, &judged.paths().report(), printer)?;
         if !printer.is_for_machines() {
             printer.heading(name);

@@ -1,6 +1,6 @@
 use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
-use calib_core::Seed;
+use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
 use calib_report::caveats;
 use calib_study::{Job, Layout, Made, Study};
@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use crate::{
     base::{
         artefact::{self, MANIFEST, TOOL},
-        outcome::Outcome,
+        outcome::{Outcome, go_on},
         stale::Kept,
     },
     log::partition,
@@ -95,14 +95,15 @@ impl Judged {
 
 /// Judge a finished sweep and write the report.
 pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
-    let judged = judge(job)?;
+    let monitor = printer.progress();
+    let judged = judge(job, &*monitor)?;
     let (paths, summary) = (judged.paths(), &judged.summary);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(Outcome::Done);
     }
     let report = report::assemble(&judged)?;
-    let written = report::write(job, &report, summary);
+    let written = report::write(job, &report, summary, &*monitor);
     artefact::or_read_only(written, &paths.report(), printer)?;
     if printer.is_for_machines() {
         printer.json(summary)?;
@@ -129,7 +130,7 @@ pub(crate) fn left_out(job: &Job) -> anyhow::Result<Option<String>> {
 }
 
 /// Judge a finished sweep; nothing is written.
-pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
+pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Judged> {
     let (study, paths) = (job.study(), job.layout());
     let manifest = finished_sweep(job)?;
     if let Some(reason) = &manifest.left_out {
@@ -144,6 +145,7 @@ pub(crate) fn judge(job: &Job) -> anyhow::Result<Judged> {
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
+            go_on(monitor)?;
             let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));

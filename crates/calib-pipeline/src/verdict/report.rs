@@ -3,6 +3,7 @@
 use std::{io::Write as _, path::Path};
 
 use anyhow::{Context as _, ensure};
+use calib_core::Monitor;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_report::{
@@ -12,7 +13,10 @@ use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, Study};
 
 use crate::{
-    base::artefact::{self, Below},
+    base::{
+        artefact::{self, Below},
+        outcome::go_on,
+    },
     model::{
         build_model, jumps as jump_text,
         model_files::{self, ModelManifest},
@@ -38,23 +42,36 @@ use crate::{
 };
 
 /// Write the summary, the figures and `report.html`, unless they are there and show the same.
-pub(crate) fn write(job: &Job, report: &Report, summary: &Summary) -> anyhow::Result<()> {
-    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary))
+pub(crate) fn write(
+    job: &Job,
+    report: &Report,
+    summary: &Summary,
+    monitor: &dyn Monitor,
+) -> anyhow::Result<()> {
+    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary, monitor))
 }
 
-fn write_all(paths: &Layout, report: &Report, summary: &Summary) -> anyhow::Result<()> {
+fn write_all(
+    paths: &Layout,
+    report: &Report,
+    summary: &Summary,
+    monitor: &dyn Monitor,
+) -> anyhow::Result<()> {
     write_json(&paths.evaluate().join("summary.json"), summary)?;
     let directory = paths.evaluate().join("figures");
     write_comparisons(&directory, report)?;
     for sensitivity in &report.sensitivities {
+        go_on(monitor)?;
         let name = format!("sensitivity-{}", sensitivity.sensor);
         figures::write(&directory, &name, &sensitivity.figure()?)?;
     }
     for curves in &report.learning {
+        go_on(monitor)?;
         let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
         figures::write(&directory, &name, &curves.figure()?)?;
     }
     for rollout in &report.rollouts {
+        go_on(monitor)?;
         figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
     }
     write_page(paths, report)

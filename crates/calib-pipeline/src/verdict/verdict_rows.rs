@@ -101,7 +101,12 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<String> 
         Some(truth) => truth.regrets.as_deref().is_some_and(|of| told(of) == Told::Apart),
         None => told(&verdict.scores) == Told::Apart,
     };
-    if sweep.study.sweep.sampling != Sampling::Grid || numbers.len() < 3 || !told_apart {
+    let stands_still = sweep.standing_still.contains(&verdict.sensor);
+    if sweep.study.sweep.sampling != Sampling::Grid
+        || numbers.len() < 3
+        || !told_apart
+        || stands_still
+    {
         return None;
     }
     let best = numbers[online.map_or(Some(verdict.chosen), |truth| truth.best)?];

@@ -20,7 +20,7 @@ pub enum Grade {
     Poor,
     /// Even the best value predicts no better than the mean return of each window.
     NotLearnt,
-    /// No held-out data.
+    /// No held-out data, or none whose returns vary, or are known to.
     Unchecked,
 }
 
@@ -33,7 +33,7 @@ impl Grade {
     /// 1. *poor* if the choice diverged in some stream that it was made from, as every other value then did;
     /// 2. *unchecked* without held-out data;
     /// 3. *poor* if the choice diverged in some held-out window;
-    /// 4. *not learnt* if the best value over windows has no skill: 1 − RMSE / σ ≤ 0;
+    /// 4. *not learnt* if the best value over windows has no skill: 1 − RMSE / σ ≤ 0, and *unchecked* where σ is 0, or not known, and skill says nothing;
     /// 5. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
     /// 6. *good* if its regret is at most one percentage point above that of choosing by another held-out window;
     /// 7. *fair* otherwise.
@@ -50,8 +50,10 @@ impl Grade {
         if truth.choice.online_error.is_infinite() {
             return Self::Poor;
         }
-        if truth.scores.skill[best].is_none_or(|skill| skill <= 0.0) {
-            return Self::NotLearnt;
+        match truth.scores.skill[best] {
+            Some(skill) if skill > 0.0 => {}
+            Some(_) => return Self::NotLearnt,
+            None => return Self::Unchecked,
         }
         let low = |of: Estimate| of.interval.map(|interval| interval.low);
         if truth.choice.against_default.and_then(low).is_some_and(|low| low > 1.0) {

@@ -1,6 +1,6 @@
 //! The evidence of several deployments together, and what the study's rule chooses from it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use calib_core::Seed;
 use calib_report::Grade;
@@ -40,23 +40,35 @@ fn evidence(
     raced: &BTreeSet<usize>,
     values: usize,
 ) -> Vec<UnitResult> {
-    let mut seen = BTreeSet::new();
+    let mut seen = BTreeMap::new();
     let mut members = 0;
-    let mut all = Vec::new();
+    let mut all: Vec<UnitResult> = Vec::new();
     for results in deployments {
         let mut next = members;
         for result in *results {
             let unit = &result.unit;
-            if unit.environment == EnvironmentId::Online || !seen.insert((unit, &result.key)) {
+            if unit.environment == EnvironmentId::Online {
                 continue;
             }
             let mut own = result.clone();
+            if raced.len() < values {
+                own.rows.retain(|row| !raced.contains(&row.candidate));
+            }
+            // Not by keys: a race may have left other values in it, which are trained on the same stream.
+            match seen.entry((unit, result.seed, result.start_row)) {
+                Entry::Occupied(same) => {
+                    let place: &usize = same.get();
+                    let rows = &mut all[*place].rows;
+                    own.rows.retain(|row| rows.iter().all(|of| of.candidate != row.candidate));
+                    rows.extend(own.rows);
+                    rows.sort_by_key(|row| row.candidate);
+                    continue;
+                }
+                Entry::Vacant(first) => first.insert(all.len()),
+            };
             if let EnvironmentId::Member(member) = &mut own.unit.environment {
                 *member += members;
                 next = next.max(*member + 1);
-            }
-            if raced.len() < values {
-                own.rows.retain(|row| !raced.contains(&row.candidate));
             }
             all.push(own);
         }
@@ -73,6 +85,8 @@ mod tests {
     use super::*;
 
     /// One run of each of three values in a member, with these errors.
+    ///
+    /// What starts elsewhere is another stream: rows are told by the key here.
     fn result(member: usize, key: &str, errors: [f64; 3]) -> UnitResult {
         let row = |(candidate, &rmse): (usize, &f64)| {
             let score = PartScore { scored_steps: 10, rmse, mean_return: 0.0, return_std: 1.0 };
@@ -93,7 +107,7 @@ mod tests {
                 run: 0,
             },
             seed: 0,
-            start_row: 0,
+            start_row: u32::from(key.as_bytes()[0]),
             not_finite: None,
             rows: errors.iter().enumerate().map(row).collect(),
         }
@@ -143,6 +157,17 @@ mod tests {
         let environments: Vec<_> = both.iter().map(|of| of.unit.environment).collect();
         let [own, other] = [0, 2].map(EnvironmentId::Member);
         assert_eq!(environments, [own, EnvironmentId::LogReplay, other]);
+    }
+
+    #[test]
+    fn a_stream_on_which_races_left_different_values_counts_once() {
+        let mut log = result(0, "l", [0.5, 0.1, 0.9]);
+        log.unit.environment = EnvironmentId::LogReplay;
+        let mut raced = UnitResult { key: "of fewer".to_owned(), ..log.clone() };
+        raced.rows.remove(0);
+        let both = evidence(&[&[raced], &[log.clone()]], &BTreeSet::new(), 3);
+        assert_eq!(both.len(), 1);
+        assert_eq!(both[0].rows, log.rows, "with the rows of both");
     }
 
     #[test]

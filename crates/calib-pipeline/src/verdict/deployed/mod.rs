@@ -160,7 +160,9 @@ fn for_all_text(of: &Deployed) -> String {
     if of.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
     }
-    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !choice.is_not_learnt());
+    let is_checked =
+        |choice: &Choice| !matches!(choice.reliance, Grade::NotLearnt | Grade::Unchecked);
+    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| is_checked(choice));
     let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
     let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
     let without: Vec<&str> = of
