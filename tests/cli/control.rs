@@ -34,6 +34,11 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert_eq!(again.succeeds(), told, "what is there is told as it was");
     place.calib(&["control", study, "--force", "--threads", "1"]).succeeds();
     assert!(place.content(results) == first, "the same bytes on one thread");
+    // What shows the verdict is made again from it.
+    let report = place.path().join(results).join("report.html");
+    fs::remove_file(&report).expect("a report");
+    place.calib(&["control", study]).succeeds();
+    assert!(place.content(results) == first, "the report is back");
     let json: serde_json::Value =
         serde_json::from_str(&place.calib(&["control", study, "--json"]).succeeds()).expect("JSON");
     assert_eq!(json["transitions"], 1500);
@@ -58,6 +63,46 @@ fn what_the_log_does_not_support_is_refused() {
     let strict = ["control", study, "--set", "control.fewest_terminals=100000"];
     let ran = place.calib(&strict).fails(1);
     assert!(ran.contains("end in a terminal"), "{ran}");
+}
+
+/// A pump of two speeds, forty rows: on in every other one, from the first.
+fn pump(line: impl Fn(usize) -> String) -> Place {
+    let place = Place::new();
+    let rows: Vec<String> = (0..40).map(line).collect();
+    place.write("log.csv", &format!("timestamp,level,pump\n{}", rows.concat()));
+    let control = "[control]\nactions = [\"pump\"]\nreward = [{ column = \"pump\", weight = -1 }]\nsteps = 50\n";
+    let data = "[data]\npath = \"log.csv\"\ntrain_fraction = 1.0\n";
+    place.write("study.toml", &format!("{data}[control.model]\nmembers = 2\n{control}"));
+    place
+}
+
+#[test]
+fn an_action_costs_in_the_step_that_it_was_taken_in() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let told = place.calib(&["control", "study.toml", "--json"]);
+    told.ends(&[0, 1]);
+    let json: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    assert_eq!(json["transitions"], 39);
+    // In the steps from rows 0, 2, …, 38, in one episode.
+    assert_eq!(json["verdict"]["behaviour"]["mean"], -20.0);
+    // What leaving the log is worth is what an episode of agents can have got, not what the whole log did.
+    assert_eq!(json["worst_return"], -20.0);
+    let short = ["control", "study.toml", "--json", "--set", "control.timeout=2"];
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&short).stdout()).expect("JSON");
+    assert_eq!(json["worst_return"], -1.0);
+}
+
+#[test]
+fn actions_that_contradict_each_other_are_refused() {
+    let place = pump(|row| {
+        let line = |pump: usize| format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7);
+        if row == 20 { line(0) + &line(1) } else { line((row + 1) % 2) }
+    });
+    let refused = place.calib(&["control", "study.toml"]).fails(2);
+    assert!(refused.contains("pump is 0 and 1"), "{refused}");
+    let first = place.calib(&["control", "study.toml", "--set", "data.contradictions=first"]);
+    first.ends(&[0, 1]);
 }
 
 #[test]
