@@ -223,14 +223,12 @@ impl Log {
     }
 
     fn place_duplicates(&self, file: usize, start: usize, read: &[f64], duplicates: &mut [f64]) {
-        let all = &self.recorded().duplicates;
-        let before = |row: usize| {
-            all.partition_point(|duplicate| {
-                (duplicate.file as usize, duplicate.file_row as usize) < (file, row)
-            })
-        };
+        let rows = self.recorded();
+        let repeats = rows.repeats[file].clone();
+        let all = &rows.duplicates[repeats.clone()];
+        let before = |row: usize| all.partition_point(|of| (of.file_row as usize) < row);
         for position in before(start)..before(start + read.len()) {
-            duplicates[position] = read[all[position].file_row as usize - start];
+            duplicates[repeats.start + position] = read[all[position].file_row as usize - start];
         }
     }
 }

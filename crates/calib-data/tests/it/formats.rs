@@ -221,6 +221,27 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
 }
 
 #[test]
+fn of_several_files_the_one_that_starts_last_comes_last() {
+    let folder = Folder::new();
+    // Their names are not in the order in which they start.
+    let rising = |from: i64, value: i64| -> Vec<f64> {
+        (from..60).map(|second| (value + second) as f64).collect()
+    };
+    let (a, b, c) = (rising(5, 10), rising(3, 20), rising(1, 30));
+    folder.write("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
+    folder.write("b.parquet", &log_at(3..60, &[("a", &b), ("b", &b)]));
+    folder.write("c.parquet", &log_at(1..60, &[("a", &c), ("c", &c)]));
+    let last = |contradictions, channel: &str| {
+        let data = DataConfig { contradictions, ..folder.data() };
+        train_values(&load_with(&data, &PreprocessConfig::default()), channel).pop()
+    };
+    assert_eq!(last(Contradictions::First, "a"), Some(89.0));
+    assert_eq!(last(Contradictions::First, "b"), Some(79.0), "of those that have a value");
+    assert_eq!(last(Contradictions::Last, "a"), Some(69.0));
+    assert_eq!(last(Contradictions::Last, "b"), Some(69.0));
+}
+
+#[test]
 fn a_long_table_is_never_one_channel() {
     // Names say it, whatever the clocks.
     let named = text(
