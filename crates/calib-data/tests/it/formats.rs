@@ -242,6 +242,20 @@ fn of_several_files_the_one_that_starts_last_comes_last() {
 }
 
 #[test]
+fn a_channel_may_be_called_as_qualities_are() {
+    let wide = "time,flow,level,status\n2024-01-01,1,2,0\n2024-01-02,2,3,1\n2024-01-03,4,4,2\n";
+    let profile = text("a.csv", wide).inspect();
+    assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 3));
+    let two = "time,flow,status\n2024-01-01,1,0\n2024-01-02,2,1\n2024-01-03,4,2\n";
+    let profile = text("a.csv", two).inspect();
+    assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 2));
+    // Codes of a file of one tag are still asked for.
+    let one = "time,value,status\n2024-01-01,1,0\n2024-01-02,2,1\n";
+    let error = message(&text("a.csv", one), |data| data.shape = Some(Shape::FilePerTag));
+    assert!(error.contains("data.good_quality"), "{error}");
+}
+
+#[test]
 fn a_long_table_is_never_one_channel() {
     // Names say it, whatever the clocks.
     let named = text(
