@@ -118,18 +118,14 @@ impl Times {
             dtype if dtype.is_float() => {
                 let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
                 let values = column.f64().map_err(damaged)?;
-                let numbers: Vec<f64> =
-                    values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
                 // Missing values make whole numbers into floats.
-                let whole = |number: &f64| match number {
-                    number if !number.is_finite() => Some(None),
-                    number => (number.fract() == 0.0).then_some(Some(*number as i64)),
-                };
-                let wholes: Option<Vec<Option<i64>>> = numbers.iter().map(whole).collect();
-                let found = wholes.map_or(Ok(None), |wholes| dates(&wholes, data));
-                match found.map_err(|reason| bad(&column, reason))? {
+                let numbers: Vec<Option<f64>> =
+                    values.iter().map(|value| value.filter(|value| value.is_finite())).collect();
+                match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
                     Some(dates) => Self::Stamps(dates),
-                    None => Self::Floats(numbers),
+                    None => Self::Floats(
+                        numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect(),
+                    ),
                 }
             }
             _ => {
@@ -165,18 +161,21 @@ impl Times {
     }
 }
 
-/// Whole numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
+/// Numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
 /// 1970. None if they count.
-fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option<Stamp>>>, String> {
+fn dates<N: ToString>(
+    numbers: &[Option<N>],
+    data: &DataConfig,
+) -> Result<Option<Vec<Option<Stamp>>>, String> {
     if data.timestamp_unit.is_some() {
         return Ok(None);
     }
     let Some(format) = &data.timestamp_format else {
-        let first = numbers.iter().flatten().next().map(i64::to_string);
+        let first = numbers.iter().flatten().next().map(N::to_string);
         if first.is_none_or(|first| compact_pattern(&[&first]).is_none()) {
             return Ok(None);
         }
-        let written: Vec<String> = numbers.iter().flatten().map(i64::to_string).collect();
+        let written: Vec<String> = numbers.iter().flatten().map(N::to_string).collect();
         let cells: Vec<&str> = written.iter().map(String::as_str).collect();
         return match compact_pattern(&cells) {
             None => Ok(None),
@@ -187,9 +186,9 @@ fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option
         };
     };
     let notation = Notation::Pattern(format.clone());
-    let stamp = |number: &Option<i64>| {
-        let Some(number) = number else { return Ok(None) };
-        notation.read(&number.to_string()).map(Some).ok_or_else(|| {
+    let stamp = |number: &Option<N>| {
+        let Some(number) = number.as_ref().map(N::to_string) else { return Ok(None) };
+        notation.read(&number).map(Some).ok_or_else(|| {
             format!(
                 "{number} is not what data.timestamp_format says; set data.timestamp_unit if it counts since 1970"
             )

@@ -158,18 +158,24 @@ fn patterns(example: &str) -> Vec<String> {
     orders.into_iter().map(|date| format!("{date}{time}")).collect()
 }
 
-/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: eight, twelve or fourteen digits that
-/// name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of 1976 or of the year 2611.
+/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: digits from the day, the hour, the
+/// minute, the second or the millisecond on, that name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of the years
+/// 2032 to 2036, of 1976 or of the year 2611.
 pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
-    let pattern = match cells.first()?.len() {
+    let whole = |cell: &str| cell.find(['.', ',']).unwrap_or(cell.len());
+    let length = whole(cells.first()?);
+    let pattern = match length {
         8 => "%Y%m%d",
+        10 => "%Y%m%d%H",
         12 => "%Y%m%d%H%M",
+        14 if cells.iter().any(|cell| whole(cell) < cell.len()) => "%Y%m%d%H%M%S%.f",
         14 => "%Y%m%d%H%M%S",
+        17 => "%Y%m%d%H%M%S%f",
         _ => return None,
     };
     let is_date = |cell: &&str| {
-        cell.len() == cells[0].len()
-            && cell.bytes().all(|byte| byte.is_ascii_digit())
+        whole(cell) == length
+            && cell.bytes().take(length).all(|byte| byte.is_ascii_digit())
             && ("1970".."2100").contains(&&cell[..4])
             && read_pattern(pattern, cell).is_some()
     };
@@ -339,7 +345,12 @@ mod tests {
         assert_eq!(notation(&["20240301", "20240302"]), ["%Y%m%d"]);
         assert_eq!(notation(&["202403010600"]), ["%Y%m%d%H%M"]);
         assert_eq!(notation(&["20240301060000", "20240301235959"]), ["%Y%m%d%H%M%S"]);
+        assert_eq!(notation(&["2024030106", "2024030107"]), ["%Y%m%d%H"]);
+        assert_eq!(notation(&["20240301060000.5", "20240301060001"]), ["%Y%m%d%H%M%S%.f"]);
+        assert_eq!(notation(&["20240301060000", "20240301060000,25"]), ["%Y%m%d%H%M%S%.f"]);
+        assert_eq!(notation(&["20240301060000123"]), ["%Y%m%d%H%M%S%f"]);
         assert_eq!(notation(&["20240301", "20240332"]), ["numbers of seconds"], "no such day");
+        assert_eq!(notation(&["1709272800", "1709272860"]), ["numbers of seconds"]);
         let unit = Some(TimestampUnit::Seconds);
         let told = Candidates::of(&["20240301"], unit).left;
         assert_eq!(told, [Notation::Number(TimestampUnit::Seconds)], "as the study says");
@@ -380,6 +391,9 @@ mod tests {
         read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
         read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
         read("%Y%m%d%H%M%S", "20240313060001", "2024-03-13 06:00:01");
+        read("%Y%m%d%H", "2024031306", "2024-03-13 06:00:00");
+        read("%Y%m%d%H%M%S%f", "20240313060001250", "2024-03-13 06:00:01.25");
+        read("%Y%m%d%H%M%S%.f", "20240313060001,25", "2024-03-13 06:00:01.25");
         assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
         let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
         assert_eq!(number, Some(Stamp::Instant(1_709_272_800_000_000)));
