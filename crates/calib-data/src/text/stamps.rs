@@ -272,34 +272,41 @@ fn time_pattern(time: &str) -> Option<String> {
 /// Wall-clock times of a place, one after the other as they were recorded, as instants.
 #[derive(Clone, Debug)]
 pub(crate) struct Zone {
-    zone: TimeZone,
+    rules: TimeZone,
     last: i64,
+    /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
+    forward: i64,
 }
 
 impl Zone {
     /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
     pub(crate) fn new(name: &str) -> Option<Self> {
-        Some(Self { zone: TimeZone::get(name).ok()?, last: NO_TIME })
+        Some(Self { rules: TimeZone::get(name).ok()?, last: NO_TIME, forward: 0 })
     }
 
     /// The instant at which clocks there showed `wall`. An hour that they showed twice is the first one, until
-    /// they have gone back; an hour that they left out is read by the clock before it.
+    /// they have gone back, and the other way round where the newest times come first; an hour that they left out is read by the clock
+    /// before it.
     pub(crate) fn instant(&mut self, wall: i64) -> i64 {
         if wall == NO_TIME {
             return NO_TIME;
         }
         let Ok(clock) = jiff::Timestamp::from_microsecond(wall) else { return NO_TIME };
-        let ambiguous = self.zone.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
-        let seconds = match ambiguous.offset() {
-            jiff::tz::AmbiguousOffset::Unambiguous { offset } => offset.seconds(),
-            jiff::tz::AmbiguousOffset::Gap { before, .. } => before.seconds(),
+        let ambiguous = self.rules.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
+        let at = |offset: jiff::tz::Offset| wall - i64::from(offset.seconds()) * 1_000_000;
+        let instant = match ambiguous.offset() {
+            jiff::tz::AmbiguousOffset::Unambiguous { offset } => at(offset),
+            jiff::tz::AmbiguousOffset::Gap { before, .. } => at(before),
             jiff::tz::AmbiguousOffset::Fold { before, after } => {
-                let first = wall - i64::from(before.seconds()) * 1_000_000;
-                if first < self.last { after.seconds() } else { before.seconds() }
+                let (first, second) = (at(before), at(after));
+                let is_second =
+                    if self.forward < 0 { second <= self.last } else { first < self.last };
+                if is_second { second } else { first }
             }
         };
-        self.last = wall - i64::from(seconds) * 1_000_000;
-        self.last
+        self.forward += instant.cmp(&self.last) as i64;
+        self.last = instant;
+        instant
     }
 }
 
@@ -414,6 +421,11 @@ mod tests {
             shown.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
         let half_hours = instants.map(|micros| micros / (hour / 2));
         assert_eq!(half_hours, [-1, 0, 1, 2, 3, 4]);
+        let mut zone = Zone::new("Europe/Paris").expect("a zone");
+        let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
+        let instants =
+            newest_first.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
+        assert_eq!(instants.map(|micros| micros / (hour / 2)), [4, 3, 2, 1, 0, -1]);
         assert!(Zone::new("Europe/Atlantis").is_none());
     }
 }

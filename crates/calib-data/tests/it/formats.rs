@@ -256,6 +256,21 @@ fn a_channel_may_be_called_as_qualities_are() {
 }
 
 #[test]
+fn the_newest_rows_may_come_first() {
+    // 2024-10-27: clocks in Paris go from 3:00 back to 2:00.
+    let shown = ["04:00", "03:30", "03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
+    let row = |(at, time): (usize, &&str)| format!("2024-10-27 {time},{at}\n");
+    let rows: String = shown.iter().enumerate().map(row).collect();
+    let data = |data: &mut DataConfig| data.time_zone = Some("Europe/Paris".to_owned());
+    let folder = text("a.csv", &format!("time,a\n{rows}"));
+    let mut config = folder.data();
+    data(&mut config);
+    let dataset = load_with(&config, &PreprocessConfig::default());
+    assert_eq!(train_values(&dataset, "a"), [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
+    assert_eq!(dataset.profile.gaps.count, 0);
+}
+
+#[test]
 fn a_long_table_is_never_one_channel() {
     // Names say it, whatever the clocks.
     let named = text(
