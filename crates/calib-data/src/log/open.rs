@@ -54,6 +54,9 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         }
     };
     let times: Vec<usize> = heads.iter().map(time).collect::<Result<_, _>>()?;
+    for (head, &time) in heads.iter().zip(&times) {
+        times::refuse_dates_apart(head, time)?;
+    }
     let recognised = recognise(&heads, &times, data)?;
     let notations = match recognised {
         Recognised::Annotated => Vec::new(),

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Notation, compact_pattern},
+    text::{Notation, compact_pattern, is_time_of_day},
     time::Stamp,
 };
 
@@ -33,6 +33,33 @@ pub(crate) fn no_timestamp(head: &Head, data: &DataConfig) -> DataError {
         path: head.path().to_owned(),
         column: data.timestamp.clone(),
         candidates,
+    }
+}
+
+/// Refuse a text file with dates in the column `time` and times of day in another one: all rows of a day would be one.
+pub(crate) fn refuse_dates_apart(head: &Head, time: usize) -> Result<(), DataError> {
+    let Head::Text(file) = head else { return Ok(()) };
+    let dates = file.dialect.cells(time);
+    // A log with a row a day may have durations beside its dates.
+    let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
+    if !repeats || dates.iter().any(|date| date.contains(':')) {
+        return Ok(());
+    }
+    let is_clock = |&column: &usize| {
+        let cells = file.dialect.cells(column);
+        !cells.is_empty() && cells.iter().all(|cell| is_time_of_day(cell))
+    };
+    let columns = file.columns();
+    match (0..columns.len()).find(is_clock) {
+        None => Ok(()),
+        Some(clock) => Err(DataError::BadTimestamp {
+            path: file.path.clone(),
+            column: columns[time].name.clone(),
+            reason: format!(
+                "it has dates, such as {}, and {:?} has the times of day; write both into one column, such as 2022-11-01 06:00:00",
+                dates[0], columns[clock].name
+            ),
+        }),
     }
 }
 

@@ -269,6 +269,11 @@ fn time_pattern(time: &str) -> Option<String> {
     Some(format!("{before}{hour}:%M{seconds}{after}"))
 }
 
+/// Whether `cell` is a time of day without a date, such as `06:00:00` or `6:00 PM`.
+pub(crate) fn is_time_of_day(cell: &str) -> bool {
+    cell.starts_with(|c: char| c.is_ascii_digit()) && time_pattern(cell).is_some()
+}
+
 /// Wall-clock times of a place, one after the other as they were recorded, as instants.
 #[derive(Clone, Debug)]
 pub(crate) struct Zone {
