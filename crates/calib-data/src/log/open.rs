@@ -54,12 +54,15 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         }
     };
     let times: Vec<usize> = heads.iter().map(time).collect::<Result<_, _>>()?;
+    for (head, &time) in heads.iter().zip(&times) {
+        times::refuse_dates_apart(head, time)?;
+    }
     let recognised = recognise(&heads, &times, data)?;
     let notations = match recognised {
         Recognised::Annotated => Vec::new(),
         _ => notations(&heads, &times, data)?,
     };
-    let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations)?;
+    let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations, data)?;
     let opened = match recognised {
         Recognised::Wide => tables(heads, times, notations, data, monitor),
         Recognised::Samples(shape, roles) => {
@@ -78,14 +81,22 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
 }
 
 /// Whether the files say which instants their times are, by an offset, a zone, or as numbers since 1970.
-fn is_utc(heads: &[Head], times: &[usize], notations: &[Notation]) -> Result<bool, DataError> {
+fn is_utc(
+    heads: &[Head],
+    times: &[usize],
+    notations: &[Notation],
+    data: &DataConfig,
+) -> Result<bool, DataError> {
+    // With a format, numbers are dates that name no zone.
+    let numbers_count = data.timestamp_format.is_none() || data.timestamp_unit.is_some();
     let mut all = true;
     for (position, (head, &time)) in heads.iter().zip(times).enumerate() {
         all &= match head {
             Head::Annotated(..) => true,
             Head::Parquet(file) => {
                 let field = &file.fields[time];
-                field.kind == FieldKind::Number || field.type_name.starts_with("datetime in")
+                field.kind == FieldKind::Number && numbers_count
+                    || field.type_name.starts_with("datetime in")
             }
             Head::Text(_) => {
                 let sample = head.sample(time)?;

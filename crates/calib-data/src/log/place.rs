@@ -72,8 +72,8 @@ pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Place
                     *kept = cell;
                 }
             }
-            // A number says more than a word or nothing.
-            (Cell::Number(_), _) => placed.repeated += 1,
+            // A number says more than a word, and a word more than NaN.
+            (Cell::Number(_), _) | (Cell::Word(_), Cell::NonFinite) => placed.repeated += 1,
             _ => *kept = cell,
         }
     }
@@ -111,5 +111,7 @@ mod tests {
         assert_eq!((first.contradictions.count, first.words.count), (0, 1));
         assert_eq!(first.words.first, [Contradiction { time: 7, values: [3.0, 4.0] }]);
         assert_eq!(placed(Contradictions::Last).cells, [words[2]]);
+        let then_nan = [words[0], Cell::NonFinite.encode()];
+        assert_eq!(place(&[7, 7], &then_nan, Contradictions::Refuse).cells, [words[0]]);
     }
 }

@@ -223,14 +223,12 @@ impl Log {
     }
 
     fn place_duplicates(&self, file: usize, start: usize, read: &[f64], duplicates: &mut [f64]) {
-        let all = &self.recorded().duplicates;
-        let before = |row: usize| {
-            all.partition_point(|duplicate| {
-                (duplicate.file as usize, duplicate.file_row as usize) < (file, row)
-            })
-        };
+        let rows = self.recorded();
+        let repeats = rows.repeats[file].clone();
+        let all = &rows.duplicates[repeats.clone()];
+        let before = |row: usize| all.partition_point(|of| (of.file_row as usize) < row);
         for position in before(start)..before(start + read.len()) {
-            duplicates[position] = read[all[position].file_row as usize - start];
+            duplicates[repeats.start + position] = read[all[position].file_row as usize - start];
         }
     }
 }
@@ -246,21 +244,22 @@ pub(crate) struct Codes {
 #[derive(Default)]
 struct Labels {
     codes: HashMap<String, usize>,
-    are_numbers: Vec<bool>,
+    /// Each label as a number, where it is one.
+    numbers: Vec<Option<f64>>,
 }
 
 impl Labels {
     fn code(&mut self, label: String) -> f64 {
-        let Self { codes, are_numbers } = self;
+        let Self { codes, numbers } = self;
         let code = *codes.entry(label).or_insert_with_key(|label| {
-            are_numbers.push(label.parse::<f64>().is_ok());
-            are_numbers.len() - 1
+            numbers.push(label.parse().ok());
+            numbers.len() - 1
         });
         code as f64
     }
 
-    fn is_number(&self, code: f64) -> bool {
-        self.are_numbers[code as usize]
+    fn number(&self, code: f64) -> Option<f64> {
+        self.numbers[code as usize]
     }
 
     fn list(&self) -> Vec<String> {
@@ -276,8 +275,7 @@ impl Log {
     /// Read one channel of numbers or text, whose values are names of something.
     ///
     /// # Errors
-    /// If words contradict each other at the same time, and the study does not say which counts. Numbers that do are found where
-    /// numbers are read.
+    /// If values contradict each other at the same time, and the study does not say which counts.
     pub(crate) fn read_codes(
         &self,
         channel: usize,
@@ -297,7 +295,8 @@ impl Log {
             Origin::Series(series, window) => {
                 let placed = series.settled(channel, window, self.contradictions)?;
                 let words = &series.store.words;
-                self.refuse_words(channel, &placed.words, words.list())?;
+                self.refuse(channel, &placed.words, |word| words.list()[word as usize].clone())?;
+                self.refuse(channel, &placed.contradictions, |number| number.to_string())?;
                 let code =
                     |&cell: &u64| label(cell, words).map_or(f64::NAN, |label| labels.code(label));
                 let codes = placed.cells.iter().map(code).collect::<Vec<f64>>();
@@ -353,7 +352,7 @@ impl Log {
         Ok([codes, duplicates])
     }
 
-    /// Codes of the same time become one: a number says more than a word, and of two words the first or the last is kept.
+    /// Codes of the same time become one: a number says more than a word, and of two of a kind the first or the last is kept.
     fn settle_codes(
         &self,
         channel: usize,
@@ -361,7 +360,7 @@ impl Log {
         labels: &Labels,
     ) -> Result<Vec<f64>, DataError> {
         let rows = self.recorded();
-        let mut words = Contradicting::default();
+        let mut found = Contradicting::default();
         for (duplicate, code) in rows.duplicates.iter().zip(duplicates) {
             let kept = &mut codes[duplicate.row as usize];
             if code.is_nan() || code == *kept {
@@ -371,40 +370,42 @@ impl Log {
                 *kept = code;
                 continue;
             }
-            match [*kept, code].map(|of| labels.is_number(of)) {
-                [true, false] => continue,
-                [false, true] => *kept = code,
-                [true, true] => {}
-                [false, false] => {
+            match [*kept, code].map(|of| labels.number(of)) {
+                [Some(_), None] => {}
+                [None, Some(_)] => *kept = code,
+                // The same number, written in two ways.
+                [Some(before), Some(now)] if before == now => {}
+                _ => {
                     let time = rows.timestamps[duplicate.row as usize].as_micros();
-                    words.add(time, [*kept, code]);
+                    found.add(time, [*kept, code]);
+                    if self.contradictions == Contradictions::Last {
+                        *kept = code;
+                    }
                 }
             }
-            if self.contradictions == Contradictions::Last {
-                *kept = code;
-            }
         }
-        self.refuse_words(channel, &words, &labels.list())?;
+        let labels = labels.list();
+        self.refuse(channel, &found, |code| labels[code as usize].clone())?;
         Ok(codes)
     }
 
-    /// Refuse words that contradict each other, unless the study says which counts. Contradictions have positions in `labels`.
-    fn refuse_words(
+    /// Refuse values that contradict each other, unless the study says which counts. `label` says what they are.
+    fn refuse(
         &self,
         channel: usize,
-        words: &Contradicting,
-        labels: &[String],
+        found: &Contradicting,
+        label: impl Fn(f64) -> String,
     ) -> Result<(), DataError> {
-        if words.count == 0 || self.contradictions != Contradictions::Refuse {
+        if found.count == 0 || self.contradictions != Contradictions::Refuse {
             return Ok(());
         }
         let name = &self.channels[channel].name;
         let told = |of: &Contradiction| {
             let at = format_time(Timestamp::from_micros(of.time));
-            let [before, now] = of.values.map(|label| &labels[label as usize]);
+            let [before, now] = of.values.map(&label);
             format!("at {at} {name} is {before:?} and {now:?}")
         };
-        let examples = words.first.iter().map(told).collect();
-        Err(DataError::Contradictions { count: words.count, examples })
+        let examples = found.first.iter().map(told).collect();
+        Err(DataError::Contradictions { count: found.count, examples })
     }
 }

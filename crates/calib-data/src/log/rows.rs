@@ -19,8 +19,10 @@ pub(crate) struct Rows {
     pub(crate) timestamps: Vec<Timestamp>,
     /// For each file, where its rows go.
     pub(crate) maps: Vec<RowMap>,
-    /// By file and row of the file.
+    /// By file, as the files start, and row of the file: the last of several comes last.
     pub(crate) duplicates: Vec<Duplicate>,
+    /// For each file, which of `duplicates` are its rows.
+    pub(crate) repeats: Vec<Range<usize>>,
     /// Rows that were not recorded after the row before them: a clock that went back recorded the same
     /// stretch of time twice, and the two passes alternate here. In order.
     pub(crate) breaks: Vec<u32>,
@@ -90,6 +92,7 @@ impl Rows {
             timestamps,
             maps: Vec::new(),
             duplicates: Vec::new(),
+            repeats: Vec::new(),
             breaks: Vec::new(),
             irregularities,
         }
@@ -108,6 +111,7 @@ impl Rows {
             timestamps: Vec::new(),
             maps: files.iter().map(|_| RowMap::Contiguous { file: 0..0, first: 0 }).collect(),
             duplicates: Vec::new(),
+            repeats: vec![0..0; files.len()],
             breaks: Vec::new(),
             irregularities,
         };
@@ -169,15 +173,20 @@ impl Rows {
             self.timestamps.push(time);
         }
         self.breaks = passes.breaks();
-        self.duplicates.sort_unstable_by_key(|duplicate| (duplicate.file, duplicate.file_row));
-        // Whatever lies in one piece is copied in one piece; duplicates are found row by row.
-        let mut repeats = vec![false; files.len()];
-        for duplicate in &self.duplicates {
-            repeats[duplicate.file as usize] = true;
+        let mut place = vec![0; files.len()];
+        for (position, &file) in order.iter().enumerate() {
+            place[file] = position;
         }
-        for (map, repeats) in self.maps.iter_mut().zip(repeats) {
+        self.duplicates.sort_unstable_by_key(|of| (place[of.file as usize], of.file_row));
+        let mut start = 0;
+        for repeats in self.duplicates.chunk_by(|one, next| one.file == next.file) {
+            self.repeats[repeats[0].file as usize] = start..start + repeats.len();
+            start += repeats.len();
+        }
+        // Whatever lies in one piece is copied in one piece; duplicates are found row by row.
+        for (map, repeats) in self.maps.iter_mut().zip(&self.repeats) {
             if let RowMap::Scattered(rows) = map
-                && !repeats
+                && repeats.is_empty()
                 && let Some(piece) = one_piece(rows)
             {
                 *map = piece;

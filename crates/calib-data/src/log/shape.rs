@@ -144,7 +144,6 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
             .filter(|column| !values.contains(column))
             .find(|&column| names_tags(&columns[column])),
     };
-    let quality = quality_of(head, &columns, time, data)?;
     if let (Some(tag), false) = (tag, values.is_empty()) {
         let rest: Vec<&str> = others()
             .filter(|&column| column != tag && !values.contains(&column))
@@ -165,6 +164,7 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
                 ),
             });
         }
+        let quality = quality_of(head, quality_column(head, &columns, time, data)?, data)?;
         return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality }));
     }
     if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
@@ -225,38 +225,45 @@ fn unnamed_roles(
     })
 }
 
-fn quality_of(
+/// The column of quality codes, if there is one.
+fn quality_column(
     head: &Head,
     columns: &[HeadColumn],
     time: usize,
     data: &DataConfig,
+) -> Result<Option<usize>, DataError> {
+    let Some(name) = &data.quality else {
+        let is = |at: usize, known: &str| at != time && plain(&columns[at].name) == known;
+        return Ok(QUALITIES
+            .iter()
+            .find_map(|known| (0..columns.len()).find(|&column| is(column, known))));
+    };
+    let position = columns.iter().position(|column| column.name == *name);
+    position.map(Some).ok_or_else(|| DataError::Shape {
+        reason: format!(
+            "{} has no column {name:?}, which data.quality names; give one of its columns",
+            head.path().display()
+        ),
+    })
+}
+
+/// What the codes in `column` mean. Only samples have such codes: a wide log may call its channels as it likes.
+fn quality_of(
+    head: &Head,
+    column: Option<usize>,
+    data: &DataConfig,
 ) -> Result<Option<(usize, Quality)>, DataError> {
-    let position = match &data.quality {
-        Some(name) => columns.iter().position(|column| column.name == *name),
-        None => QUALITIES.iter().find_map(|known| {
-            columns
-                .iter()
-                .enumerate()
-                .position(|(at, column)| at != time && plain(&column.name) == *known)
-        }),
-    };
-    let Some(position) = position else {
-        return match &data.quality {
-            Some(name) => Err(DataError::Shape {
-                reason: format!(
-                    "{} has no column {name:?}, which data.quality names; give one of its columns",
-                    head.path().display()
-                ),
-            }),
-            None => Ok(None),
-        };
-    };
-    let sample = head.sample(position)?;
+    let Some(column) = column else { return Ok(None) };
+    let sample = head.sample(column)?;
     let codes: Vec<&str> = sample.iter().map(String::as_str).collect();
     let quality = Quality::of(&codes, data).map_err(|reason| DataError::Shape {
-        reason: format!("{}, column {:?}: {reason}", head.path().display(), columns[position].name),
+        reason: format!(
+            "{}, column {:?}: {reason}",
+            head.path().display(),
+            head.columns()[column].name
+        ),
     })?;
-    Ok(Some((position, quality)))
+    Ok(Some((column, quality)))
 }
 
 /// Whether each file holds one tag, and which.
@@ -270,7 +277,7 @@ fn file_per_tag(
         single.push(single_value(head, time, data)?);
     }
     let is_asked = data.shape == Some(Shape::FilePerTag);
-    let Some(files) = single.into_iter().collect::<Option<Vec<(String, Roles)>>>() else {
+    let Some(files) = single.into_iter().collect::<Option<Vec<Single>>>() else {
         if is_asked {
             return Err(DataError::Shape {
                 reason: "data.shape is \"file_per_tag\", and a file has several columns of values; name the one to take with data.value".to_owned(),
@@ -278,34 +285,34 @@ fn file_per_tag(
         }
         return Ok(Recognised::Wide);
     };
-    let columns: BTreeSet<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let columns: BTreeSet<&str> = files.iter().map(|of| of.name.as_str()).collect();
     let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
     let generic = |name: &str| VALUES.contains(&plain(name).as_str());
-    let by_file = files.iter().all(|(name, _)| generic(name));
+    let by_file = files.iter().all(|of| generic(&of.name));
     let one_sensor = !by_file && columns.len() == 1;
     let cut_by_date = by_file && stems.iter().all(String::is_empty);
     if !is_asked && (files.len() < 2 || one_sensor || cut_by_date) {
         return Ok(Recognised::Wide);
     }
-    let roles = files
-        .iter()
-        .zip(stems)
-        .map(|((name, roles), stem)| {
-            let tag = if by_file && !stem.is_empty() { stem } else { name.clone() };
-            Roles { tag: TagOf::File(tag), ..roles.clone() }
-        })
-        .collect();
+    let mut roles = Vec::with_capacity(files.len());
+    for (((head, &time), stem), of) in heads.iter().zip(times).zip(stems).zip(files) {
+        let tag = if by_file && !stem.is_empty() { stem } else { of.name };
+        let quality = quality_of(head, of.quality, data)?;
+        roles.push(Roles { time, tag: TagOf::File(tag), values: vec![of.value], quality });
+    }
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
 }
 
 /// The only column of values beside the time, quality and what is about them.
-fn single_value(
-    head: &Head,
-    time: usize,
-    data: &DataConfig,
-) -> Result<Option<(String, Roles)>, DataError> {
+struct Single {
+    name: String,
+    value: usize,
+    quality: Option<usize>,
+}
+
+fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Single>, DataError> {
     let columns = head.columns();
-    let quality = quality_of(head, &columns, time, data)?;
+    let quality = quality_column(head, &columns, time, data)?;
     let is_aside = |column: usize| {
         let name = plain(&columns[column].name);
         [&QUALITIES[..], &ASIDES].concat().contains(&name.as_str()) && columns.len() > 2
@@ -313,14 +320,9 @@ fn single_value(
     let values: Vec<usize> = match &data.value {
         Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),
         None => (0..columns.len())
-            .filter(|&column| {
-                column != time
-                    && Some(column) != quality.as_ref().map(|of| of.0)
-                    && !is_aside(column)
-            })
+            .filter(|&column| column != time && Some(column) != quality && !is_aside(column))
             .collect(),
     };
     let [value] = values[..] else { return Ok(None) };
-    let tag = TagOf::File(String::new());
-    Ok(Some((columns[value].name.clone(), Roles { time, tag, values: vec![value], quality })))
+    Ok(Some(Single { name: columns[value].name.clone(), value, quality }))
 }

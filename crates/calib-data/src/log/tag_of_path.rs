@@ -43,11 +43,14 @@ fn without_date(stem: &str) -> &str {
     for skipped in 0..fields.len() {
         let date = &fields[skipped..];
         let year = |field: &str| field.len() == 4 && ("1970".."2100").contains(&field);
+        let month = |field: &str| field.len() == 2 && ("01"..="12").contains(&field);
+        let day = |field: &str| ("01"..="31").contains(&field);
         let is_date = match date {
-            [first, ..] if first.len() >= 8 && first.len() <= 14 && year(&first[..4]) => true,
-            [first, second, ..] => {
-                year(first) && ("01"..="12").contains(second) && second.len() == 2
+            // 20240001 is a serial number.
+            [first, ..] if (8..=14).contains(&first.len()) => {
+                year(&first[..4]) && month(&first[4..6]) && day(&first[6..8])
             }
+            [first, second, ..] => year(first) && month(second),
             _ => false,
         };
         if is_date {
@@ -74,6 +77,9 @@ mod tests {
         assert_eq!(tag("FIC-2024.csv"), "FIC-2024", "a number of a tag");
         assert_eq!(tag("FIC-2001-45.csv"), "FIC-2001-45", "there is no such month");
         assert_eq!(tag("PI_32023_2023-05.csv"), "PI_32023", "its digits hold a year as well");
+        assert_eq!(tag("sensor_20240001.csv"), "sensor_20240001", "a serial number");
+        assert_eq!(tag("FIC-20011299.csv"), "FIC-20011299", "there is no such day");
+        assert_eq!(tag("PIT300_202403010600.csv"), "PIT300");
         assert_eq!(tag("12.csv"), "12");
         assert_eq!(tag("UNIT 1 FIC.PV.csv"), "UNIT 1 FIC.PV");
         assert_eq!(tag("tag=T-1/part-0.parquet"), "T-1");

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Notation, compact_pattern},
+    text::{Notation, compact_pattern, is_time_of_day},
     time::Stamp,
 };
 
@@ -33,6 +33,33 @@ pub(crate) fn no_timestamp(head: &Head, data: &DataConfig) -> DataError {
         path: head.path().to_owned(),
         column: data.timestamp.clone(),
         candidates,
+    }
+}
+
+/// Refuse a text file with dates in the column `time` and times of day in another one: all rows of a day would be one.
+pub(crate) fn refuse_dates_apart(head: &Head, time: usize) -> Result<(), DataError> {
+    let Head::Text(file) = head else { return Ok(()) };
+    let dates = file.dialect.cells(time);
+    // A log with a row a day may have durations beside its dates.
+    let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
+    if !repeats || dates.iter().any(|date| date.contains(':')) {
+        return Ok(());
+    }
+    let is_clock = |&column: &usize| {
+        let cells = file.dialect.cells(column);
+        !cells.is_empty() && cells.iter().all(|cell| is_time_of_day(cell))
+    };
+    let columns = file.columns();
+    match (0..columns.len()).find(is_clock) {
+        None => Ok(()),
+        Some(clock) => Err(DataError::BadTimestamp {
+            path: file.path.clone(),
+            column: columns[time].name.clone(),
+            reason: format!(
+                "it has dates, such as {}, and {:?} has the times of day; write both into one column, such as 2022-11-01 06:00:00",
+                dates[0], columns[clock].name
+            ),
+        }),
     }
 }
 
@@ -99,12 +126,14 @@ impl Times {
             dtype if dtype.is_float() => {
                 let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
                 let values = column.f64().map_err(damaged)?;
-                let numbers: Vec<f64> =
-                    values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
-                let found = dates_of_floats(&numbers, data);
-                match found.map_err(|reason| bad(&column, reason))? {
+                // Missing values make whole numbers into floats.
+                let numbers: Vec<Option<f64>> =
+                    values.iter().map(|value| value.filter(|value| value.is_finite())).collect();
+                match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
                     Some(dates) => Self::Stamps(dates),
-                    None => Self::Floats(numbers),
+                    None => Self::Floats(
+                        numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect(),
+                    ),
                 }
             }
             _ => {
@@ -164,18 +193,21 @@ fn text_stamps(
     text.iter().enumerate().map(stamp).collect()
 }
 
-/// Whole numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
+/// Numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
 /// 1970. None if they count.
-fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option<Stamp>>>, String> {
+fn dates<N: ToString>(
+    numbers: &[Option<N>],
+    data: &DataConfig,
+) -> Result<Option<Vec<Option<Stamp>>>, String> {
     if data.timestamp_unit.is_some() {
         return Ok(None);
     }
     let Some(format) = &data.timestamp_format else {
-        let first = numbers.iter().flatten().next().map(i64::to_string);
+        let first = numbers.iter().flatten().next().map(N::to_string);
         if first.is_none_or(|first| compact_pattern(&[&first]).is_none()) {
             return Ok(None);
         }
-        let written: Vec<String> = numbers.iter().flatten().map(i64::to_string).collect();
+        let written: Vec<String> = numbers.iter().flatten().map(N::to_string).collect();
         let cells: Vec<&str> = written.iter().map(String::as_str).collect();
         return match compact_pattern(&cells) {
             None => Ok(None),
@@ -186,28 +218,15 @@ fn dates(numbers: &[Option<i64>], data: &DataConfig) -> Result<Option<Vec<Option
         };
     };
     let notation = Notation::Pattern(format.clone());
-    let stamp = |number: &Option<i64>| {
-        let Some(number) = number else { return Ok(None) };
-        notation.read(&number.to_string()).map(Some).ok_or_else(|| {
+    let stamp = |number: &Option<N>| {
+        let Some(number) = number.as_ref().map(N::to_string) else { return Ok(None) };
+        notation.read(&number).map(Some).ok_or_else(|| {
             format!(
                 "{number} is not what data.timestamp_format says; set data.timestamp_unit if it counts since 1970"
             )
         })
     };
     numbers.iter().map(stamp).collect::<Result<_, _>>().map(Some)
-}
-
-/// The same of floats, which whole numbers become where some are missing.
-fn dates_of_floats(
-    numbers: &[f64],
-    data: &DataConfig,
-) -> Result<Option<Vec<Option<Stamp>>>, String> {
-    let whole = |number: &f64| match number {
-        number if !number.is_finite() => Some(None),
-        number => (number.fract() == 0.0).then_some(Some(*number as i64)),
-    };
-    let wholes: Option<Vec<Option<i64>>> = numbers.iter().map(whole).collect();
-    wholes.map_or(Ok(None), |wholes| dates(&wholes, data))
 }
 
 /// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.

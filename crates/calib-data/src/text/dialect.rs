@@ -207,8 +207,12 @@ fn agreement(rows: &[Row], width: usize) -> (usize, usize) {
 /// Whether these are values: a time, and numbers or nothing beside it.
 fn is_data(cells: &[String]) -> bool {
     let cells = || cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
-    let is_number =
-        |cell: &str| [Decimal::Point, Decimal::Comma].iter().any(|&of| parse(cell, of).is_some());
+    // Columns may be called INF or NaN.
+    let is_number = |cell: &str| {
+        [Decimal::Point, Decimal::Comma]
+            .iter()
+            .any(|&of| parse(cell, of).is_some_and(f64::is_finite))
+    };
     let is_time = |cell: &str| cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
     cells().any(|cell| is_time(cell) || is_number(cell))
 }
@@ -312,6 +316,7 @@ mod tests {
             (names(&bare), bare.skip, bare.sample.len()),
             (vec!["timestamp", "value"], (0, 0), 2)
         );
+        assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);
         let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
         assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("expected a header"));
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
@@ -327,6 +332,7 @@ mod tests {
         assert!(of("1,234 2,500").expect_err("asked").contains("data.decimal"));
         assert_eq!(of("1,234 2,5"), Ok(Decimal::Comma));
         assert_eq!(of("1,234 2.5"), Ok(Decimal::Point));
+        assert_eq!(of("1,234 2,345,678"), Ok(Decimal::Point));
         assert!(of("1,5 2.5").expect_err("asked").contains("1,5"));
     }
 }

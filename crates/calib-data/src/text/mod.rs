@@ -25,5 +25,5 @@ pub(crate) use self::{
     number::{Decimal, cell as cell_of, parse as parse_number},
     quality::Quality,
     record::RecordReader,
-    stamps::{Candidates, Notation, Zone, compact_pattern},
+    stamps::{Candidates, Notation, Zone, compact_pattern, is_time_of_day},
 };

@@ -39,6 +39,7 @@ pub(crate) fn sign_of(text: &str) -> Sign {
                 Sign::Comma
             }
         }
+        (2.., 0) if grouped(text, ',') => Sign::Point,
         (1.., 1..) => match (text.rfind(','), text.rfind('.')) {
             (Some(comma), Some(point)) if comma > point => comma_if(grouped(&text[..comma], '.')),
             (Some(_), Some(point)) if grouped(&text[..point], ',') => Sign::Point,
@@ -162,6 +163,7 @@ mod tests {
             (Some(1.5), Some(1.5), Some(15.0))
         );
         assert_eq!(unknown("1,234"), None, "a fraction or a thousand");
+        assert_eq!(unknown("1,234,567"), Some(1_234_567.0), "two fractions there are not");
     }
 
     #[test]

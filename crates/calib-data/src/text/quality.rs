@@ -13,7 +13,7 @@ pub(crate) enum Quality {
     OpcClassic,
     /// OPC UA: the two highest of 32 bits are clear; 0 is good.
     OpcUa,
-    /// Nothing but 0, which is good in OPC UA and bad in OPC Classic: as OPC UA, unless another file of the log tells.
+    /// Nothing, or nothing but 0, which is good in OPC UA and bad in OPC Classic: as OPC UA, unless another file of the log tells.
     Zeros,
 }
 
@@ -29,7 +29,7 @@ impl Quality {
             return Ok(Self::OpcClassic);
         }
         match numbers.iter().find(|&&code| code > 0 && code < UA_UNCERTAIN) {
-            None if !numbers.is_empty() && numbers.iter().all(|&code| code == 0) => Ok(Self::Zeros),
+            None if numbers.iter().all(|&code| code == 0) => Ok(Self::Zeros),
             None => Ok(Self::OpcUa),
             Some(code) => Err(unknown(&code.to_string())),
         }
@@ -134,6 +134,10 @@ mod tests {
         let mut all = [of(&["0", "0"]), of(&["192", "0"]), of(&["Good"])];
         Quality::agree(all.iter_mut());
         assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);
+        // Nor does a file tell whose first codes are missing.
+        let mut empty = [of(&["192"]), of(&[])];
+        Quality::agree(empty.iter_mut());
+        assert_eq!(empty[1].is_good("0"), Ok(false));
         let mut alone = [of(&["0"]), of(&["0", "2147483648"]), of(&[])];
         Quality::agree(alone.iter_mut());
         assert_eq!(alone[0].is_good("0"), Ok(true));

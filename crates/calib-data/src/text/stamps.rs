@@ -158,18 +158,24 @@ fn patterns(example: &str) -> Vec<String> {
     orders.into_iter().map(|date| format!("{date}{time}")).collect()
 }
 
-/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: eight, twelve or fourteen digits that
-/// name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of 1976 or of the year 2611.
+/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: digits from the day, the hour, the
+/// minute, the second or the millisecond on, that name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of the years
+/// 2032 to 2036, of 1976 or of the year 2611.
 pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
-    let pattern = match cells.first()?.len() {
+    let whole = |cell: &str| cell.find(['.', ',']).unwrap_or(cell.len());
+    let length = whole(cells.first()?);
+    let pattern = match length {
         8 => "%Y%m%d",
+        10 => "%Y%m%d%H",
         12 => "%Y%m%d%H%M",
+        14 if cells.iter().any(|cell| whole(cell) < cell.len()) => "%Y%m%d%H%M%S%.f",
         14 => "%Y%m%d%H%M%S",
+        17 => "%Y%m%d%H%M%S%f",
         _ => return None,
     };
     let is_date = |cell: &&str| {
-        cell.len() == cells[0].len()
-            && cell.bytes().all(|byte| byte.is_ascii_digit())
+        whole(cell) == length
+            && cell.bytes().take(length).all(|byte| byte.is_ascii_digit())
             && ("1970".."2100").contains(&&cell[..4])
             && read_pattern(pattern, cell).is_some()
     };
@@ -263,37 +269,49 @@ fn time_pattern(time: &str) -> Option<String> {
     Some(format!("{before}{hour}:%M{seconds}{after}"))
 }
 
+/// Whether `cell` is a time of day without a date, such as `06:00:00` or `6:00 PM`.
+pub(crate) fn is_time_of_day(cell: &str) -> bool {
+    cell.starts_with(|c: char| c.is_ascii_digit()) && time_pattern(cell).is_some()
+}
+
 /// Wall-clock times of a place, one after the other as they were recorded, as instants.
 #[derive(Clone, Debug)]
 pub(crate) struct Zone {
-    zone: TimeZone,
+    rules: TimeZone,
     last: i64,
+    /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
+    forward: i64,
 }
 
 impl Zone {
     /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
     pub(crate) fn new(name: &str) -> Option<Self> {
-        Some(Self { zone: TimeZone::get(name).ok()?, last: NO_TIME })
+        Some(Self { rules: TimeZone::get(name).ok()?, last: NO_TIME, forward: 0 })
     }
 
     /// The instant at which clocks there showed `wall`. An hour that they showed twice is the first one, until
-    /// they have gone back; an hour that they left out is read by the clock before it.
+    /// they have gone back, and the other way round where the newest times come first; an hour that they left out is read by the clock
+    /// before it.
     pub(crate) fn instant(&mut self, wall: i64) -> i64 {
         if wall == NO_TIME {
             return NO_TIME;
         }
         let Ok(clock) = jiff::Timestamp::from_microsecond(wall) else { return NO_TIME };
-        let ambiguous = self.zone.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
-        let seconds = match ambiguous.offset() {
-            jiff::tz::AmbiguousOffset::Unambiguous { offset } => offset.seconds(),
-            jiff::tz::AmbiguousOffset::Gap { before, .. } => before.seconds(),
+        let ambiguous = self.rules.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
+        let at = |offset: jiff::tz::Offset| wall - i64::from(offset.seconds()) * 1_000_000;
+        let instant = match ambiguous.offset() {
+            jiff::tz::AmbiguousOffset::Unambiguous { offset } => at(offset),
+            jiff::tz::AmbiguousOffset::Gap { before, .. } => at(before),
             jiff::tz::AmbiguousOffset::Fold { before, after } => {
-                let first = wall - i64::from(before.seconds()) * 1_000_000;
-                if first < self.last { after.seconds() } else { before.seconds() }
+                let (first, second) = (at(before), at(after));
+                let is_second =
+                    if self.forward < 0 { second <= self.last } else { first < self.last };
+                if is_second { second } else { first }
             }
         };
-        self.last = wall - i64::from(seconds) * 1_000_000;
-        self.last
+        self.forward += instant.cmp(&self.last) as i64;
+        self.last = instant;
+        instant
     }
 }
 
@@ -339,7 +357,12 @@ mod tests {
         assert_eq!(notation(&["20240301", "20240302"]), ["%Y%m%d"]);
         assert_eq!(notation(&["202403010600"]), ["%Y%m%d%H%M"]);
         assert_eq!(notation(&["20240301060000", "20240301235959"]), ["%Y%m%d%H%M%S"]);
+        assert_eq!(notation(&["2024030106", "2024030107"]), ["%Y%m%d%H"]);
+        assert_eq!(notation(&["20240301060000.5", "20240301060001"]), ["%Y%m%d%H%M%S%.f"]);
+        assert_eq!(notation(&["20240301060000", "20240301060000,25"]), ["%Y%m%d%H%M%S%.f"]);
+        assert_eq!(notation(&["20240301060000123"]), ["%Y%m%d%H%M%S%f"]);
         assert_eq!(notation(&["20240301", "20240332"]), ["numbers of seconds"], "no such day");
+        assert_eq!(notation(&["1709272800", "1709272860"]), ["numbers of seconds"]);
         let unit = Some(TimestampUnit::Seconds);
         let told = Candidates::of(&["20240301"], unit).left;
         assert_eq!(told, [Notation::Number(TimestampUnit::Seconds)], "as the study says");
@@ -380,6 +403,9 @@ mod tests {
         read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
         read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
         read("%Y%m%d%H%M%S", "20240313060001", "2024-03-13 06:00:01");
+        read("%Y%m%d%H", "2024031306", "2024-03-13 06:00:00");
+        read("%Y%m%d%H%M%S%f", "20240313060001250", "2024-03-13 06:00:01.25");
+        read("%Y%m%d%H%M%S%.f", "20240313060001,25", "2024-03-13 06:00:01.25");
         assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
         let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
         assert_eq!(number, Some(Stamp::Instant(1_709_272_800_000_000)));
@@ -400,6 +426,11 @@ mod tests {
             shown.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
         let half_hours = instants.map(|micros| micros / (hour / 2));
         assert_eq!(half_hours, [-1, 0, 1, 2, 3, 4]);
+        let mut zone = Zone::new("Europe/Paris").expect("a zone");
+        let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
+        let instants =
+            newest_first.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
+        assert_eq!(instants.map(|micros| micros / (hour / 2)), [4, 3, 2, 1, 0, -1]);
         assert!(Zone::new("Europe/Atlantis").is_none());
     }
 }

@@ -193,6 +193,29 @@ fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
 }
 
 #[test]
+fn modes_that_are_numbers_contradict_each_other_as_well() {
+    let folder = Folder::new();
+    folder.write("a.parquet", &log(0, &[("a", &rising(4)), ("mode", &[1.0, 1.0, 2.0, 2.0])]));
+    folder.write("b.parquet", &log(0, &[("mode", &[1.0, NAN, 1.0, 2.0])]));
+    let preprocess =
+        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let error = refused(&folder.data(), &preprocess).to_string();
+    assert!(error.contains("1 values: at 1970-01-01 00:00:02 mode is \"2\" and \"1\""), "{error}");
+    let twos = |contradictions| {
+        let data = DataConfig { contradictions, ..folder.data() };
+        train_values(&load_with(&data, &preprocess), "mode=2")
+    };
+    assert_eq!(twos(Contradictions::First), [0.0, 0.0, 1.0, 1.0]);
+    assert_eq!(twos(Contradictions::Last), [0.0, 0.0, 0.0, 1.0]);
+    // Of samples too.
+    let folder = Folder::new();
+    let long = "time,tag,value\n2024-01-01,a,1\n2024-01-01,mode,1\n2024-01-01,mode,2\n2024-01-02,a,3\n2024-01-02,mode,2\n";
+    std::fs::write(folder.file("a.csv"), long).expect("written");
+    let error = refused(&folder.data(), &preprocess).to_string();
+    assert!(error.contains("mode is \"1\" and \"2\""), "{error}");
+}
+
+#[test]
 fn sub_sampling_counts_from_each_segment() {
     let folder = Folder::new();
     let times: Vec<i64> = (0..7).chain(20..22).chain(30..35).collect();

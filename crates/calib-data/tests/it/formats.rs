@@ -154,6 +154,11 @@ fn what_text_leaves_open_is_refused_with_the_line() {
     assert!(decimal.contains("data.decimal"), "{decimal}");
     let header = error("2024-01-01,1,2\n2024-01-02,1,2\n");
     assert!(header.contains("expected a header"), "{header}");
+    let apart = error("Date;Time;a\n13.03.2024;06:00;1\n13.03.2024;07:00;2\n14.03.2024;06:00;3\n");
+    assert!(
+        apart.contains("column \"Date\"") && apart.contains("\"Time\" has the times of day"),
+        "{apart}"
+    );
     let no_time = error("a,b\n1.5,x\n2.5,y\n");
     assert!(no_time.contains("has no column \"timestamp\""), "{no_time}");
 }
@@ -218,6 +223,56 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     // Of samples too.
     let long = text("a.csv", "time,tag,value\n2024-01-01,a,1\n2024-01-01,a,2\n2024-01-02,a,3\n");
     assert!(message(&long, |_| {}).contains("a is 1 and 2"));
+}
+
+#[test]
+fn of_several_files_the_one_that_starts_last_comes_last() {
+    let folder = Folder::new();
+    // Their names are not in the order in which they start.
+    let rising = |from: i64, value: i64| -> Vec<f64> {
+        (from..60).map(|second| (value + second) as f64).collect()
+    };
+    let (a, b, c) = (rising(5, 10), rising(3, 20), rising(1, 30));
+    folder.write("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
+    folder.write("b.parquet", &log_at(3..60, &[("a", &b), ("b", &b)]));
+    folder.write("c.parquet", &log_at(1..60, &[("a", &c), ("c", &c)]));
+    let last = |contradictions, channel: &str| {
+        let data = DataConfig { contradictions, ..folder.data() };
+        train_values(&load_with(&data, &PreprocessConfig::default()), channel).pop()
+    };
+    assert_eq!(last(Contradictions::First, "a"), Some(89.0));
+    assert_eq!(last(Contradictions::First, "b"), Some(79.0), "of those that have a value");
+    assert_eq!(last(Contradictions::Last, "a"), Some(69.0));
+    assert_eq!(last(Contradictions::Last, "b"), Some(69.0));
+}
+
+#[test]
+fn a_channel_may_be_called_as_qualities_are() {
+    let wide = "time,flow,level,status\n2024-01-01,1,2,0\n2024-01-02,2,3,1\n2024-01-03,4,4,2\n";
+    let profile = text("a.csv", wide).inspect();
+    assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 3));
+    let two = "time,flow,status\n2024-01-01,1,0\n2024-01-02,2,1\n2024-01-03,4,2\n";
+    let profile = text("a.csv", two).inspect();
+    assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 2));
+    // Codes of a file of one tag are still asked for.
+    let one = "time,value,status\n2024-01-01,1,0\n2024-01-02,2,1\n";
+    let error = message(&text("a.csv", one), |data| data.shape = Some(Shape::FilePerTag));
+    assert!(error.contains("data.good_quality"), "{error}");
+}
+
+#[test]
+fn the_newest_rows_may_come_first() {
+    // 2024-10-27: clocks in Paris go from 3:00 back to 2:00.
+    let shown = ["04:00", "03:30", "03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
+    let row = |(at, time): (usize, &&str)| format!("2024-10-27 {time},{at}\n");
+    let rows: String = shown.iter().enumerate().map(row).collect();
+    let data = |data: &mut DataConfig| data.time_zone = Some("Europe/Paris".to_owned());
+    let folder = text("a.csv", &format!("time,a\n{rows}"));
+    let mut config = folder.data();
+    data(&mut config);
+    let dataset = load_with(&config, &PreprocessConfig::default());
+    assert_eq!(train_values(&dataset, "a"), [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
+    assert_eq!(dataset.profile.gaps.count, 0);
 }
 
 #[test]

@@ -158,12 +158,26 @@ fn numbers_that_are_dates_are_not_taken_for_seconds() {
         );
         let data = DataConfig { timestamp_format: format.clone(), ..folder.data() };
         let profile = inspect(&data, &plain, &Silent).expect("dates");
-        assert_eq!(profile.period_secs, 1.0);
+        assert_eq!((profile.period_secs, profile.utc), (1.0, false));
         assert_eq!(profile.start.as_micros(), 1_709_337_598_000_000);
         let data =
             DataConfig { timestamp_unit: Some(TimestampUnit::Milliseconds), ..folder.data() };
         inspect(&data, &plain, &Silent).expect("numbers, if the study says so");
     }
+    // Fractions of a second.
+    let fractions = dates.map(|date| date as f64 + 0.5).to_vec();
+    let table = Table::new().with("timestamp", fractions).with("a", vec![1.0, 2.0, 3.0]);
+    folder.write("a.parquet", &table);
+    let error = refused(&folder.data(), &plain).to_string();
+    assert!(error.contains("data.timestamp_format = \"%Y%m%d%H%M%S%.f\""), "{error}");
+    let fractional = Some("%Y%m%d%H%M%S%.f".to_owned());
+    let data = DataConfig { timestamp_format: fractional, ..folder.data() };
+    let profile = inspect(&data, &plain, &Silent).expect("dates");
+    assert_eq!(profile.start.as_micros(), 1_709_337_598_500_000);
+    assert!(!profile.utc, "dates that name no zone");
+    let data = DataConfig { timestamp_format: format.clone(), ..folder.data() };
+    let error = refused(&data, &plain).to_string();
+    assert!(error.contains("20240301235958.5 is not what data.timestamp_format says"), "{error}");
     // Numbers since 1970 are no such dates, and a format wants to be followed.
     let seconds = vec![1_709_272_800_i64, 1_709_272_801, 1_709_272_802];
     let table = Table::new().with("timestamp", seconds).with("a", vec![1.0, 2.0, 3.0]);
