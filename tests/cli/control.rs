@@ -94,6 +94,19 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
 }
 
 #[test]
+fn actions_are_numbers_that_somebody_set() {
+    let place = pump(|row| {
+        let word = if row % 2 == 0 { "high" } else { "low" };
+        format!("2024-03-01 00:{row:02}:00,{},{word}\n", row % 7)
+    });
+    let words = place.calib(&["control", "study.toml"]).fails(2);
+    assert!(words.contains("pump is of type text, such as \"high\""), "{words}");
+    let mean = ["--set", "data.resample=mean", "--set", "data.period_secs=300"];
+    let invented = place.calib(&[&["control", "study.toml"][..], &mean].concat()).fails(2);
+    assert!(invented.contains("data.resample = \"last\""), "{invented}");
+}
+
+#[test]
 fn actions_that_contradict_each_other_are_refused() {
     let place = pump(|row| {
         let line = |pump: usize| format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7);

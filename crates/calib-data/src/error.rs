@@ -77,7 +77,8 @@ pub enum DataError {
     File(#[from] FileError),
     /// A file is not Parquet, or is damaged.
     #[error(
-        "{} cannot be read as Parquet: {reason}. If it is whole, one of its columns has a type that is not supported (16-bit floats, times with offsets such as +05:30): write it as another one, or leave the column out with data.exclude; if not, export it again",
+        "{} cannot be read as Parquet: {reason}. Either it is truncated or damaged: export it again; or a column has a type that is not supported (16-bit floats, times with offsets such as +05:30): \
+         write it as another one, or leave it out with data.exclude",
         path.display()
     )]
     NotParquet {

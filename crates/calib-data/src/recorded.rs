@@ -52,6 +52,13 @@ impl Surveyed {
             for (&number, channel) in some.iter().zip(log.read(some, &mut batch, monitor)?) {
                 contradicting += channel.contradictions.count;
                 let name = &log.channels[number].name;
+                let words = &channel.not_numbers.words;
+                if let (true, Some(word)) =
+                    (channel.values.iter().all(|value| value.is_nan()), words.keys().next())
+                {
+                    let type_name = format!("text, such as {word:?}");
+                    return Err(DataError::NoNumbers { name: name.clone(), type_name });
+                }
                 examples.extend(channel.contradictions.first.iter().map(|of| told(name, of)));
                 recorded.push(starts.iter().map(|&row| channel.values[row as usize]).collect());
             }

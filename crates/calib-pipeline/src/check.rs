@@ -9,6 +9,7 @@ use anyhow::{Context as _, ensure};
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
+use calib_study::with_variables;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -193,11 +194,11 @@ impl Check<'_> {
             pending.extend(inside.map(|entry| entry.path()));
         }
         for (mut data, preprocess) in found {
-            // Results lie beside their study, and paths start from there.
-            data.resolve(root.parent().unwrap_or(Path::new("")));
             data.scratch = memory::working_files();
+            let found = found_from(&mut data, root);
             let shown = data.path.0.join(", ");
-            let read = memory::check_log(&data).and_then(|()| {
+            let read = found.and_then(|()| {
+                memory::check_log(&data)?;
                 Ok(calib_data::inspect(&data, &preprocess, &self.printer.progress())?)
             });
             match read {
@@ -210,6 +211,16 @@ impl Check<'_> {
             }
         }
     }
+}
+
+/// Find the log of results below `root`: they lie beside their study, and paths start from there.
+fn found_from(data: &mut DataConfig, root: &Path) -> anyhow::Result<()> {
+    for path in &mut data.path.0 {
+        *path =
+            with_variables(path, |name| std::env::var(name).ok()).map_err(anyhow::Error::msg)?;
+    }
+    data.resolve(root.parent().unwrap_or(Path::new("")));
+    Ok(())
 }
 
 /// A table, whose pages have checksums.

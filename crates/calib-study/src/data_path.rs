@@ -54,6 +54,20 @@ impl Job {
     }
 }
 
+/// A path with `${NAME}` replaced by what `variable` says of the environment.
+///
+/// # Errors
+/// What is wrong with it: a variable that is not set, or `${` without `}`.
+pub fn with_variables(
+    path: &str,
+    variable: impl Fn(&str) -> Option<String>,
+) -> Result<String, String> {
+    expand(path, &variable).map_err(|reason| match reason {
+        Reason::Unclosed => format!("{path}: `${{` without `}}`"),
+        Reason::Unset(name) => format!("{path}: the environment variable {name} is not set"),
+    })
+}
+
 /// Why a path cannot be expanded.
 enum Reason {
     Unclosed,

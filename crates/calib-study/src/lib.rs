@@ -53,6 +53,7 @@ mod study;
 mod toml_json;
 mod written;
 
+pub use data_path::with_variables;
 pub use error::StudyError;
 pub use hint::shell_words;
 pub use inputs::{Difference, Inputs, Made};

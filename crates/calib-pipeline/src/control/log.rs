@@ -1,7 +1,7 @@
 use anyhow::{Context as _, ensure};
 use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts};
 use calib_core::{Bounds, RowIndex, States};
-use calib_data::DataConfig;
+use calib_data::{DataConfig, Resample};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
 use calib_study::Job;
@@ -45,6 +45,10 @@ pub(super) fn read(
     let study = job.study();
     let mut data = DataConfig { held_out: None, ..data_of(job)? };
     data.exclude.extend(config.beside_the_state());
+    ensure!(
+        !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
+        "data.resample makes actions of what was set before and after, which nobody took; set data.resample = \"last\""
+    );
     memory::check_log(&data)?;
     printer.say(&format!("reading {}", data.path.0.join(", ")));
     let progress = printer.progress();

@@ -160,9 +160,12 @@ fn for_all_text(of: &Deployed) -> String {
     if of.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
     }
-    let is_checked =
-        |choice: &Choice| !matches!(choice.reliance, Grade::NotLearnt | Grade::Unchecked);
-    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| is_checked(choice));
+    // What stands still has a regret, of 0, that says nothing.
+    let says_nothing = |choice: &Choice| {
+        let stands_still = choice.reliance == Grade::Unchecked && choice.regret.is_some();
+        choice.is_not_learnt() || stands_still
+    };
+    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !says_nothing(choice));
     let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
     let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
     let without: Vec<&str> = of
@@ -249,6 +252,9 @@ mod tests {
         ];
         let of = deployed(choices, vec![Some(0.0), Some(0.25)]);
         assert!(of.disagrees());
+        let still =
+            deployed(vec![choice("may", "0.1", Some(0.0), Grade::Unchecked)], vec![Some(0.0)]);
+        assert_eq!(row(&still)[2..], ["0.1 (not checked)", "1e-4"]);
         assert_eq!(row(&of), ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
         assert_eq!(header(&[of]), ["sensor", "model", "april", "july", "for all"]);
     }
