@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p calib-agent --bench td_step`. Throughput is in updates of one agent.
 
-use calib_agent::{AgentConfig, CurveRule, ValueFunction, train};
+use calib_agent::{AgentConfig, CurveRule, Precision, ValueFunction, train};
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
@@ -18,10 +18,15 @@ fn stream(steps: usize) -> RowStream {
 }
 
 /// Learning rates from 1e-5 on, by half a decade.
-fn population(size: usize, value_function: ValueFunction) -> Vec<AgentConfig> {
+fn population(
+    size: usize,
+    value_function: ValueFunction,
+    precision: Precision,
+) -> Vec<AgentConfig> {
     (0..size)
         .map(|index| AgentConfig {
             value_function,
+            precision,
             learning_rate: 1e-5 * 10_f64.powf(0.5 * index as f64),
             gamma: 0.9,
             batch_size: BATCH,
@@ -30,16 +35,22 @@ fn population(size: usize, value_function: ValueFunction) -> Vec<AgentConfig> {
         .collect()
 }
 
-fn bench(criterion: &mut Criterion, value_function: ValueFunction, updates: usize) {
-    let name = match value_function {
-        ValueFunction::Mlp => "td 142-256-256-1, batch 256",
-        ValueFunction::Linear => "td linear 142, batch 256",
+fn bench(
+    criterion: &mut Criterion,
+    value_function: ValueFunction,
+    precision: Precision,
+    updates: usize,
+) {
+    let name = match (value_function, precision) {
+        (ValueFunction::Mlp, Precision::F32) => "td 142-256-256-1, batch 256",
+        (ValueFunction::Mlp, Precision::Bf16) => "td 142-256-256-1, batch 256, bf16",
+        (ValueFunction::Linear, _) => "td linear 142, batch 256",
     };
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10);
     let stream = stream(BATCH + updates);
     for size in [1, 9] {
-        let agents = population(size, value_function);
+        let agents = population(size, value_function, precision);
         group.throughput(Throughput::Elements((size * updates) as u64));
         group.bench_function(BenchmarkId::new("agents", size), |bencher| {
             bencher.iter(|| {
@@ -52,11 +63,12 @@ fn bench(criterion: &mut Criterion, value_function: ValueFunction, updates: usiz
 }
 
 fn mlp(criterion: &mut Criterion) {
-    bench(criterion, ValueFunction::Mlp, 50);
+    bench(criterion, ValueFunction::Mlp, Precision::F32, 300);
+    bench(criterion, ValueFunction::Mlp, Precision::Bf16, 300);
 }
 
 fn linear(criterion: &mut Criterion) {
-    bench(criterion, ValueFunction::Linear, 2_000);
+    bench(criterion, ValueFunction::Linear, Precision::F32, 2_000);
 }
 
 criterion_group!(benches, mlp, linear);
