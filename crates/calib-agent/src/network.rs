@@ -117,17 +117,17 @@ impl Network {
 
     /// One step of the optimiser, given the gradient of a loss with respect to the values that are learnt from.
     pub(crate) fn step(&mut self, optimiser: &mut Optimiser, gradient: &[f32], pass: &mut Pass) {
-        let gradients = match (&mut pass.products, &self.rounded) {
+        match (&mut pass.products, &mut self.rounded) {
             (Products::Bf16(pass), Some(rounded)) => {
-                rounded.backward(&pass.batch, gradient, &mut pass.workspace)
+                let Rounded { batch, workspace, .. } = &mut **pass;
+                rounded.learn(&mut self.single, optimiser, batch, gradient, workspace);
             }
             (Products::Single(workspace), _) => {
-                self.single.backward(&pass.rows, gradient, workspace)
+                let gradients = self.single.backward(&pass.rows, gradient, workspace);
+                optimiser.step(self.single.parameters_mut(), gradients);
             }
             (Products::Bf16(_), None) => unreachable!("a pass is in its networks' precision"),
-        };
-        optimiser.step(self.single.parameters_mut(), gradients);
-        self.round();
+        }
     }
 
     fn round(&mut self) {

@@ -1,4 +1,6 @@
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Scalar, Simd, WithSimd};
+
+use crate::aligned::{Aligned, aligned, filled};
 
 /// Hyperparameters of [`Adam`]. Defaults are those of the paper (Kingma & Ba 2015) and PyTorch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +43,8 @@ pub struct Moments {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     rule: AdamRule,
-    mean: Vec<f32>,
-    square: Vec<f32>,
+    mean: Aligned<f32>,
+    square: Aligned<f32>,
     /// β₁ᵗ and β₂ᵗ.
     powers: (f64, f64),
 }
@@ -52,8 +54,8 @@ impl Adam {
     pub fn new(rule: AdamRule, parameters: usize) -> Self {
         Self {
             rule,
-            mean: vec![0.0; parameters],
-            square: vec![0.0; parameters],
+            mean: filled(0.0, parameters),
+            square: filled(0.0, parameters),
             powers: (1.0, 1.0),
         }
     }
@@ -64,12 +66,12 @@ impl Adam {
     /// If there are not as many means as mean squares.
     pub fn from_moments(rule: AdamRule, Moments { mean, square, powers }: Moments) -> Self {
         assert_eq!(mean.len(), square.len(), "both moments of every parameter");
-        Self { rule, mean, square, powers }
+        Self { rule, mean: aligned(&mean), square: aligned(&square), powers }
     }
 
     /// What it remembers: with the parameters, all that a checkpoint must hold.
     pub fn moments(&self) -> Moments {
-        Moments { mean: self.mean.clone(), square: self.square.clone(), powers: self.powers }
+        Moments { mean: self.mean.to_vec(), square: self.square.to_vec(), powers: self.powers }
     }
 
     /// The hyperparameters.
@@ -87,33 +89,71 @@ impl Adam {
     /// # Panics
     /// If the number of parameters or gradients is not that of the moments.
     pub fn step(&mut self, parameters: &mut [f32], gradients: &[f32]) {
-        assert_eq!(parameters.len(), self.mean.len(), "one moment a parameter");
         assert_eq!(gradients.len(), self.mean.len(), "one gradient a parameter");
+        Arch::new().dispatch(Whole { step: self.begin(parameters), gradients });
+    }
+
+    /// A step that takes its gradients in pieces.
+    ///
+    /// # Panics
+    /// If the number of parameters is not that of the moments.
+    pub(crate) fn begin<'a>(&'a mut self, parameters: &'a mut [f32]) -> AdamStep<'a> {
+        assert_eq!(parameters.len(), self.mean.len(), "one moment a parameter");
         let rule = self.rule;
         self.powers.0 *= rule.beta1;
         self.powers.1 *= rule.beta2;
-        Arch::new().dispatch(Step {
+        AdamStep {
             parameters,
-            gradients,
             mean: &mut self.mean,
             square: &mut self.square,
-            keep: (1.0 - rule.learning_rate * rule.weight_decay) as f32,
-            beta1: rule.beta1 as f32,
-            beta2: rule.beta2 as f32,
-            one_minus_beta1: (1.0 - rule.beta1) as f32,
-            one_minus_beta2: (1.0 - rule.beta2) as f32,
-            scaled_rate: (rule.learning_rate / (1.0 - self.powers.0)) as f32,
-            correction: (1.0 / (1.0 - self.powers.1).sqrt()) as f32,
-            epsilon: rule.epsilon as f32,
-        });
+            rates: Rates {
+                keep: (1.0 - rule.learning_rate * rule.weight_decay) as f32,
+                beta1: rule.beta1 as f32,
+                beta2: rule.beta2 as f32,
+                one_minus_beta1: (1.0 - rule.beta1) as f32,
+                one_minus_beta2: (1.0 - rule.beta2) as f32,
+                scaled_rate: (rule.learning_rate / (1.0 - self.powers.0)) as f32,
+                correction: (1.0 / (1.0 - self.powers.1).sqrt()) as f32,
+                epsilon: rule.epsilon as f32,
+            },
+        }
     }
 }
 
-struct Step<'a> {
+/// A step of [`Adam`], under way.
+pub(crate) struct AdamStep<'a> {
     parameters: &'a mut [f32],
-    gradients: &'a [f32],
     mean: &'a mut [f32],
     square: &'a mut [f32],
+    rates: Rates,
+}
+
+impl AdamStep<'_> {
+    /// What the gradients of `count` parameters from `at` on change.
+    pub(crate) fn touched(&self, at: usize, count: usize) -> [&[f32]; 3] {
+        [&self.parameters[at..][..count], &self.mean[at..][..count], &self.square[at..][..count]]
+    }
+
+    /// Follow the gradients of the parameters from `at` on.
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    pub(crate) fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
+        let places = at..at + gradients.len();
+        let parameters = S::as_mut_simd_f32s(&mut self.parameters[places.clone()]);
+        let mean = S::as_mut_simd_f32s(&mut self.mean[places.clone()]);
+        let square = S::as_mut_simd_f32s(&mut self.square[places]);
+        let gradients = S::as_simd_f32s(gradients);
+        self.rates.follow(simd, gradients.0, parameters.0, mean.0, square.0);
+        self.rates.follow(Scalar, gradients.1, parameters.1, mean.1, square.1);
+    }
+}
+
+/// What a step multiplies by.
+#[derive(Clone, Copy)]
+struct Rates {
     keep: f32,
     beta1: f32,
     beta2: f32,
@@ -124,23 +164,47 @@ struct Step<'a> {
     epsilon: f32,
 }
 
-impl NullaryFnOnce for Step<'_> {
+impl Rates {
+    #[expect(clippy::inline_always, reason = "as the step")]
+    #[inline(always)]
+    fn follow<S: Simd>(
+        self,
+        simd: S,
+        gradients: &[S::f32s],
+        parameters: &mut [S::f32s],
+        mean: &mut [S::f32s],
+        square: &mut [S::f32s],
+    ) {
+        let times = |rate: f32, values| simd.mul_f32s(simd.splat_f32s(rate), values);
+        let moments = mean.iter_mut().zip(square);
+        for ((parameter, &gradient), (mean, square)) in
+            parameters.iter_mut().zip(gradients).zip(moments)
+        {
+            let squared = simd.mul_f32s(gradient, gradient);
+            *mean = simd.add_f32s(times(self.beta1, *mean), times(self.one_minus_beta1, gradient));
+            *square =
+                simd.add_f32s(times(self.beta2, *square), times(self.one_minus_beta2, squared));
+            let root = times(self.correction, simd.sqrt_f32s(*square));
+            let scale = simd.add_f32s(root, simd.splat_f32s(self.epsilon));
+            let change = times(self.scaled_rate, simd.div_f32s(*mean, scale));
+            *parameter = simd.sub_f32s(times(self.keep, *parameter), change);
+        }
+    }
+}
+
+/// All parameters at once.
+struct Whole<'a> {
+    step: AdamStep<'a>,
+    gradients: &'a [f32],
+}
+
+impl WithSimd for Whole<'_> {
     type Output = ();
 
-    #[expect(
-        clippy::inline_always,
-        reason = "only what is inlined into the dispatch is compiled for the processor"
-    )]
+    #[expect(clippy::inline_always, reason = "as the step")]
     #[inline(always)]
-    fn call(self) {
-        let moments = self.mean.iter_mut().zip(self.square);
-        let pairs = self.parameters.iter_mut().zip(self.gradients);
-        for ((parameter, &gradient), (mean, square)) in pairs.zip(moments) {
-            *mean = self.beta1 * *mean + self.one_minus_beta1 * gradient;
-            *square = self.beta2 * *square + self.one_minus_beta2 * (gradient * gradient);
-            let scale = square.sqrt() * self.correction + self.epsilon;
-            *parameter = self.keep * *parameter - self.scaled_rate * (*mean / scale);
-        }
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.step.take(simd, 0, self.gradients);
     }
 }
 

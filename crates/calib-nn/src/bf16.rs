@@ -12,7 +12,9 @@ mod kernel;
 mod layout;
 mod network;
 mod number;
+mod processor;
 mod product;
+mod sink;
 mod steps;
 mod workspace;
 #[cfg(target_arch = "x86_64")]

@@ -31,6 +31,7 @@
 //! ```
 
 mod adam;
+mod aligned;
 mod bf16;
 mod kernels;
 mod layout;

@@ -4,6 +4,7 @@ use calib_core::Seed;
 
 use crate::{
     Workspace,
+    aligned::{Aligned, aligned},
     kernels::{add_bias, add_bias_and_rectify, mask_and_sum_rows, sum_rows},
     product::{Matrix, multiply},
 };
@@ -39,7 +40,7 @@ pub struct ParameterCountError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mlp {
     layers: Vec<Layer>,
-    parameters: Vec<f32>,
+    parameters: Aligned<f32>,
 }
 
 impl Mlp {
@@ -59,7 +60,7 @@ impl Mlp {
             let count = layer.weights.len() + layer.bias.len();
             parameters.extend((0..count).map(|_| rng.uniform(-bound, bound) as f32));
         }
-        Self { layers, parameters }
+        Self { layers, parameters: aligned(&parameters) }
     }
 
     /// A network with known parameters, in the order of [`Mlp::layers`].
@@ -76,7 +77,7 @@ impl Mlp {
         let layers = layout(sizes);
         let expected = count_of(&layers);
         if parameters.len() == expected {
-            Ok(Self { layers, parameters })
+            Ok(Self { layers, parameters: aligned(&parameters) })
         } else {
             Err(ParameterCountError { sizes: sizes.to_vec(), expected, got: parameters.len() })
         }

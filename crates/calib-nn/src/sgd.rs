@@ -1,4 +1,4 @@
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 
 /// Hyperparameters of [`Sgd`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,34 +27,74 @@ impl Sgd {
     /// If there is not one gradient a parameter.
     pub fn step(&self, parameters: &mut [f32], gradients: &[f32]) {
         assert_eq!(parameters.len(), gradients.len(), "one gradient a parameter");
-        Arch::new().dispatch(Step {
+        Arch::new().dispatch(Whole { step: self.begin(parameters), gradients });
+    }
+
+    /// A step that takes its gradients in pieces.
+    pub(crate) fn begin<'a>(&self, parameters: &'a mut [f32]) -> SgdStep<'a> {
+        SgdStep {
             parameters,
-            gradients,
             keep: (1.0 - self.rule.learning_rate * self.rule.weight_decay) as f32,
             learning_rate: self.rule.learning_rate as f32,
-        });
+        }
     }
 }
 
-struct Step<'a> {
+/// A step of [`Sgd`], under way.
+pub(crate) struct SgdStep<'a> {
     parameters: &'a mut [f32],
-    gradients: &'a [f32],
     keep: f32,
     learning_rate: f32,
 }
 
-impl NullaryFnOnce for Step<'_> {
-    type Output = ();
+impl SgdStep<'_> {
+    /// What the gradients of `count` parameters from `at` on change.
+    pub(crate) fn touched(&self, at: usize, count: usize) -> &[f32] {
+        &self.parameters[at..][..count]
+    }
 
+    /// Follow the gradients of the parameters from `at` on.
     #[expect(
         clippy::inline_always,
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    fn call(self) {
-        for (parameter, gradient) in self.parameters.iter_mut().zip(self.gradients) {
-            *parameter = self.keep * *parameter - self.learning_rate * gradient;
-        }
+    pub(crate) fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
+        let parameters = S::as_mut_simd_f32s(&mut self.parameters[at..][..gradients.len()]);
+        let gradients = S::as_simd_f32s(gradients);
+        follow(simd, self.keep, self.learning_rate, gradients.0, parameters.0);
+        follow(Scalar, self.keep, self.learning_rate, gradients.1, parameters.1);
+    }
+}
+
+#[expect(clippy::inline_always, reason = "as the step")]
+#[inline(always)]
+fn follow<S: Simd>(
+    simd: S,
+    keep: f32,
+    rate: f32,
+    gradients: &[S::f32s],
+    parameters: &mut [S::f32s],
+) {
+    for (parameter, &gradient) in parameters.iter_mut().zip(gradients) {
+        let kept = simd.mul_f32s(simd.splat_f32s(keep), *parameter);
+        *parameter = simd.sub_f32s(kept, simd.mul_f32s(simd.splat_f32s(rate), gradient));
+    }
+}
+
+/// All parameters at once.
+struct Whole<'a> {
+    step: SgdStep<'a>,
+    gradients: &'a [f32],
+}
+
+impl WithSimd for Whole<'_> {
+    type Output = ();
+
+    #[expect(clippy::inline_always, reason = "as the step")]
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.step.take(simd, 0, self.gradients);
     }
 }
 

@@ -1,4 +1,7 @@
-use crate::Mlp;
+use crate::{
+    Mlp,
+    aligned::{Aligned, filled},
+};
 
 /// Every buffer of a forward and backward pass, allocated once and reused.
 ///
@@ -7,11 +10,11 @@ use crate::Mlp;
 pub struct Workspace {
     capacity: usize,
     /// Outputs of each layer, `[capacity, outputs]`.
-    pub(crate) activations: Vec<Vec<f32>>,
+    pub(crate) activations: Vec<Aligned<f32>>,
     /// Gradients with respect to the outputs of the present and the previous layer.
-    pub(crate) deltas: [Vec<f32>; 2],
+    pub(crate) deltas: [Aligned<f32>; 2],
     /// Gradients of all parameters, in their order.
-    pub(crate) gradients: Vec<f32>,
+    pub(crate) gradients: Aligned<f32>,
 }
 
 impl Workspace {
@@ -21,9 +24,9 @@ impl Workspace {
         let widest = layers.iter().map(|layer| layer.outputs).max().unwrap_or(0);
         Self {
             capacity: rows,
-            activations: layers.iter().map(|layer| vec![0.0; rows * layer.outputs]).collect(),
-            deltas: [vec![0.0; rows * widest], vec![0.0; rows * widest]],
-            gradients: vec![0.0; network.parameter_count()],
+            activations: layers.iter().map(|layer| filled(0.0, rows * layer.outputs)).collect(),
+            deltas: [filled(0.0, rows * widest), filled(0.0, rows * widest)],
+            gradients: filled(0.0, network.parameter_count()),
         }
     }
 

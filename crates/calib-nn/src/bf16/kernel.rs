@@ -15,6 +15,9 @@ pub(super) const ROWS: usize = 8;
 #[repr(align(64))]
 pub(super) struct Tile(pub(super) [[f32; PANEL]; ROWS]);
 
+/// Half a block of pairs of so many rows.
+pub(super) type Square = [[u32; HALF]; HALF];
+
 /// Some rows of a left operand: pair p of row i is `pairs[i * row_stride + p * pair_stride]`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Left<'a> {
@@ -45,8 +48,18 @@ pub(super) trait Kernel: Copy {
     /// Vectors for everything but the sums.
     fn simd(self) -> Self::Simd;
 
+    /// These will soon be read: they may be brought near.
+    fn prefetch(self, _values: &[f32]) {}
+
     /// Pairs of two vectors, rounded, the first in the lower halves; see [`join`].
     fn join(self, first: Vector<Self>, second: Vector<Self>) -> Pairs<Self>;
+
+    /// The transpose.
+    #[expect(clippy::inline_always, reason = "as the sums")]
+    #[inline(always)]
+    fn turn(self, square: &Square) -> Square {
+        std::array::from_fn(|column| std::array::from_fn(|row| square[row][column]))
+    }
 
     /// `begin`\[j\] + Σₚ left(i, p) · panel\[p\]\[j\] for the first `COUNT` rows: to `begin` is added, for one p after the
     /// other, the product of the second numbers, then that of the first, each by a fused multiply-add.

@@ -8,9 +8,14 @@
 //!
 //! What is missing of a last pair is 0.
 
-use pulp::{Simd, WithSimd};
+use pulp::Simd;
 
-use super::number::{join, without_small};
+use super::{
+    kernel::Kernel,
+    number::without_small,
+    processor::{Processor, Task},
+};
+use crate::aligned::{Aligned, filled};
 
 /// Columns of a panel: two vectors of AVX-512.
 pub(super) const PANEL: usize = 32;
@@ -29,16 +34,16 @@ pub(super) fn half_of_block(first: usize, count: usize) -> usize {
 }
 
 /// A matrix by rows, in pairs of features: the left operand of products over its columns.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Rows {
-    pairs: Vec<[u32; HALF]>,
+    pairs: Aligned<[u32; HALF]>,
     columns: usize,
 }
 
 impl Rows {
     /// Zeros.
     pub(super) fn new(rows: usize, columns: usize) -> Self {
-        Self { pairs: vec![[0; HALF]; rows * columns.div_ceil(PANEL)], columns }
+        Self { pairs: filled([0; HALF], rows * columns.div_ceil(PANEL)), columns }
     }
 
     /// Number of features.
@@ -56,10 +61,14 @@ impl Rows {
         &self.pairs[row * self.stride()..]
     }
 
-    /// One block of a row.
-    pub(super) fn block_mut(&mut self, row: usize, block: usize) -> &mut [u32; HALF] {
+    /// One block of each row from this one on.
+    pub(super) fn blocks_mut(
+        &mut self,
+        row: usize,
+        block: usize,
+    ) -> impl Iterator<Item = &mut [u32; HALF]> {
         let stride = self.stride();
-        &mut self.pairs[row * stride + block]
+        self.pairs[row * stride + block..].iter_mut().step_by(stride)
     }
 
     /// Set the first rows to these values.
@@ -68,11 +77,11 @@ impl Rows {
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    fn fill<S: Simd>(&mut self, simd: S, values: &[f32]) {
+    fn fill<K: Kernel>(&mut self, kernel: K, values: &[f32]) {
         let (columns, stride) = (self.columns, self.stride());
         for (row, values) in self.pairs.chunks_exact_mut(stride).zip(values.chunks_exact(columns)) {
             for (pairs, values) in row.iter_mut().zip(values.chunks(PANEL)) {
-                *pairs = block_of(simd, values);
+                *pairs = block_of(kernel, values);
             }
         }
     }
@@ -81,11 +90,11 @@ impl Rows {
 /// The pairs of a block of features.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
-fn block_of<S: Simd>(simd: S, values: &[f32]) -> [u32; HALF] {
+fn block_of<K: Kernel>(kernel: K, values: &[f32]) -> [u32; HALF] {
     let half = values.len().div_ceil(2);
     match values.as_array::<PANEL>() {
-        Some(whole) => joined(simd, halves(whole)),
-        None => joined(simd, [&part(&values[..half]), &part(&values[half..])]),
+        Some(whole) => joined(kernel, halves(whole)),
+        None => joined(kernel, [&part(&values[..half]), &part(&values[half..])]),
     }
 }
 
@@ -117,14 +126,15 @@ fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] 
 /// Pairs of first and second numbers.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
-fn joined<S: Simd>(simd: S, [first, second]: [&[f32; HALF]; 2]) -> [u32; HALF] {
+fn joined<K: Kernel>(kernel: K, [first, second]: [&[f32; HALF]; 2]) -> [u32; HALF] {
+    let simd = kernel.simd();
     let mut pairs = [0; HALF];
-    let (first, second) = (S::as_simd_f32s(first).0, S::as_simd_f32s(second).0);
-    let vectors = const { HALF / S::F32_LANES };
-    let to = S::as_mut_simd_u32s(&mut pairs).0;
+    let (first, second) = (K::Simd::as_simd_f32s(first).0, K::Simd::as_simd_f32s(second).0);
+    let vectors = const { HALF / K::Simd::F32_LANES };
+    let to = K::Simd::as_mut_simd_u32s(&mut pairs).0;
     for vector in 0..vectors {
         let first = without_small(simd, first[vector]);
-        to[vector] = join(simd, first, without_small(simd, second[vector]));
+        to[vector] = kernel.join(first, without_small(simd, second[vector]));
     }
     pairs
 }
@@ -166,7 +176,7 @@ impl Pairing {
 #[derive(Clone, Debug)]
 pub(super) struct Panels {
     /// `[panels][pairs][PANEL]`.
-    blocks: Vec<[u32; PANEL]>,
+    blocks: Aligned<[u32; PANEL]>,
     pairing: Pairing,
     /// Pairs of a column.
     pairs: usize,
@@ -176,7 +186,7 @@ impl Panels {
     /// Zeros, with room for so many rows and columns.
     pub(super) fn new(pairing: Pairing, rows: usize, columns: usize) -> Self {
         let pairs = pairing.pairs(rows);
-        Self { blocks: vec![[0; PANEL]; columns.div_ceil(PANEL) * pairs], pairing, pairs }
+        Self { blocks: filled([0; PANEL], columns.div_ceil(PANEL) * pairs), pairing, pairs }
     }
 
     /// Take in so many rows from now on, at most as many as there is room for. What was there is lost.
@@ -197,7 +207,7 @@ impl Panels {
     /// Set to rows of `columns` values each.
     #[expect(clippy::inline_always, reason = "as that of rows")]
     #[inline(always)]
-    fn fill<S: Simd>(&mut self, simd: S, values: &[f32], columns: usize) {
+    fn fill<K: Kernel>(&mut self, kernel: K, values: &[f32], columns: usize) {
         let rows = values.len() / columns;
         self.set_rows(rows);
         let pairing = self.pairing;
@@ -213,8 +223,8 @@ impl Panels {
                 let lower = lower.map_or(&zeros, |lower| whole(part(lower), &mut below));
                 let ([u0, u1], [l0, l1]) = (halves(upper), halves(lower));
                 let (to, _) = block.as_chunks_mut::<HALF>();
-                to[0] = joined(simd, [u0, l0]);
-                to[1] = joined(simd, [u1, l1]);
+                to[0] = joined(kernel, [u0, l0]);
+                to[1] = joined(kernel, [u1, l1]);
             }
         }
     }
@@ -222,19 +232,20 @@ impl Panels {
     /// Set to the transpose of rows of `columns` features each: columns become rows.
     #[expect(clippy::inline_always, reason = "as that of rows")]
     #[inline(always)]
-    fn fill_transposed<S: Simd>(&mut self, simd: S, values: &[f32], columns: usize) {
+    fn fill_transposed<K: Kernel>(&mut self, kernel: K, values: &[f32], columns: usize) {
         self.set_rows(columns);
         for (panel, rows) in values.chunks(PANEL * columns).enumerate() {
             for (number, blocks) in self.panel_mut(panel).chunks_mut(HALF).enumerate() {
-                let mut square = [[0; HALF]; PANEL];
+                let mut pairs = [[0; HALF]; PANEL];
                 let last = columns.min((number + 1) * PANEL);
-                for (pairs, row) in square.iter_mut().zip(rows.chunks_exact(columns)) {
-                    *pairs = block_of(simd, &row[number * PANEL..last]);
+                for (pairs, row) in pairs.iter_mut().zip(rows.chunks_exact(columns)) {
+                    *pairs = block_of(kernel, &row[number * PANEL..last]);
                 }
+                let (squares, _) = pairs.as_chunks::<HALF>();
+                let turned = [kernel.turn(&squares[0]), kernel.turn(&squares[1])];
                 for (place, block) in blocks.iter_mut().enumerate() {
-                    for (to, pairs) in block.iter_mut().zip(&square) {
-                        *to = pairs[place];
-                    }
+                    let (to, _) = block.as_chunks_mut::<HALF>();
+                    to.copy_from_slice(&[turned[0][place], turned[1][place]]);
                 }
             }
         }
@@ -253,8 +264,8 @@ pub(super) enum Fill<'a> {
 
 impl Fill<'_> {
     /// Round and lay out.
-    pub(super) fn with(self, values: &[f32]) {
-        pulp::Arch::new().dispatch(Filling { to: self, values });
+    pub(super) fn with(self, processor: Processor, values: &[f32]) {
+        processor.run(Filling { to: self, values });
     }
 }
 
@@ -263,16 +274,17 @@ struct Filling<'a> {
     values: &'a [f32],
 }
 
-impl WithSimd for Filling<'_> {
+impl Task for Filling<'_> {
     type Output = ();
 
     #[expect(clippy::inline_always, reason = "as what it calls")]
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<K: Kernel>(self, kernel: K) {
+        let values = self.values;
         match self.to {
-            Fill::Rows(rows) => rows.fill(simd, self.values),
-            Fill::Panels(panels, columns) => panels.fill(simd, self.values, columns),
-            Fill::Transposed(panels, columns) => panels.fill_transposed(simd, self.values, columns),
+            Fill::Rows(rows) => rows.fill(kernel, values),
+            Fill::Panels(panels, columns) => panels.fill(kernel, values, columns),
+            Fill::Transposed(panels, columns) => panels.fill_transposed(kernel, values, columns),
         }
     }
 }

@@ -5,11 +5,13 @@ use pulp::Scalar;
 use super::{
     layout::{Fill, HALF, PANEL, Pairing, Panels, Rows},
     number::{bias, join, without_small},
-    product::{LeftOperand, Processor, Product},
-    steps::{Activations, Errors, Gradient},
-    workspace::{Bf16Batch, Bf16Workspace, Buffers},
+    processor::Processor,
+    product::{Dot, LeftOperand, Product},
+    sink::{Kept, Sink},
+    steps::{Activations, Errors, Gradient, Operands},
+    workspace::{Bf16Batch, Bf16Workspace, Buffers, Passes},
 };
-use crate::{Layer, Mlp};
+use crate::{Layer, Mlp, Optimiser};
 
 /// The weights of an [`Mlp`] with hidden layers and one output, rounded to bfloat16 and laid out for its products.
 ///
@@ -98,9 +100,10 @@ impl Bf16Network {
         let parameters = network.parameters();
         for (number, layer) in self.hidden.iter_mut().enumerate() {
             let weights = &parameters[layer.places.weights.clone()];
-            Fill::Panels(&mut layer.weights, layer.outputs).with(weights);
+            Fill::Panels(&mut layer.weights, layer.outputs).with(self.processor, weights);
             if number > 0 {
-                Fill::Transposed(&mut layer.transposed, layer.outputs).with(weights);
+                Fill::Transposed(&mut layer.transposed, layer.outputs)
+                    .with(self.processor, weights);
             }
             let values = &parameters[layer.places.bias.clone()];
             for (to, &value) in layer.bias.as_flattened_mut().iter_mut().zip(values) {
@@ -109,8 +112,8 @@ impl Bf16Network {
         }
         let OutputLayer { weights, transposed, bias: of_output, places } = &mut self.output;
         let values = &parameters[places.weights.clone()];
-        Fill::Rows(weights).with(values);
-        Fill::Panels(transposed, values.len()).with(values);
+        Fill::Rows(weights).with(self.processor, values);
+        Fill::Panels(transposed, values.len()).with(self.processor, values);
         *of_output = bias(parameters[places.bias.start]);
     }
 
@@ -130,7 +133,7 @@ impl Bf16Network {
         assert!(rows.end <= batch.len(), "a batch of {} rows has rows {rows:?}", batch.len());
         assert!(count <= capacity, "the workspace holds {capacity} rows, got {count}");
         let learnt = if rows.start == 0 { batch.learnt().min(count) } else { 0 };
-        let Bf16Workspace { hidden, values, .. } = workspace;
+        let Passes { hidden, values, .. } = &mut workspace.passes;
         for (number, layer) in self.hidden.iter().enumerate() {
             let (before, after) = hidden.split_at_mut(number);
             let left = match before.last() {
@@ -139,13 +142,15 @@ impl Bf16Network {
             };
             let Buffers { activations, learnt: panels, .. } = &mut after[0];
             panels.set_rows(learnt);
-            let finish = &mut Activations { bias: &layer.bias, rows: activations, panels, learnt };
+            let to = Operands { rows: activations, panels, learnt };
+            let finish = &mut Activations { bias: &layer.bias, to };
             let (right, columns) = (&layer.weights, layer.outputs);
             self.processor.run(Product { left, rows: count, right, columns, finish });
         }
         let activations = &hidden[hidden.len() - 1].activations;
+        let weights = row_of(&self.output.weights, 0);
         for (row, value) in values[..count].iter_mut().enumerate() {
-            let sum = self.processor.dot(row_of(activations, row), row_of(&self.output.weights, 0));
+            let sum = self.processor.run(Dot { a: row_of(activations, row), b: weights });
             *value = sum + self.output.bias;
         }
         &values[..count]
@@ -164,26 +169,64 @@ impl Bf16Network {
         output_gradient: &[f32],
         workspace: &'w mut Bf16Workspace,
     ) -> &'w [f32] {
+        let Bf16Workspace { passes, gradients } = workspace;
+        self.descend(batch, output_gradient, passes, &mut Kept(gradients));
+        gradients
+    }
+
+    /// One step of `optimiser` for `network`, whose parameters these are, rounded, against the gradients that
+    /// [`Bf16Network::backward`] would give; then those are rounded that the step led to.
+    ///
+    /// It is the same as to ask for the gradients, to hand them to [`Optimiser::step`] and to [`Bf16Network::set`] the
+    /// outcome, without a pass over all gradients and moments: they are followed tile by tile, as they come out of the products.
+    ///
+    /// # Panics
+    /// If there is not one value for each row that is learnt from, or not one moment a parameter.
+    pub fn learn(
+        &mut self,
+        network: &mut Mlp,
+        optimiser: &mut Optimiser,
+        batch: &Bf16Batch,
+        output_gradient: &[f32],
+        workspace: &mut Bf16Workspace,
+    ) {
+        let (parameters, passes) = (network.parameters_mut(), &mut workspace.passes);
+        match optimiser {
+            Optimiser::Adam(adam) => {
+                self.descend(batch, output_gradient, passes, &mut adam.begin(parameters));
+            }
+            Optimiser::Sgd(sgd) => {
+                self.descend(batch, output_gradient, passes, &mut sgd.begin(parameters));
+            }
+        }
+        self.set(network);
+    }
+
+    /// Hand the gradients of all parameters on.
+    fn descend<S: Sink>(
+        &self,
+        batch: &Bf16Batch,
+        output_gradient: &[f32],
+        passes: &mut Passes,
+        sink: &mut S,
+    ) {
         let count = output_gradient.len();
         assert_eq!(count, batch.learnt(), "a gradient for each row that is learnt from");
-        let Bf16Workspace { hidden, output_pairs, output_rows, gradients, .. } = workspace;
+        let Passes { hidden, output_pairs, output_rows, bias_gradient, .. } = passes;
         for (to, two) in output_pairs.iter_mut().zip(output_gradient.chunks(2)) {
             let second = two.get(1).map_or(0.0, |&second| without_small(Scalar, second));
             *to = join(Scalar, without_small(Scalar, two[0]), second);
         }
-        Fill::Rows(output_rows).with(output_gradient);
+        Fill::Rows(output_rows).with(self.processor, output_gradient);
         let OutputLayer { transposed, places, .. } = &self.output;
-        gradients[places.bias.start] = output_gradient.iter().sum();
+        sink.take(Scalar, places.bias.start, &[output_gradient.iter().sum()]);
         let last = &hidden[hidden.len() - 1];
         self.processor.run(Product {
             left: LeftOperand::Row(output_pairs),
             rows: 1,
             right: &last.learnt,
             columns: places.inputs,
-            finish: &mut Gradient {
-                values: &mut gradients[places.weights.clone()],
-                columns: places.inputs,
-            },
+            finish: &mut Gradient { sink, start: places.weights.start, columns: places.inputs },
         });
         let mut left = LeftOperand::Rows(output_rows, 0);
         let mut right = transposed;
@@ -194,12 +237,8 @@ impl Bf16Network {
             };
             let Buffers { activations, error_rows, error_panels, .. } = own;
             error_panels.set_rows(count);
-            let finish = &mut Errors {
-                activations,
-                bias_gradient: &mut gradients[layer.places.bias.clone()],
-                panels: error_panels,
-                rows: error_rows,
-            };
+            let to = Operands { rows: error_rows, panels: error_panels, learnt: count };
+            let finish = &mut Errors { activations, bias_gradient, to };
             self.processor.run(Product {
                 left,
                 rows: count,
@@ -207,19 +246,20 @@ impl Bf16Network {
                 columns: layer.outputs,
                 finish,
             });
+            let bias_gradient = &bias_gradient.as_flattened()[..layer.outputs];
+            sink.take(Scalar, layer.places.bias.start, bias_gradient);
             let inputs = before.last().map_or(&batch.panels, |before| &before.learnt);
-            let values = &mut gradients[layer.places.weights.clone()];
+            let (start, columns) = (layer.places.weights.start, layer.outputs);
             self.processor.run(Product {
                 left: LeftOperand::Columns(inputs),
                 rows: layer.inputs,
                 right: error_panels,
-                columns: layer.outputs,
-                finish: &mut Gradient { values, columns: layer.outputs },
+                columns,
+                finish: &mut Gradient { sink, start, columns },
             });
             (left, right) = (LeftOperand::Rows(error_rows, 0), &layer.transposed);
             buffers = before;
         }
-        gradients
     }
 }
 

@@ -1,12 +1,9 @@
 //! Products of tiles, and what becomes of their sums.
 
-use pulp::{Arch, Simd, WithSimd};
-
-#[cfg(target_arch = "x86_64")]
-use super::x86::Hardware;
 use super::{
-    kernel::{Fused, Kernel, Left, ROWS, Tile, Widened},
+    kernel::{Kernel, Left, ROWS, Tile},
     layout::{HALF, PANEL, Panels, Rows},
+    processor::Task,
 };
 
 /// What becomes of the sums of a tile.
@@ -16,13 +13,17 @@ pub(super) trait Finish {
         [0.0; PANEL]
     }
 
-    /// Take the sums of `rows` rows, the first of which has an even number.
+    /// The sums of `rows` rows come next.
+    fn prepare<K: Kernel>(&self, _kernel: K, _first_row: usize, _rows: usize, _panel: usize) {}
+
+    /// Take the sums of some rows, the first of which has an even number. There is room for what becomes of them: to change
+    /// them in place would be to write parts of vectors, which a processor does not read again before they are in its cache.
     fn finish<K: Kernel>(
         &mut self,
         kernel: K,
-        sums: &mut Tile,
+        sums: &[[f32; PANEL]],
+        room: &mut Tile,
         first_row: usize,
-        rows: usize,
         panel: usize,
     );
 }
@@ -67,107 +68,52 @@ pub(super) struct Product<'a, F> {
     pub(super) finish: &'a mut F,
 }
 
-/// Tile by tile: all rows with one panel of columns, then with the next one.
-#[expect(
-    clippy::inline_always,
-    reason = "only what is inlined into the dispatch is compiled for the processor"
-)]
-#[inline(always)]
-pub(super) fn run<K: Kernel, F: Finish>(kernel: K, product: Product<'_, F>) {
-    let Product { left, rows, right, columns, finish } = product;
-    let mut sums = Tile([[0.0; PANEL]; ROWS]);
-    for panel in 0..columns.div_ceil(PANEL) {
-        let (begin, right) = (finish.begin(panel), right.panel(panel));
-        for first_row in (0..rows).step_by(ROWS) {
-            let count = ROWS.min(rows - first_row);
-            let left = left.tile(first_row);
-            match count {
-                1 => kernel.sum::<1>(&begin, left, right, &mut sums),
-                2 => kernel.sum::<2>(&begin, left, right, &mut sums),
-                3 => kernel.sum::<3>(&begin, left, right, &mut sums),
-                4 => kernel.sum::<4>(&begin, left, right, &mut sums),
-                5 => kernel.sum::<5>(&begin, left, right, &mut sums),
-                6 => kernel.sum::<6>(&begin, left, right, &mut sums),
-                7 => kernel.sum::<7>(&begin, left, right, &mut sums),
-                _ => kernel.sum::<ROWS>(&begin, left, right, &mut sums),
-            }
-            finish.finish(kernel, &mut sums, first_row, count, panel);
-        }
-    }
-}
-
-/// What makes the products; the bytes are the same.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Processor {
-    /// An instruction for two products and their sums.
-    #[cfg(target_arch = "x86_64")]
-    Hardware(Hardware),
-    /// Fused multiply-adds of these vectors, or what is the same.
-    Portable(Arch),
-}
-
-impl Processor {
-    /// The fastest of this machine.
-    pub(super) fn detect() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(hardware) = Hardware::detect() {
-            return Self::Hardware(hardware);
-        }
-        Self::Portable(Arch::new())
-    }
-
-    /// All that this machine can be, the fastest first.
-    #[cfg(test)]
-    pub(super) fn all() -> Vec<Self> {
-        let mut all =
-            vec![Self::detect(), Self::Portable(Arch::new()), Self::Portable(Arch::Scalar)];
-        #[cfg(target_arch = "x86_64")]
-        all.extend(pulp::x86::V3::try_new().map(|level| Self::Portable(Arch::V3(level))));
-        all
-    }
-
-    /// Make a product.
-    pub(super) fn run<F: Finish>(self, product: Product<'_, F>) {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Hardware(hardware) => hardware.run(product),
-            Self::Portable(Arch::Scalar) => run(Widened, product),
-            Self::Portable(arch) => arch.dispatch(product),
-        }
-    }
-
-    /// The product of two rows.
-    pub(super) fn dot(self, a: &[[u32; HALF]], b: &[[u32; HALF]]) -> f32 {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Hardware(hardware) => hardware.dot(a, b),
-            Self::Portable(Arch::Scalar) => Widened.dot(a, b),
-            Self::Portable(arch) => arch.dispatch(Dot { a, b }),
-        }
-    }
-}
-
-impl<F: Finish> WithSimd for Product<'_, F> {
+impl<F: Finish> Task for Product<'_, F> {
     type Output = ();
 
-    #[expect(clippy::inline_always, reason = "as the kernel")]
+    /// Tile by tile: all rows with one panel of columns, then with the next one.
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        run(Fused(simd), self);
+    fn run<K: Kernel>(self, kernel: K) {
+        let Product { left, rows, right, columns, finish } = self;
+        let (mut sums, mut room) = (Tile([[0.0; PANEL]; ROWS]), Tile([[0.0; PANEL]; ROWS]));
+        for panel in 0..columns.div_ceil(PANEL) {
+            let (begin, right) = (finish.begin(panel), right.panel(panel));
+            for first_row in (0..rows).step_by(ROWS) {
+                let count = ROWS.min(rows - first_row);
+                let left = left.tile(first_row);
+                finish.prepare(kernel, first_row, count, panel);
+                match count {
+                    1 => kernel.sum::<1>(&begin, left, right, &mut sums),
+                    2 => kernel.sum::<2>(&begin, left, right, &mut sums),
+                    3 => kernel.sum::<3>(&begin, left, right, &mut sums),
+                    4 => kernel.sum::<4>(&begin, left, right, &mut sums),
+                    5 => kernel.sum::<5>(&begin, left, right, &mut sums),
+                    6 => kernel.sum::<6>(&begin, left, right, &mut sums),
+                    7 => kernel.sum::<7>(&begin, left, right, &mut sums),
+                    _ => kernel.sum::<ROWS>(&begin, left, right, &mut sums),
+                }
+                finish.finish(kernel, &sums.0[..count], &mut room, first_row, panel);
+            }
+        }
     }
 }
 
-struct Dot<'a> {
-    a: &'a [[u32; HALF]],
-    b: &'a [[u32; HALF]],
+/// The product of two rows.
+pub(super) struct Dot<'a> {
+    pub(super) a: &'a [[u32; HALF]],
+    pub(super) b: &'a [[u32; HALF]],
 }
 
-impl WithSimd for Dot<'_> {
+impl Task for Dot<'_> {
     type Output = f32;
 
-    #[expect(clippy::inline_always, reason = "as the kernel")]
+    #[expect(clippy::inline_always, reason = "as the product")]
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f32 {
-        Fused(simd).dot(self.a, self.b)
+    fn run<K: Kernel>(self, kernel: K) -> f32 {
+        kernel.dot(self.a, self.b)
     }
 }

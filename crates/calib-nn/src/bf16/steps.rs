@@ -7,17 +7,42 @@ use super::{
     layout::{HALF, PANEL, Panels, Rows, half_of_block, halves, part},
     number::{firsts, rectified, seconds, without_small},
     product::Finish,
+    sink::Sink,
 };
+
+/// Where numbers go as operands of the products to come.
+pub(super) struct Operands<'a> {
+    /// For products over features.
+    pub(super) rows: &'a mut Rows,
+    /// For products over rows of the batch, of the first `learnt` of which they take the numbers.
+    pub(super) panels: &'a mut Panels,
+    pub(super) learnt: usize,
+}
+
+impl Operands<'_> {
+    /// Round these rows, the first of which has an even number.
+    #[expect(clippy::inline_always, reason = "as the product")]
+    #[inline(always)]
+    fn take<K: Kernel>(
+        &mut self,
+        kernel: K,
+        numbers: &[[f32; PANEL]],
+        first_row: usize,
+        panel: usize,
+    ) {
+        into_rows(kernel, numbers, self.rows, first_row, panel);
+        if first_row < self.learnt {
+            let rows = numbers.len().min(self.learnt - first_row);
+            into_panels(kernel, &numbers[..rows], self.panels, first_row, panel);
+        }
+    }
+}
 
 /// Activations of a hidden layer: sums that begin with the bias, without what is below 0, rounded.
 pub(super) struct Activations<'a> {
     /// Filled up with zeros to whole panels.
     pub(super) bias: &'a [[f32; PANEL]],
-    /// For the next layer.
-    pub(super) rows: &'a mut Rows,
-    /// For the gradient of the next layer's weights, of the first `learnt` rows.
-    pub(super) panels: &'a mut Panels,
-    pub(super) learnt: usize,
+    pub(super) to: Operands<'a>,
 }
 
 impl Finish for Activations<'_> {
@@ -30,21 +55,18 @@ impl Finish for Activations<'_> {
     fn finish<K: Kernel>(
         &mut self,
         kernel: K,
-        sums: &mut Tile,
+        sums: &[[f32; PANEL]],
+        room: &mut Tile,
         first_row: usize,
-        rows: usize,
         panel: usize,
     ) {
-        for row in &mut sums.0[..rows] {
-            for value in K::Simd::as_mut_simd_f32s(row).0 {
-                *value = rectified(kernel.simd(), *value);
+        for (sums, values) in sums.iter().zip(&mut room.0) {
+            let sums = K::Simd::as_simd_f32s(sums).0;
+            for (value, &sum) in K::Simd::as_mut_simd_f32s(values).0.iter_mut().zip(sums) {
+                *value = rectified(kernel.simd(), sum);
             }
         }
-        into_rows(kernel, sums, self.rows, first_row, rows, panel);
-        if first_row < self.learnt {
-            let rows = rows.min(self.learnt - first_row);
-            into_panels(kernel, sums, self.panels, first_row, rows, panel);
-        }
+        self.to.take(kernel, &room.0[..sums.len()], first_row, panel);
     }
 }
 
@@ -52,11 +74,9 @@ impl Finish for Activations<'_> {
 pub(super) struct Errors<'a> {
     pub(super) activations: &'a Rows,
     /// Their sums over the rows, before they are rounded.
-    pub(super) bias_gradient: &'a mut [f32],
-    /// For the gradient of this layer's weights.
-    pub(super) panels: &'a mut Panels,
-    /// For the errors of the layer before.
-    pub(super) rows: &'a mut Rows,
+    pub(super) bias_gradient: &'a mut [[f32; PANEL]],
+    /// For the gradient of this layer's weights, and for the errors of the layer before.
+    pub(super) to: Operands<'a>,
 }
 
 impl Finish for Errors<'_> {
@@ -65,65 +85,83 @@ impl Finish for Errors<'_> {
     fn finish<K: Kernel>(
         &mut self,
         kernel: K,
-        sums: &mut Tile,
+        sums: &[[f32; PANEL]],
+        room: &mut Tile,
         first_row: usize,
-        rows: usize,
         panel: usize,
     ) {
         let simd = kernel.simd();
         let zero = simd.splat_f32s(0.0);
         let mut totals = [0.0; PANEL];
         let of_totals = K::Simd::as_mut_simd_f32s(&mut totals).0;
-        for (row, sums) in sums.0[..rows].iter_mut().enumerate() {
+        for (row, (sums, errors)) in sums.iter().zip(&mut room.0).enumerate() {
             let activations = numbers(kernel, self.activations, first_row + row, panel);
             let activations = K::Simd::as_simd_f32s(&activations).0;
-            let errors = K::Simd::as_mut_simd_f32s(sums).0;
+            let sums = K::Simd::as_simd_f32s(sums).0;
+            let errors = K::Simd::as_mut_simd_f32s(errors).0;
             for (vector, error) in errors.iter_mut().enumerate() {
                 let active = simd.greater_than_f32s(activations[vector], zero);
-                *error = without_small(simd, simd.select_f32s(active, *error, zero));
+                *error = without_small(simd, simd.select_f32s(active, sums[vector], zero));
                 of_totals[vector] = simd.add_f32s(of_totals[vector], *error);
             }
         }
-        let width = PANEL.min(self.bias_gradient.len() - panel * PANEL);
-        let bias_gradient = &mut self.bias_gradient[panel * PANEL..][..width];
+        let bias_gradient = &mut self.bias_gradient[panel];
         if first_row == 0 {
-            bias_gradient.fill(0.0);
+            *bias_gradient = [0.0; PANEL];
         }
         for (sum, total) in bias_gradient.iter_mut().zip(totals) {
             *sum += total;
         }
-        into_rows(kernel, sums, self.rows, first_row, rows, panel);
-        into_panels(kernel, sums, self.panels, first_row, rows, panel);
+        self.to.take(kernel, &room.0[..sums.len()], first_row, panel);
     }
 }
 
 /// The gradient of weights `[inputs, outputs]`.
-pub(super) struct Gradient<'a> {
-    pub(super) values: &'a mut [f32],
+pub(super) struct Gradient<'a, S> {
+    pub(super) sink: &'a mut S,
+    /// Where the weights lie among the parameters.
+    pub(super) start: usize,
     /// The outputs.
     pub(super) columns: usize,
 }
 
-impl Finish for Gradient<'_> {
+impl<S> Gradient<'_, S> {
+    /// Where the first weight of a row of a tile lies, and how many there are.
+    #[expect(clippy::inline_always, reason = "as the product")]
+    #[inline(always)]
+    fn place(&self, row: usize, panel: usize) -> (usize, usize) {
+        let first_column = panel * PANEL;
+        (self.start + row * self.columns + first_column, PANEL.min(self.columns - first_column))
+    }
+}
+
+impl<S: Sink> Finish for Gradient<'_, S> {
+    #[expect(clippy::inline_always, reason = "as the product")]
+    #[inline(always)]
+    fn prepare<K: Kernel>(&self, kernel: K, first_row: usize, rows: usize, panel: usize) {
+        for row in first_row..first_row + rows {
+            let (at, width) = self.place(row, panel);
+            self.sink.prepare(kernel, at, width);
+        }
+    }
+
     #[expect(clippy::inline_always, reason = "as the product")]
     #[inline(always)]
     fn finish<K: Kernel>(
         &mut self,
-        _kernel: K,
-        sums: &mut Tile,
+        kernel: K,
+        sums: &[[f32; PANEL]],
+        _room: &mut Tile,
         first_row: usize,
-        rows: usize,
         panel: usize,
     ) {
-        let first_column = panel * PANEL;
-        let width = PANEL.min(self.columns - first_column);
-        for (row, sums) in sums.0[..rows].iter().enumerate() {
-            let at = (first_row + row) * self.columns + first_column;
-            let to = &mut self.values[at..at + width];
-            // Whole panels are vectors; a copy of unknown length is a call.
-            match to.as_mut_array() {
-                Some(to) => *to = *sums,
-                None => to.copy_from_slice(&sums[..width]),
+        for (row, sums) in sums.iter().enumerate() {
+            let (at, width) = self.place(first_row + row, panel);
+            // Whole panels are vectors; a slice of unknown length is a loop or a call.
+            if width == PANEL {
+                self.sink.take(kernel.simd(), at, sums);
+            } else {
+                self.sink.take(kernel.simd(), at, &sums[..width]);
             }
         }
     }
@@ -156,19 +194,20 @@ fn numbers<K: Kernel>(kernel: K, rows: &Rows, row: usize, block: usize) -> [f32;
 #[inline(always)]
 fn into_rows<K: Kernel>(
     kernel: K,
-    tile: &Tile,
+    numbers: &[[f32; PANEL]],
     to: &mut Rows,
     first_row: usize,
-    rows: usize,
     block: usize,
 ) {
     let half = half_of_block(block * PANEL, to.columns());
-    for (row, numbers) in tile.0[..rows].iter().enumerate() {
-        let to = to.block_mut(first_row + row, block);
-        if half == HALF {
+    let rows = numbers.iter().zip(to.blocks_mut(first_row, block));
+    if half == HALF {
+        for (numbers, to) in rows {
             let [first, second] = halves(numbers);
             join_all(kernel, first, second, to);
-        } else {
+        }
+    } else {
+        for (numbers, to) in rows {
             join_all(kernel, &part(&numbers[..half]), &part(&numbers[half..2 * half]), to);
         }
     }
@@ -179,17 +218,18 @@ fn into_rows<K: Kernel>(
 #[inline(always)]
 fn into_panels<K: Kernel>(
     kernel: K,
-    tile: &Tile,
+    numbers: &[[f32; PANEL]],
     to: &mut Panels,
     first_row: usize,
-    rows: usize,
     panel: usize,
 ) {
-    let zeros = [0.0; PANEL];
     let to = &mut to.panel_mut(panel)[first_row / 2..];
-    for (two, to) in to.iter_mut().take(rows.div_ceil(2)).enumerate() {
-        let second = if 2 * two + 1 < rows { &tile.0[2 * two + 1] } else { &zeros };
-        join_all(kernel, &tile.0[2 * two], second, to);
+    let (pairs, last) = numbers.as_chunks::<2>();
+    for ([first, second], to) in pairs.iter().zip(&mut *to) {
+        join_all(kernel, first, second, to);
+    }
+    if let [last] = last {
+        join_all(kernel, last, &[0.0; PANEL], &mut to[pairs.len()]);
     }
 }
 

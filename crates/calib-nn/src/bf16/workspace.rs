@@ -1,9 +1,16 @@
-use super::layout::{Fill, Pairing, Panels, Rows};
-use crate::Mlp;
+use super::{
+    layout::{Fill, PANEL, Pairing, Panels, Rows},
+    processor::Processor,
+};
+use crate::{
+    Mlp,
+    aligned::{Aligned, filled},
+};
 
 /// Input rows in bfloat16, which any number of networks share.
 #[derive(Clone, Debug)]
 pub struct Bf16Batch {
+    processor: Processor,
     width: usize,
     count: usize,
     learnt: usize,
@@ -16,7 +23,7 @@ impl Bf16Batch {
     pub fn new(width: usize, rows: usize, learnt: usize) -> Self {
         let rows = Rows::new(rows, width);
         let panels = Panels::new(Pairing::Neighbours, learnt, width);
-        Self { width, count: 0, learnt: 0, rows, panels }
+        Self { processor: Processor::detect(), width, count: 0, learnt: 0, rows, panels }
     }
 
     /// Round these values, row after row; gradients will be those of the first `learnt` rows.
@@ -28,8 +35,9 @@ impl Bf16Batch {
         assert_eq!(values.len(), count * self.width, "values come in whole rows of {}", self.width);
         assert!(learnt <= count, "rows that are learnt from are among all rows");
         (self.count, self.learnt) = (count, learnt);
-        Fill::Rows(&mut self.rows).with(values);
-        Fill::Panels(&mut self.panels, self.width).with(&values[..learnt * self.width]);
+        Fill::Rows(&mut self.rows).with(self.processor, values);
+        Fill::Panels(&mut self.panels, self.width)
+            .with(self.processor, &values[..learnt * self.width]);
     }
 
     /// Number of rows.
@@ -53,14 +61,22 @@ impl Bf16Batch {
 /// Networks of the same layer sizes can share one, one after the other.
 #[derive(Clone, Debug)]
 pub struct Bf16Workspace {
+    pub(super) passes: Passes,
+    /// Gradients of all parameters, in their order.
+    pub(super) gradients: Aligned<f32>,
+}
+
+/// What both passes work in.
+#[derive(Clone, Debug)]
+pub(super) struct Passes {
     pub(super) hidden: Vec<Buffers>,
     /// Outputs of the network.
     pub(super) values: Vec<f32>,
     /// Gradients with respect to the outputs, pair after pair and as a matrix of one column.
     pub(super) output_pairs: Vec<u32>,
     pub(super) output_rows: Rows,
-    /// Gradients of all parameters, in their order.
-    pub(super) gradients: Vec<f32>,
+    /// Gradients of the biases of one layer, whole panels.
+    pub(super) bias_gradient: Vec<[f32; PANEL]>,
 }
 
 /// Of a hidden layer.
@@ -83,17 +99,19 @@ impl Bf16Workspace {
             error_rows: Rows::new(learnt, layer.outputs),
             error_panels: Panels::new(Pairing::Neighbours, learnt, layer.outputs),
         });
-        Self {
+        let widest = layers.iter().map(|layer| layer.outputs).max().unwrap_or(0);
+        let passes = Passes {
             hidden: hidden.collect(),
             values: vec![0.0; rows],
             output_pairs: vec![0; learnt.div_ceil(2)],
             output_rows: Rows::new(learnt, 1),
-            gradients: vec![0.0; network.parameter_count()],
-        }
+            bias_gradient: vec![[0.0; PANEL]; widest.div_ceil(PANEL)],
+        };
+        Self { passes, gradients: filled(0.0, network.parameter_count()) }
     }
 
     /// The most rows of a pass.
     pub fn capacity(&self) -> usize {
-        self.values.len()
+        self.passes.values.len()
     }
 }

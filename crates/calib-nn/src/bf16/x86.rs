@@ -2,9 +2,10 @@
 
 use std::{
     arch::x86_64::{
-        __m512, __m512bh, __m512i, _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps, _mm512_loadu_ps,
-        _mm512_loadu_si512, _mm512_permutexvar_epi16, _mm512_set1_epi32, _mm512_setzero_ps,
-        _mm512_storeu_ps,
+        __m512, __m512bh, __m512i, _MM_HINT_T0, _mm_prefetch, _mm512_cvtne2ps_pbh,
+        _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_permutexvar_epi16,
+        _mm512_set1_epi32, _mm512_setzero_ps, _mm512_shuffle_i32x4, _mm512_storeu_ps,
+        _mm512_unpackhi_epi32, _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
     },
     mem::transmute,
 };
@@ -12,10 +13,13 @@ use std::{
 use pulp::{f32x16, u32x16, x86::V4};
 
 use super::{
-    kernel::{Kernel, Left, Tile, by_halves},
+    kernel::{Kernel, Left, Square, Tile, by_halves},
     layout::{HALF, PANEL},
-    product::{Finish, Product, run},
+    processor::Task,
 };
+
+/// Values of a cache line.
+const LINE: usize = 16;
 
 /// That the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
@@ -27,14 +31,14 @@ impl Hardware {
         V4::try_new().filter(|_| std::is_x86_feature_detected!("avx512bf16")).map(Self)
     }
 
-    /// Make a product, all of it compiled for such a processor.
-    pub(super) fn run<F: Finish>(self, product: Product<'_, F>) {
+    /// Compute something, all of it compiled for such a processor.
+    pub(super) fn run<T: Task>(self, task: T) -> T::Output {
         #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx512bf16,fma")]
-        fn inside<F: Finish>(hardware: Hardware, product: Product<'_, F>) {
-            run(hardware, product);
+        fn inside<T: Task>(hardware: Hardware, task: T) -> T::Output {
+            task.run(hardware)
         }
         // SAFETY: there is a `Hardware` only where these features were detected.
-        unsafe { inside(self, product) }
+        unsafe { inside(self, task) }
     }
 }
 
@@ -49,9 +53,25 @@ impl Kernel for Hardware {
 
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
+    fn prefetch(self, values: &[f32]) {
+        for line in values.chunks(LINE) {
+            // SAFETY: to prefetch changes nothing, and no address is wrong.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+        }
+    }
+
+    #[expect(clippy::inline_always, reason = "as the sums")]
+    #[inline(always)]
     fn join(self, first: f32x16, second: f32x16) -> u32x16 {
         // SAFETY: there is a `Hardware` only where the features were detected.
         unsafe { join(first, second) }
+    }
+
+    #[expect(clippy::inline_always, reason = "as the sums")]
+    #[inline(always)]
+    fn turn(self, square: &Square) -> Square {
+        // SAFETY: there is a `Hardware` only where the features were detected.
+        unsafe { turn(square) }
     }
 
     #[expect(
@@ -101,6 +121,44 @@ fn join(first: f32x16, second: f32x16) -> u32x16 {
     }
 }
 
+/// Four rows of four become four columns, in each quarter of the vectors; then quarters change places in the same way.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn turn(square: &Square) -> Square {
+    const FIRSTS: i32 = 0b10_00_10_00;
+    const SECONDS: i32 = 0b11_01_11_01;
+    let rows: [__m512i; HALF] = std::array::from_fn(|row| load(&square[row]));
+    let mut fours = rows;
+    for (four, rows) in fours.as_chunks_mut::<4>().0.iter_mut().zip(rows.as_chunks::<4>().0) {
+        let [a, b, c, d] = *rows;
+        let (ab, cd) = (_mm512_unpacklo_epi32(a, b), _mm512_unpacklo_epi32(c, d));
+        let (upper_ab, upper_cd) = (_mm512_unpackhi_epi32(a, b), _mm512_unpackhi_epi32(c, d));
+        *four = [
+            _mm512_unpacklo_epi64(ab, cd),
+            _mm512_unpackhi_epi64(ab, cd),
+            _mm512_unpacklo_epi64(upper_ab, upper_cd),
+            _mm512_unpackhi_epi64(upper_ab, upper_cd),
+        ];
+    }
+    let mut turned = [[0; HALF]; HALF];
+    for column in 0..4 {
+        let [a, b, c, d] = std::array::from_fn(|four| fours[4 * four + column]);
+        let even = [_mm512_shuffle_i32x4::<FIRSTS>(a, b), _mm512_shuffle_i32x4::<FIRSTS>(c, d)];
+        let odd = [_mm512_shuffle_i32x4::<SECONDS>(a, b), _mm512_shuffle_i32x4::<SECONDS>(c, d)];
+        let quarters = [
+            _mm512_shuffle_i32x4::<FIRSTS>(even[0], even[1]),
+            _mm512_shuffle_i32x4::<FIRSTS>(odd[0], odd[1]),
+            _mm512_shuffle_i32x4::<SECONDS>(even[0], even[1]),
+            _mm512_shuffle_i32x4::<SECONDS>(odd[0], odd[1]),
+        ];
+        for (quarter, pairs) in quarters.into_iter().enumerate() {
+            // SAFETY: both are 64 bytes without invalid values.
+            turned[4 * quarter + column] = unsafe { transmute::<__m512i, [u32; HALF]>(pairs) };
+        }
+    }
+    turned
+}
+
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn single(values: f32x16) -> __m512 {
@@ -120,17 +178,19 @@ unsafe fn sum<const COUNT: usize>(
 ) {
     let Left { pairs, row_stride, pair_stride } = left;
     let mut kept = [halves(begin); COUNT];
-    let mut column = pairs.as_ptr();
+    // A pointer for each row: the address of one that waits for the sum of another is a chain as long as the products.
+    let rows: [_; COUNT] = std::array::from_fn(|row| pairs.as_ptr().wrapping_add(row * row_stride));
+    let mut at = 0;
     for block in panel {
         let block = bf16_halves(block);
-        for (row, kept) in kept.iter_mut().enumerate() {
+        for (row, kept) in rows.iter().zip(&mut kept) {
             // SAFETY: pair (row, p) lies inside `left`, as the caller promises.
-            let pair = unsafe { *column.add(row * row_stride) };
+            let pair = unsafe { *row.add(at) };
             let pair = bf16(_mm512_set1_epi32(pair.cast_signed()));
             kept[0] = _mm512_dpbf16_ps(kept[0], pair, block[0]);
             kept[1] = _mm512_dpbf16_ps(kept[1], pair, block[1]);
         }
-        column = column.wrapping_add(pair_stride);
+        at += pair_stride;
     }
     for (kept, sums) in kept.iter().zip(&mut sums.0) {
         let (first, second) = sums.split_at_mut(16);

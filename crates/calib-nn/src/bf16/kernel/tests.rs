@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use super::super::{
     layout::{Fill, Pairing, Panels, Rows, feature_pairs},
     number::{bias, without_small},
-    product::{LeftOperand, Processor, Product},
+    processor::Processor,
+    product::{Dot, LeftOperand, Product},
+    sink::Kept,
     steps::Gradient,
 };
 use super::*;
@@ -57,20 +59,20 @@ fn same(left: f32, right: f32) -> bool {
 fn assert_defined(rows: usize, inner: usize, columns: usize, range: Range) {
     let (a, b) = (values(rows * inner, range, 1), values(inner * columns, range, 2));
     let mut left = Rows::new(rows, inner);
-    Fill::Rows(&mut left).with(&a);
+    Fill::Rows(&mut left).with(Processor::detect(), &a);
     let mut right = Panels::new(Pairing::Features, inner, columns);
-    Fill::Panels(&mut right, columns).with(&b);
+    Fill::Panels(&mut right, columns).with(Processor::detect(), &b);
     let mut columns_of_left = Panels::new(Pairing::Features, inner, rows);
     let turned: Vec<f32> = (0..inner)
         .flat_map(|l| (0..rows).map(move |i| (i, l)))
         .map(|(i, l)| a[i * inner + l])
         .collect();
-    Fill::Panels(&mut columns_of_left, rows).with(&turned);
+    Fill::Panels(&mut columns_of_left, rows).with(Processor::detect(), &turned);
     let pairs = feature_pairs(inner);
     for processor in Processor::all() {
         for operand in [LeftOperand::Rows(&left, 0), LeftOperand::Columns(&columns_of_left)] {
             let mut out = vec![0.0; rows * columns];
-            let finish = &mut Gradient { values: &mut out, columns };
+            let finish = &mut Gradient { sink: &mut Kept(&mut out), start: 0, columns };
             processor.run(Product { left: operand, rows, right: &right, columns, finish });
             for i in 0..rows {
                 let row = &left.from(i).as_flattened()[..pairs];
@@ -86,7 +88,8 @@ fn assert_defined(rows: usize, inner: usize, columns: usize, range: Range) {
             }
         }
         let row = &left.from(0)[..left.stride()];
-        let dots = Processor::all().into_iter().map(|processor| processor.dot(row, row));
+        let dots =
+            Processor::all().into_iter().map(|processor| processor.run(Dot { a: row, b: row }));
         let lanes: Vec<f32> = (0..HALF)
             .map(|lane| {
                 let lane: Vec<u32> = row.iter().map(|block| block[lane]).collect();

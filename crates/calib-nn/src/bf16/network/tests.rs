@@ -2,7 +2,7 @@ use calib_core::Seed;
 use proptest::prelude::*;
 
 use super::*;
-use crate::Workspace;
+use crate::{AdamRule, SgdRule, Workspace};
 
 fn numbers(count: usize, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
@@ -69,6 +69,44 @@ proptest! {
             let other = of(processor);
             prop_assert_eq!(bits(&other.0), bits(&first.0));
             prop_assert_eq!(bits(&other.1), bits(&first.1));
+        }
+    }
+
+    #[test]
+    fn to_learn_is_to_step_along_the_gradients(
+        inputs in 1_usize..70,
+        hidden in prop::collection::vec(1_usize..70, 1..4),
+        learnt in 1_usize..40,
+        descent in any::<bool>(),
+    ) {
+        let sizes = [vec![inputs], hidden, vec![1]].concat();
+        let network = Mlp::new(&sizes, Seed::new(1));
+        let optimiser = if descent {
+            Optimiser::sgd(SgdRule { learning_rate: 0.1, weight_decay: 0.01 })
+        } else {
+            let rule = AdamRule { learning_rate: 0.1, weight_decay: 0.01, ..AdamRule::default() };
+            Optimiser::adam(rule, network.parameter_count())
+        };
+        let (input, output_gradient) = (numbers(learnt * inputs, 2), numbers(learnt, 3));
+        let mut batch = Bf16Batch::new(inputs, learnt, learnt);
+        batch.set(&input, learnt);
+        for processor in Processor::all() {
+            let mut workspace = Bf16Workspace::new(&network, learnt, learnt);
+            let (mut by_parts, mut parts) = (network.clone(), optimiser.clone());
+            let (mut at_once, mut whole) = (network.clone(), optimiser.clone());
+            let mut rounded = Bf16Network::on(processor, &network);
+            // The second step has moments, and weights that were rounded anew.
+            for _ in 0..2 {
+                let before = Bf16Network::on(processor, &by_parts);
+                let expected = before.forward(&batch, 0..learnt, &mut workspace).to_vec();
+                let gradients = before.backward(&batch, &output_gradient, &mut workspace);
+                parts.step(by_parts.parameters_mut(), gradients);
+                let outputs = rounded.forward(&batch, 0..learnt, &mut workspace);
+                prop_assert_eq!(bits(outputs), bits(&expected));
+                rounded.learn(&mut at_once, &mut whole, &batch, &output_gradient, &mut workspace);
+                prop_assert_eq!(bits(at_once.parameters()), bits(by_parts.parameters()));
+            }
+            prop_assert_eq!(&whole, &parts);
         }
     }
 
