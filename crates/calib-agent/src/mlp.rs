@@ -218,7 +218,7 @@ mod tests {
         let mut agents = MlpValues::new(&[learner], 3, 4, Seed::new(9));
         let network = |agents: &MlpValues| {
             let parameters = agents.agents[0].network.parameters().to_vec();
-            Mlp::from_parameters(&[3, 6, 6, 1], parameters).expect("as many")
+            Mlp::from_parameters(&[3, 6, 6, 1], &parameters).expect("as many")
         };
         let before = network(&agents);
         let value = |network: &Mlp, t: usize| {

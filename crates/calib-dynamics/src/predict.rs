@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_ends_a_rollout() {
         // x grows tenfold each step and leaves the range of f32 after 38 steps or so.
-        let network = Mlp::from_parameters(&[1, 1], vec![10.0, 0.0]).expect("two parameters");
+        let network = Mlp::from_parameters(&[1, 1], &[10.0, 0.0]).expect("two parameters");
         let model = FeedForward::new(network).expect("square");
         let states = States::new(vec![1.0, 0.0], 2, 1).expect("finite");
         let segments = Segments::from_lengths([2]).expect("valid");

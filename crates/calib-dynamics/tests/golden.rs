@@ -82,7 +82,7 @@ fn a_gru_predicts_what_pytorch_predicts() {
 #[test]
 fn a_feed_forward_network_learns_as_in_pytorch() {
     let golden = golden();
-    let network = Mlp::from_parameters(&golden.nn_sizes, golden.nn_parameters).expect("fits");
+    let network = Mlp::from_parameters(&golden.nn_sizes, &golden.nn_parameters).expect("fits");
     let now = |sequence: &Vec<Vec<f32>>| sequence[..sequence.len() - 1].concat();
     let inputs: Vec<f32> = golden.states.iter().flat_map(now).collect();
     let targets: Vec<f32> =

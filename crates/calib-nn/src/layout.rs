@@ -94,7 +94,7 @@ impl Mlp {
             parameters.extend(transposed(&weight.values, outputs, inputs));
             parameters.extend_from_slice(&bias.values);
         }
-        Ok(Self::from_parameters(&sizes, parameters)
+        Ok(Self::from_parameters(&sizes, &parameters)
             .unwrap_or_else(|_| unreachable!("the parameters were collected by these sizes")))
     }
 }

@@ -72,12 +72,12 @@ impl Mlp {
     /// If there are fewer than two sizes or one is zero.
     pub fn from_parameters(
         sizes: &[usize],
-        parameters: Vec<f32>,
+        parameters: &[f32],
     ) -> Result<Self, ParameterCountError> {
         let layers = layout(sizes);
         let expected = count_of(&layers);
         if parameters.len() == expected {
-            Ok(Self { layers, parameters: aligned(&parameters) })
+            Ok(Self { layers, parameters: aligned(parameters) })
         } else {
             Err(ParameterCountError { sizes: sizes.to_vec(), expected, got: parameters.len() })
         }

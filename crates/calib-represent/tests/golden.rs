@@ -86,7 +86,7 @@ fn fifty_steps_of_training_are_pytorchs() {
             steps,
             ..LaplacianConfig::default()
         };
-        let encoder = Mlp::from_parameters(&sizes, singles(&golden["parameters"])).expect("fits");
+        let encoder = Mlp::from_parameters(&sizes, &singles(&golden["parameters"])).expect("fits");
         let seed = Seed::new(0);
         let mut training =
             Training::from_encoder(&config, &states, &segments, &split, seed, encoder)

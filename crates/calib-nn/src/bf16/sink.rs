@@ -8,7 +8,7 @@ use crate::{adam::AdamStep, sgd::SgdStep};
 /// Takes the gradients of all parameters, each of them once, in any order.
 pub(super) trait Sink {
     /// Soon, those of `count` parameters from `at` on will be taken.
-    fn prepare<K: Kernel>(&self, kernel: K, at: usize, count: usize);
+    fn prepare<K: Kernel>(&self, _kernel: K, _at: usize, _count: usize) {}
 
     /// Take those of parameters from `at` on.
     fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]);
@@ -20,12 +20,7 @@ pub(super) struct Kept<'a>(pub(super) &'a mut [f32]);
 impl Sink for Kept<'_> {
     #[expect(clippy::inline_always, reason = "as the product that calls it")]
     #[inline(always)]
-    fn prepare<K: Kernel>(&self, _kernel: K, _at: usize, _count: usize) {}
-
-    #[expect(clippy::inline_always, reason = "as the product that calls it")]
-    #[inline(always)]
-    fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
-        let _ = simd;
+    fn take<S: Simd>(&mut self, _simd: S, at: usize, gradients: &[f32]) {
         self.0[at..][..gradients.len()].copy_from_slice(gradients);
     }
 }

@@ -102,9 +102,9 @@ fn weights_start_inside_pytorchs_bounds_and_depend_on_the_seed() {
 #[test]
 fn parameters_can_be_restored() {
     let network = Mlp::new(&[4, 3, 1], Seed::new(1));
-    let copy = Mlp::from_parameters(&[4, 3, 1], network.parameters().to_vec());
+    let copy = Mlp::from_parameters(&[4, 3, 1], network.parameters());
     assert_eq!(copy.as_ref(), Ok(&network));
-    let error = Mlp::from_parameters(&[4, 3, 1], vec![0.0; 18]).expect_err("one too few");
+    let error = Mlp::from_parameters(&[4, 3, 1], &[0.0; 18]).expect_err("one too few");
     assert_eq!(error.to_string(), "a network of layer sizes [4, 3, 1] has 19 parameters, got 18");
 }
 

@@ -103,7 +103,7 @@ pub(crate) fn write_agent(
     let [weights, moments] = names(sensor);
     let of = |prefix: &str, values: Vec<f32>| -> anyhow::Result<Vec<Tensor>> {
         let mut tensors =
-            Mlp::from_parameters(&layer_sizes, values)?.to_tensors(Naming::Sequential);
+            Mlp::from_parameters(&layer_sizes, &values)?.to_tensors(Naming::Sequential);
         for tensor in &mut tensors {
             tensor.name.insert_str(0, prefix);
         }

@@ -119,7 +119,7 @@ proptest! {
     ) {
         let sizes = [vec![inputs], hidden, vec![1]].concat();
         let parameters = signs(Mlp::new(&sizes, Seed::new(1)).parameter_count(), 4);
-        let network = Mlp::from_parameters(&sizes, parameters).expect("as many");
+        let network = Mlp::from_parameters(&sizes, &parameters).expect("as many");
         let (input, output_gradient) = (signs((learnt + further) * inputs, 5), signs(learnt, 6));
         let got = pass(Processor::detect(), &network, &input, &output_gradient);
         prop_assert_eq!(got, single(&network, &input, &output_gradient));
@@ -184,7 +184,7 @@ proptest! {
         let sizes = [vec![inputs], hidden, vec![1]].concat();
         let positive = |count, seed| numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect::<Vec<_>>();
         let parameters = positive(Mlp::new(&sizes, Seed::new(1)).parameter_count(), seed);
-        let network = Mlp::from_parameters(&sizes, parameters).expect("as many");
+        let network = Mlp::from_parameters(&sizes, &parameters).expect("as many");
         let (input, output_gradient) = (positive(learnt * inputs, seed ^ 5), positive(learnt, seed ^ 6));
         let (outputs, gradients) = pass(Processor::detect(), &network, &input, &output_gradient);
         let (expected, expected_gradients) = single(&network, &input, &output_gradient);
