@@ -49,7 +49,7 @@ pub(super) trait Kernel: Copy {
     fn simd(self) -> Self::Simd;
 
     /// These will soon be read: they may be brought near.
-    fn prefetch(self, _values: &[f32]) {}
+    fn prefetch<T>(self, _values: &[T]) {}
 
     /// Pairs of two vectors, rounded, the first in the lower halves; see [`join`].
     fn join(self, first: Vector<Self>, second: Vector<Self>) -> Pairs<Self>;

@@ -199,6 +199,16 @@ impl Panels {
         &self.blocks[panel * self.pairs..][..self.pairs]
     }
 
+    /// One panel, if it exists, in at most `count` parts.
+    pub(super) fn shares(
+        &self,
+        panel: usize,
+        count: usize,
+    ) -> impl Iterator<Item = &[[u32; PANEL]]> {
+        let blocks = self.blocks.get(panel * self.pairs..(panel + 1) * self.pairs);
+        blocks.unwrap_or_default().chunks(self.pairs.div_ceil(count).max(1))
+    }
+
     /// One panel, pair after pair.
     pub(super) fn panel_mut(&mut self, panel: usize) -> &mut [[u32; PANEL]] {
         &mut self.blocks[panel * self.pairs..][..self.pairs]

@@ -81,11 +81,13 @@ impl<F: Finish> Task for Product<'_, F> {
         let Product { left, rows, right, columns, finish } = self;
         let (mut sums, mut room) = (Tile([[0.0; PANEL]; ROWS]), Tile([[0.0; PANEL]; ROWS]));
         for panel in 0..columns.div_ceil(PANEL) {
+            let mut next = right.shares(panel + 1, rows.div_ceil(ROWS));
             let (begin, right) = (finish.begin(panel), right.panel(panel));
             for first_row in (0..rows).step_by(ROWS) {
                 let count = ROWS.min(rows - first_row);
                 let left = left.tile(first_row);
                 finish.prepare(kernel, first_row, count, panel);
+                next.next().into_iter().for_each(|share| kernel.prefetch(share));
                 match count {
                     1 => kernel.sum::<1>(&begin, left, right, &mut sums),
                     2 => kernel.sum::<2>(&begin, left, right, &mut sums),
@@ -96,7 +98,12 @@ impl<F: Finish> Task for Product<'_, F> {
                     7 => kernel.sum::<7>(&begin, left, right, &mut sums),
                     _ => kernel.sum::<ROWS>(&begin, left, right, &mut sums),
                 }
-                finish.finish(kernel, &sums.0[..count], &mut room, first_row, panel);
+                // Most tiles are whole: then the compiler knows how many rows there are.
+                if count == ROWS {
+                    finish.finish(kernel, &sums.0, &mut room, first_row, panel);
+                } else {
+                    finish.finish(kernel, &sums.0[..count], &mut room, first_row, panel);
+                }
             }
         }
     }

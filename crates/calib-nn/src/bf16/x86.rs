@@ -18,8 +18,8 @@ use super::{
     processor::Task,
 };
 
-/// Values of a cache line.
-const LINE: usize = 16;
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// That the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
@@ -53,10 +53,11 @@ impl Kernel for Hardware {
 
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
-    fn prefetch(self, values: &[f32]) {
-        for line in values.chunks(LINE) {
+    fn prefetch<T>(self, values: &[T]) {
+        for at in (0..size_of_val(values)).step_by(LINE) {
+            let line = values.as_ptr().wrapping_byte_add(at);
             // SAFETY: to prefetch changes nothing, and no address is wrong.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(line.cast()) };
         }
     }
 
