@@ -6,7 +6,8 @@ use std::hint::black_box;
 
 use calib_core::Seed;
 use calib_nn::{
-    Adam, AdamRule, Bf16Batch, Bf16Network, Bf16Workspace, Matrix, Mlp, Workspace, multiply,
+    Adam, AdamRule, Bf16Batch, Bf16Network, Bf16Workspace, Matrix, Mlp, Optimiser, Workspace,
+    multiply,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 use gemm::{Parallelism, gemm};
@@ -71,6 +72,13 @@ fn rounded_step(criterion: &mut Criterion) {
         });
         group.bench_function("rounding parameters", |bencher| {
             bencher.iter(|| rounded.set(&network));
+        });
+        let (mut learning, rule) = (network.clone(), AdamRule::default());
+        let mut adam = Optimiser::adam(rule, network.parameter_count());
+        group.bench_function("backward, Adam, rounding parameters", |bencher| {
+            bencher.iter(|| {
+                rounded.learn(&mut learning, &mut adam, &batch, &gradient, &mut workspace);
+            });
         });
         group.finish();
     }
