@@ -58,7 +58,13 @@ pub(super) trait Kernel: Copy {
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
     fn turn(self, square: &Square) -> Square {
-        std::array::from_fn(|column| std::array::from_fn(|row| square[row][column]))
+        let mut turned = [[0; HALF]; HALF];
+        for (column, turned) in turned.iter_mut().enumerate() {
+            for (to, row) in turned.iter_mut().zip(square) {
+                *to = row[column];
+            }
+        }
+        turned
     }
 
     /// `begin`\[j\] + Σₚ left(i, p) · panel\[p\]\[j\] for the first `COUNT` rows: to `begin` is added, for one p after the
