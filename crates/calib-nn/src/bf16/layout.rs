@@ -206,7 +206,7 @@ impl Panels {
         count: usize,
     ) -> impl Iterator<Item = &[[u32; PANEL]]> {
         let blocks = self.blocks.get(panel * self.pairs..(panel + 1) * self.pairs);
-        blocks.unwrap_or_default().chunks(self.pairs.div_ceil(count).max(1))
+        blocks.unwrap_or_default().chunks(self.pairs.div_ceil(count.max(1)).max(1))
     }
 
     /// One panel, pair after pair.

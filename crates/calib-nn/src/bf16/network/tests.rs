@@ -241,6 +241,18 @@ fn a_row_does_not_depend_on_its_company() {
 }
 
 #[test]
+fn no_rows_have_no_outputs() {
+    let network = Mlp::new(&[3, 40, 1], Seed::new(1));
+    let mut batch = Bf16Batch::new(3, 2, 0);
+    batch.set(&numbers(6, 2), 0);
+    let mut workspace = Bf16Workspace::new(&network, 2, 0);
+    for processor in Processor::all() {
+        let rounded = Bf16Network::on(processor, &network);
+        assert!(rounded.forward(&batch, 1..1, &mut workspace).is_empty());
+    }
+}
+
+#[test]
 fn the_portable_network_is_the_same() {
     let network = Mlp::new(&[21, 40, 33, 1], Seed::new(1));
     let mut batch = Bf16Batch::new(21, 9, 0);
