@@ -1,6 +1,9 @@
-use pulp::{Arch, Scalar, Simd, WithSimd};
+use pulp::{Scalar, Simd};
 
-use crate::aligned::{Aligned, aligned, filled};
+use crate::{
+    aligned::{Aligned, aligned, filled},
+    sink::{Sink, hand_over},
+};
 
 /// Hyperparameters of [`Adam`]. Defaults are those of the paper (Kingma & Ba 2015) and PyTorch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +93,7 @@ impl Adam {
     /// If the number of parameters or gradients is not that of the moments.
     pub fn step(&mut self, parameters: &mut [f32], gradients: &[f32]) {
         assert_eq!(gradients.len(), self.mean.len(), "one gradient a parameter");
-        Arch::new().dispatch(Whole { step: self.begin(parameters), gradients });
+        hand_over(self.begin(parameters), gradients);
     }
 
     /// A step that takes its gradients in pieces.
@@ -128,19 +131,18 @@ pub(crate) struct AdamStep<'a> {
     rates: Rates,
 }
 
-impl AdamStep<'_> {
-    /// What the gradients of `count` parameters from `at` on change.
-    pub(crate) fn touched(&self, at: usize, count: usize) -> [&[f32]; 3] {
-        [&self.parameters[at..][..count], &self.mean[at..][..count], &self.square[at..][..count]]
+impl Sink for AdamStep<'_> {
+    fn touched(&self, at: usize, count: usize) -> impl Iterator<Item = &[f32]> {
+        let all: [&[f32]; 3] = [self.parameters, self.mean, self.square];
+        all.into_iter().map(move |values| &values[at..][..count])
     }
 
-    /// Follow the gradients of the parameters from `at` on.
     #[expect(
         clippy::inline_always,
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    pub(crate) fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
+    fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
         let places = at..at + gradients.len();
         let parameters = S::as_mut_simd_f32s(&mut self.parameters[places.clone()]);
         let mean = S::as_mut_simd_f32s(&mut self.mean[places.clone()]);
@@ -189,22 +191,6 @@ impl Rates {
             let change = times(self.scaled_rate, simd.div_f32s(*mean, scale));
             *parameter = simd.sub_f32s(times(self.keep, *parameter), change);
         }
-    }
-}
-
-/// All parameters at once.
-struct Whole<'a> {
-    step: AdamStep<'a>,
-    gradients: &'a [f32],
-}
-
-impl WithSimd for Whole<'_> {
-    type Output = ();
-
-    #[expect(clippy::inline_always, reason = "as the step")]
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        self.step.take(simd, 0, self.gradients);
     }
 }
 

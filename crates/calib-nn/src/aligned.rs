@@ -1,7 +1,7 @@
 use aligned_vec::{AVec, ConstAlign};
 
 /// Bytes of a cache line and of the widest vectors.
-const LINE: usize = 64;
+pub(crate) const LINE: usize = 64;
 
 /// A vector that begins with a cache line, so that no vector register is loaded from two of them.
 ///

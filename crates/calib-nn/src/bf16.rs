@@ -14,7 +14,6 @@ mod network;
 mod number;
 mod processor;
 mod product;
-mod sink;
 mod steps;
 mod workspace;
 #[cfg(target_arch = "x86_64")]

@@ -40,6 +40,7 @@ mod mlp;
 mod optimiser;
 mod product;
 mod sgd;
+mod sink;
 mod workspace;
 
 pub use adam::{Adam, AdamRule, Moments};

@@ -1,4 +1,6 @@
-use pulp::{Arch, Scalar, Simd, WithSimd};
+use pulp::{Scalar, Simd};
+
+use crate::sink::{Sink, hand_over};
 
 /// Hyperparameters of [`Sgd`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +29,7 @@ impl Sgd {
     /// If there is not one gradient a parameter.
     pub fn step(&self, parameters: &mut [f32], gradients: &[f32]) {
         assert_eq!(parameters.len(), gradients.len(), "one gradient a parameter");
-        Arch::new().dispatch(Whole { step: self.begin(parameters), gradients });
+        hand_over(self.begin(parameters), gradients);
     }
 
     /// A step that takes its gradients in pieces.
@@ -47,19 +49,17 @@ pub(crate) struct SgdStep<'a> {
     learning_rate: f32,
 }
 
-impl SgdStep<'_> {
-    /// What the gradients of `count` parameters from `at` on change.
-    pub(crate) fn touched(&self, at: usize, count: usize) -> &[f32] {
-        &self.parameters[at..][..count]
+impl Sink for SgdStep<'_> {
+    fn touched(&self, at: usize, count: usize) -> impl Iterator<Item = &[f32]> {
+        std::iter::once(&self.parameters[at..][..count])
     }
 
-    /// Follow the gradients of the parameters from `at` on.
     #[expect(
         clippy::inline_always,
         reason = "only what is inlined into the dispatch is compiled for the processor"
     )]
     #[inline(always)]
-    pub(crate) fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
+    fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]) {
         let parameters = S::as_mut_simd_f32s(&mut self.parameters[at..][..gradients.len()]);
         let gradients = S::as_simd_f32s(gradients);
         follow(simd, self.keep, self.learning_rate, gradients.0, parameters.0);
@@ -79,22 +79,6 @@ fn follow<S: Simd>(
     for (parameter, &gradient) in parameters.iter_mut().zip(gradients) {
         let kept = simd.mul_f32s(simd.splat_f32s(keep), *parameter);
         *parameter = simd.sub_f32s(kept, simd.mul_f32s(simd.splat_f32s(rate), gradient));
-    }
-}
-
-/// All parameters at once.
-struct Whole<'a> {
-    step: SgdStep<'a>,
-    gradients: &'a [f32],
-}
-
-impl WithSimd for Whole<'_> {
-    type Output = ();
-
-    #[expect(clippy::inline_always, reason = "as the step")]
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        self.step.take(simd, 0, self.gradients);
     }
 }
 

@@ -7,11 +7,13 @@ use super::{
     number::{bias, join, without_small},
     processor::Processor,
     product::{Dot, LeftOperand, Product},
-    sink::{Kept, Sink},
     steps::{Activations, Errors, Gradient, Operands},
     workspace::{Bf16Batch, Bf16Workspace, Buffers, Passes},
 };
-use crate::{Layer, Mlp, Optimiser};
+use crate::{
+    Layer, Mlp, Optimiser,
+    sink::{Kept, Sink},
+};
 
 /// The weights of an [`Mlp`] with hidden layers and one output, rounded to bfloat16 and laid out for its products.
 ///

@@ -7,8 +7,8 @@ use super::{
     layout::{HALF, PANEL, Panels, Rows, half_of_block, halves, part},
     number::{firsts, rectified, seconds, without_small},
     product::Finish,
-    sink::Sink,
 };
+use crate::sink::Sink;
 
 /// Where numbers go as operands of the products to come.
 pub(super) struct Operands<'a> {
@@ -141,7 +141,7 @@ impl<S: Sink> Finish for Gradient<'_, S> {
     fn prepare<K: Kernel>(&self, kernel: K, first_row: usize, rows: usize, panel: usize) {
         for row in first_row..first_row + rows {
             let (at, width) = self.place(row, panel);
-            self.sink.prepare(kernel, at, width);
+            self.sink.touched(at, width).for_each(|values| kernel.prefetch(values));
         }
     }
 

@@ -17,9 +17,7 @@ use super::{
     layout::{HALF, PANEL},
     processor::Task,
 };
-
-/// Bytes of a cache line.
-const LINE: usize = 64;
+use crate::aligned::LINE;
 
 /// That the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] makes one.
 #[derive(Clone, Copy, Debug)]

@@ -6,10 +6,10 @@ use super::super::{
     number::{bias, without_small},
     processor::Processor,
     product::{Dot, LeftOperand, Product},
-    sink::Kept,
     steps::Gradient,
 };
 use super::*;
+use crate::sink::Kept;
 
 /// Which operands are drawn.
 #[derive(Clone, Copy, Debug)]
