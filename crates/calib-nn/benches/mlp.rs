@@ -55,6 +55,7 @@ fn rounded_step(criterion: &mut Criterion) {
     let mut workspace = Bf16Workspace::new(&network, rows, BATCH);
     let mut batch = Bf16Batch::new(SIZES[0], rows, BATCH);
     let (input, gradient) = (values(rows * SIZES[0]), values(BATCH));
+    let mut gradients = values(network.parameter_count());
     let networks = [
         ("bf16 142-256-256-1", Bf16Network::new(&network)),
         ("bf16 142-256-256-1, portable", Bf16Network::portable(&network)),
@@ -68,7 +69,10 @@ fn rounded_step(criterion: &mut Criterion) {
             bencher.iter(|| black_box(rounded.forward(&batch, 0..rows, &mut workspace)[0]));
         });
         group.bench_function("backward, 256 rows", |bencher| {
-            bencher.iter(|| black_box(rounded.backward(&batch, &gradient, &mut workspace)[0]));
+            bencher.iter(|| {
+                rounded.backward(&batch, &gradient, &mut workspace, &mut gradients);
+                black_box(gradients[0])
+            });
         });
         group.bench_function("rounding parameters", |bencher| {
             bencher.iter(|| rounded.set(&network));

@@ -8,7 +8,7 @@ use super::{
     processor::Processor,
     product::{Dot, LeftOperand, Product},
     steps::{Activations, Errors, Gradient, Operands},
-    workspace::{Bf16Batch, Bf16Workspace, Buffers, Passes},
+    workspace::{Bf16Batch, Bf16Workspace, Buffers},
 };
 use crate::{
     Layer, Mlp, Optimiser,
@@ -135,7 +135,7 @@ impl Bf16Network {
         assert!(rows.end <= batch.len(), "a batch of {} rows has rows {rows:?}", batch.len());
         assert!(count <= capacity, "the workspace holds {capacity} rows, got {count}");
         let learnt = if rows.start == 0 { batch.learnt().min(count) } else { 0 };
-        let Passes { hidden, values, .. } = &mut workspace.passes;
+        let Bf16Workspace { hidden, values, .. } = workspace;
         for (number, layer) in self.hidden.iter().enumerate() {
             let (before, after) = hidden.split_at_mut(number);
             let left = match before.last() {
@@ -158,22 +158,23 @@ impl Bf16Network {
         &values[..count]
     }
 
-    /// Gradients of all parameters, in their order, given the gradient of a loss with respect to the outputs of the rows
+    /// Set `gradients` to those of all parameters, in their order, given the gradient of a loss with respect to the outputs of the rows
     /// that are learnt from, of the latest [`Bf16Network::forward`] with this workspace.
     ///
     /// Those of biases are sums of errors that are not rounded.
     ///
     /// # Panics
-    /// If there is not one value for each row that is learnt from.
-    pub fn backward<'w>(
+    /// If there is not one value for each row that is learnt from, or not one gradient a parameter.
+    pub fn backward(
         &self,
         batch: &Bf16Batch,
         output_gradient: &[f32],
-        workspace: &'w mut Bf16Workspace,
-    ) -> &'w [f32] {
-        let Bf16Workspace { passes, gradients } = workspace;
-        self.descend(batch, output_gradient, passes, &mut Kept(gradients));
-        gradients
+        workspace: &mut Bf16Workspace,
+        gradients: &mut [f32],
+    ) {
+        let parameters = self.output.places.bias.end;
+        assert_eq!(gradients.len(), parameters, "one gradient a parameter");
+        self.descend(batch, output_gradient, workspace, &mut Kept(gradients));
     }
 
     /// One step of `optimiser` for `network`, whose parameters these are, rounded, against the gradients that
@@ -192,13 +193,13 @@ impl Bf16Network {
         output_gradient: &[f32],
         workspace: &mut Bf16Workspace,
     ) {
-        let (parameters, passes) = (network.parameters_mut(), &mut workspace.passes);
+        let parameters = network.parameters_mut();
         match optimiser {
             Optimiser::Adam(adam) => {
-                self.descend(batch, output_gradient, passes, &mut adam.begin(parameters));
+                self.descend(batch, output_gradient, workspace, &mut adam.begin(parameters));
             }
             Optimiser::Sgd(sgd) => {
-                self.descend(batch, output_gradient, passes, &mut sgd.begin(parameters));
+                self.descend(batch, output_gradient, workspace, &mut sgd.begin(parameters));
             }
         }
         self.set(network);
@@ -209,12 +210,12 @@ impl Bf16Network {
         &self,
         batch: &Bf16Batch,
         output_gradient: &[f32],
-        passes: &mut Passes,
+        workspace: &mut Bf16Workspace,
         sink: &mut S,
     ) {
         let count = output_gradient.len();
         assert_eq!(count, batch.learnt(), "a gradient for each row that is learnt from");
-        let Passes { hidden, output_pairs, output_rows, bias_gradient, .. } = passes;
+        let Bf16Workspace { hidden, output_pairs, output_rows, bias_gradient, .. } = workspace;
         for (to, two) in output_pairs.iter_mut().zip(output_gradient.chunks(2)) {
             let second = two.get(1).map_or(0.0, |&second| without_small(Scalar, second));
             *to = join(Scalar, without_small(Scalar, two[0]), second);

@@ -2,10 +2,7 @@ use super::{
     layout::{Fill, PANEL, Pairing, Panels, Rows},
     processor::Processor,
 };
-use crate::{
-    Mlp,
-    aligned::{Aligned, filled},
-};
+use crate::Mlp;
 
 /// Input rows in bfloat16, which any number of networks share.
 #[derive(Clone, Debug)]
@@ -61,14 +58,6 @@ impl Bf16Batch {
 /// Networks of the same layer sizes can share one, one after the other.
 #[derive(Clone, Debug)]
 pub struct Bf16Workspace {
-    pub(super) passes: Passes,
-    /// Gradients of all parameters, in their order.
-    pub(super) gradients: Aligned<f32>,
-}
-
-/// What both passes work in.
-#[derive(Clone, Debug)]
-pub(super) struct Passes {
     pub(super) hidden: Vec<Buffers>,
     /// Outputs of the network.
     pub(super) values: Vec<f32>,
@@ -100,18 +89,17 @@ impl Bf16Workspace {
             error_panels: Panels::new(Pairing::Neighbours, learnt, layer.outputs),
         });
         let widest = layers.iter().map(|layer| layer.outputs).max().unwrap_or(0);
-        let passes = Passes {
+        Self {
             hidden: hidden.collect(),
             values: vec![0.0; rows],
             output_pairs: vec![0; learnt.div_ceil(2)],
             output_rows: Rows::new(learnt, 1),
             bias_gradient: vec![[0.0; PANEL]; widest.div_ceil(PANEL)],
-        };
-        Self { passes, gradients: filled(0.0, network.parameter_count()) }
+        }
     }
 
     /// The most rows of a pass.
     pub fn capacity(&self) -> usize {
-        self.passes.values.len()
+        self.values.len()
     }
 }
