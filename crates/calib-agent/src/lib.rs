@@ -18,6 +18,7 @@
 //! - [`StateFile`]: unfinished training in a file.
 //! - [`Part`], [`CurveRule`]: over which steps errors are taken, and how the learning curve is sub-sampled.
 //! - [`score_predictions`]: the same errors of predictions that another agent made.
+//! - [`SimplePredictor`], [`Fitter`]: predictors without a step size, fitted on a log: what an agent has to beat.
 //! - [`RunOutcome`]: errors and the learning curve.
 //! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
 //! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns that predictions are held to.
@@ -63,6 +64,7 @@ mod pretrain;
 mod replay;
 mod returns;
 mod scoring;
+mod simple;
 mod state_file;
 mod together;
 mod traces;
@@ -86,6 +88,7 @@ pub use pretrain::{
 };
 pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
 pub use scoring::{Part, PartScore, Scores};
+pub use simple::{FittedPredictor, Fitter, SimplePredictor};
 pub use state_file::StateFile;
 pub use together::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use train::{Run, train, train_learners};

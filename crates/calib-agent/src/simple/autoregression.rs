@@ -1,0 +1,77 @@
+use calib_core::Stream;
+
+use super::{
+    FittedPredictor,
+    moments::{Folds, Target, sum},
+    solve::Square,
+};
+
+/// Numbers of values that cross-validation chooses from.
+const ORDERS: [usize; 10] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32];
+
+/// Rows that each coefficient is to have at least.
+const ROWS_EACH: usize = 20;
+
+/// Added to the diagonal, by the diagonal's mean: successive values of a slow sensor are nearly the same.
+const JITTER: f64 = 1e-9;
+
+/// The regression of `returns` on the latest values of a column whose order has the least squared error over the folds; none
+/// where the column does not move.
+pub(super) fn fit(
+    stream: &dyn Stream,
+    column: usize,
+    returns: &[f64],
+    folds: &Folds,
+) -> Option<FittedPredictor> {
+    let most = ORDERS[ORDERS.len() - 1];
+    let size = most + 1;
+    let mut starts = vec![0; stream.len()];
+    for piece in stream.pieces() {
+        starts[piece.clone()].fill(piece.start);
+    }
+    let value = |t: usize| f64::from(stream.state(t)[column]);
+    let center = folds.rows.iter().map(|&t| value(t)).sum::<f64>() / folds.rows.len() as f64;
+    // The constant comes first, so that every order is a leading block of the same matrix.
+    let write = |t: usize, to: &mut [f64]| {
+        to[0] = 1.0;
+        for lag in 0..most {
+            to[lag + 1] = value(t.saturating_sub(lag).max(starts[t])) - center;
+        }
+    };
+    let second = folds.second_moments(size, write);
+    let targets = folds.target_moments(size, write, |t| returns[t]);
+    let solve = |parts: &[usize], order: usize| {
+        let matrix = leading(&sum(&second, parts), order + 1);
+        matrix.solve(&Target::sum(&targets, parts).products[..=order])
+    };
+    let error = |order: usize| -> Option<f64> {
+        let mut total = 0.0;
+        for split in folds.splits() {
+            let mut weights = solve(&split.fitted, order)?;
+            weights.resize(size, 0.0);
+            let judged = Target::sum(&targets, &split.judged);
+            total += judged.squared_error(&sum(&second, &split.judged), &weights);
+        }
+        total.is_finite().then_some(total)
+    };
+    let orders = ORDERS.into_iter().filter(|order| order * ROWS_EACH <= folds.rows.len());
+    let errors = orders.filter_map(|order| Some((order, error(order)?)));
+    let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
+    let weights = solve(&folds.all(), best)?;
+    let lags = weights[1..].to_vec();
+    let bias = weights[0] - center * lags.iter().sum::<f64>();
+    Some(FittedPredictor::Autoregression { column, lags, bias })
+}
+
+/// The first rows and columns, with a little on the diagonal.
+fn leading(matrix: &Square, size: usize) -> Square {
+    let mut part = Square::zeros(size);
+    for row in 0..size {
+        part.row_mut(row).copy_from_slice(&matrix.row(row)[..size]);
+    }
+    let mean = (1..size).map(|row| part.row(row)[row]).sum::<f64>() / (size - 1).max(1) as f64;
+    for row in 1..size {
+        part.row_mut(row)[row] += JITTER * mean;
+    }
+    part
+}

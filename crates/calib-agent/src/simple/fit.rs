@@ -1,0 +1,279 @@
+use std::{cell::OnceCell, ops::Range};
+
+use calib_core::Stream;
+
+use super::{
+    FittedPredictor, SimplePredictor, autoregression,
+    moments::{Folds, Target, sum},
+    solve::Square,
+};
+use crate::{discounted_returns, scoring::known_returns, truncation_horizon};
+
+/// Penalties that cross-validation chooses from, by the number of rows; features are standardised. The last one leaves
+/// only what is not penalised.
+const PENALTIES: [f64; 10] = [1e6, 1e2, 10.0, 1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
+
+/// Fewer rows than this tell no more than their mean.
+const FEW_ROWS: usize = 20;
+
+/// Products that the sums of a fit take at most; of longer logs every n-th step counts.
+const MOST_PRODUCTS: usize = 2_000_000_000;
+
+/// Fits simple predictors of any column on the same rows: those whose returns are known, which takes a horizon of states
+/// that follow without a gap. Excluded states are a gap.
+pub struct Fitter<'a> {
+    stream: Remaining<'a>,
+    gamma: f64,
+    folds: Folds,
+    features: Features,
+    second: OnceCell<Vec<Square>>,
+    ahead: OnceCell<Vec<Square>>,
+}
+
+/// What is chosen between by cross-validation.
+enum Equations<'m> {
+    /// Least squares: the second moments of the features are the matrix.
+    Ridge,
+    /// Least-squares TD, with Σ x x'ᵀ.
+    Td(&'m [Square]),
+}
+
+impl<'a> Fitter<'a> {
+    /// A fitter on the states of `stream`, but for those in the ranges `excluded`.
+    ///
+    /// # Panics
+    /// If `gamma` is not in [0, 1).
+    pub fn new(stream: &'a dyn Stream, gamma: f64, excluded: &[Range<usize>]) -> Self {
+        let horizon = truncation_horizon(gamma).max(1);
+        let stream = Remaining::new(stream, excluded);
+        let known = stream.pieces().iter().flat_map(|piece| known_returns(piece, gamma));
+        let mut rows: Vec<usize> = known.collect();
+        let size = stream.width() + 1;
+        let most = (MOST_PRODUCTS / (size * size)).max(20 * size);
+        let stride = rows.len().div_ceil(most).max(1);
+        rows = rows.into_iter().step_by(stride).collect();
+        let features = Features::new(&stream, &rows);
+        let folds = Folds::new(rows, horizon);
+        Self { stream, gamma, folds, features, second: OnceCell::new(), ahead: OnceCell::new() }
+    }
+
+    /// Steps that predictors are fitted on.
+    pub fn rows(&self) -> usize {
+        self.folds.rows.len()
+    }
+
+    /// A predictor of the return of `column`. Where there are too few rows to fit more, it predicts their mean; where there
+    /// are none, 0.
+    pub fn fit(&self, predictor: SimplePredictor, column: usize) -> FittedPredictor {
+        let width = self.stream.width();
+        if predictor == SimplePredictor::Persistence {
+            let mut weights = vec![0.0; width];
+            weights[column] = 1.0 / (1.0 - self.gamma);
+            return FittedPredictor::Affine { weights, bias: 0.0 };
+        }
+        let returns = discounted_returns(&self.stream, column, self.gamma);
+        let rows = &self.folds.rows;
+        let mean = rows.iter().map(|&t| returns[t]).sum::<f64>() / rows.len().max(1) as f64;
+        let constant = FittedPredictor::Affine { weights: vec![0.0; width], bias: mean };
+        if rows.len() < FEW_ROWS {
+            return constant;
+        }
+        let fitted = match predictor {
+            SimplePredictor::Mean | SimplePredictor::Persistence => None,
+            SimplePredictor::Line => self.line(column, &returns),
+            SimplePredictor::Autoregression => {
+                autoregression::fit(&self.stream, column, &returns, &self.folds)
+            }
+            SimplePredictor::Ridge => self.linear(column, &returns, &Equations::Ridge),
+            SimplePredictor::LeastSquaresTd => {
+                self.linear(column, &returns, &Equations::Td(self.ahead()))
+            }
+        };
+        fitted.unwrap_or(constant)
+    }
+
+    fn line(&self, column: usize, returns: &[f64]) -> Option<FittedPredictor> {
+        let (mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0);
+        let count = self.folds.rows.len() as f64;
+        let (mean, scale) = (self.features.means[column], self.features.scales[column]);
+        for &t in &self.folds.rows {
+            let value = (f64::from(self.stream.state(t)[column]) - mean) * scale;
+            x += value;
+            y += returns[t];
+            xx += value * value;
+            xy += value * returns[t];
+        }
+        let spread = xx - x * x / count;
+        let slope = if spread > 0.0 { (xy - x * y / count) / spread } else { return None };
+        let mut weights = vec![0.0; self.stream.width() + 1];
+        weights[column] = slope;
+        weights[self.stream.width()] = (y - slope * x) / count;
+        Some(self.features.affine(&weights))
+    }
+
+    /// The linear predictor on all columns whose penalty has the least squared error over the folds.
+    fn linear(
+        &self,
+        column: usize,
+        returns: &[f64],
+        equations: &Equations<'_>,
+    ) -> Option<FittedPredictor> {
+        let size = self.stream.width() + 1;
+        let second = self.second();
+        let write = |t: usize, to: &mut [f64]| self.features.write(self.stream.state(t), to);
+        let targets = self.folds.target_moments(size, write, |t| returns[t]);
+        let rewards = match equations {
+            Equations::Ridge => None,
+            Equations::Td(_) => Some(
+                self.folds
+                    .target_moments(size, write, |t| f64::from(self.stream.state(t + 1)[column])),
+            ),
+        };
+        let solve = |parts: &[usize], penalty: f64| {
+            let mut matrix = sum(second, parts);
+            let right = match equations {
+                Equations::Ridge => Target::sum(&targets, parts),
+                Equations::Td(ahead) => {
+                    matrix.add(-self.gamma, &sum(ahead, parts));
+                    Target::sum(rewards.as_ref()?, parts)
+                }
+            };
+            let penalty = penalty * self.folds.count(parts) as f64;
+            for feature in 0..size - 1 {
+                let value = &mut matrix.row_mut(feature)[feature];
+                if self.features.scales[feature] == 0.0 {
+                    // A column that never moves has no equation: its weight is 0.
+                    *value = 1.0;
+                } else if feature != column {
+                    *value += penalty;
+                }
+            }
+            matrix.solve(&right.products)
+        };
+        let error = |penalty: f64| -> Option<f64> {
+            let mut total = 0.0;
+            for split in self.folds.splits() {
+                let weights = solve(&split.fitted, penalty)?;
+                let judged = Target::sum(&targets, &split.judged);
+                total += judged.squared_error(&sum(second, &split.judged), &weights);
+            }
+            total.is_finite().then_some(total)
+        };
+        let errors = PENALTIES.into_iter().filter_map(|penalty| Some((penalty, error(penalty)?)));
+        // The largest penalty of those that are alike.
+        let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
+        Some(self.features.affine(&solve(&self.folds.all(), best)?))
+    }
+
+    fn second(&self) -> &[Square] {
+        self.second.get_or_init(|| {
+            let write = |t: usize, to: &mut [f64]| self.features.write(self.stream.state(t), to);
+            self.folds.second_moments(self.stream.width() + 1, write)
+        })
+    }
+
+    fn ahead(&self) -> &[Square] {
+        self.ahead.get_or_init(|| {
+            self.folds.cross_moments(self.stream.width() + 1, |t, now, next| {
+                self.features.write(self.stream.state(t), now);
+                self.features.write(self.stream.state(t + 1), next);
+            })
+        })
+    }
+}
+
+/// Columns with mean 0 and standard deviation 1 over the rows, and a column of ones after them.
+struct Features {
+    means: Vec<f64>,
+    /// By what columns are multiplied; 0 for one that does not move.
+    scales: Vec<f64>,
+}
+
+impl Features {
+    fn new(stream: &dyn Stream, rows: &[usize]) -> Self {
+        let width = stream.width();
+        let count = rows.len().max(1) as f64;
+        let mut means = vec![0.0; width];
+        for &t in rows {
+            for (mean, &value) in means.iter_mut().zip(stream.state(t)) {
+                *mean += f64::from(value) / count;
+            }
+        }
+        let mut squares = vec![0.0; width];
+        for &t in rows {
+            for ((square, mean), &value) in squares.iter_mut().zip(&means).zip(stream.state(t)) {
+                *square += (f64::from(value) - mean).powi(2) / count;
+            }
+        }
+        // Below this a column is constant but for rounding.
+        let moves = |(square, mean): (&f64, &f64)| square.sqrt() > 1e-7 * mean.abs().max(1e-7);
+        let scale = |(square, mean)| {
+            if moves((square, mean)) { 1.0 / square.sqrt() } else { 0.0 }
+        };
+        let scales = squares.iter().zip(&means).map(scale).collect();
+        Self { means, scales }
+    }
+
+    fn write(&self, state: &[f32], to: &mut [f64]) {
+        for (((to, &value), mean), scale) in
+            to.iter_mut().zip(state).zip(&self.means).zip(&self.scales)
+        {
+            *to = (f64::from(value) - mean) * scale;
+        }
+        to[state.len()] = 1.0;
+    }
+
+    /// The predictor that has these weights on the features.
+    fn affine(&self, weights: &[f64]) -> FittedPredictor {
+        let width = self.means.len();
+        let scaled: Vec<f64> = weights[..width]
+            .iter()
+            .zip(&self.scales)
+            .map(|(weight, scale)| weight * scale)
+            .collect();
+        let shift: f64 = scaled.iter().zip(&self.means).map(|(weight, mean)| weight * mean).sum();
+        FittedPredictor::Affine { weights: scaled, bias: weights[width] - shift }
+    }
+}
+
+/// A stream without some of its states, which are gaps of it.
+struct Remaining<'a> {
+    stream: &'a dyn Stream,
+    pieces: Vec<Range<usize>>,
+}
+
+impl<'a> Remaining<'a> {
+    fn new(stream: &'a dyn Stream, excluded: &[Range<usize>]) -> Self {
+        let mut pieces = stream.pieces().to_vec();
+        for range in excluded {
+            pieces = pieces
+                .into_iter()
+                .flat_map(|piece| {
+                    let before = piece.start..piece.end.min(range.start);
+                    let after = piece.start.max(range.end)..piece.end;
+                    [before, after]
+                })
+                .filter(|piece| !piece.is_empty())
+                .collect();
+        }
+        Self { stream, pieces }
+    }
+}
+
+impl Stream for Remaining<'_> {
+    fn len(&self) -> usize {
+        self.stream.len()
+    }
+
+    fn width(&self) -> usize {
+        self.stream.width()
+    }
+
+    fn state(&self, t: usize) -> &[f32] {
+        self.stream.state(t)
+    }
+
+    fn pieces(&self) -> &[Range<usize>] {
+        &self.pieces
+    }
+}

@@ -1,0 +1,119 @@
+//! Simple predictors of a sensor's return: fitted once on recorded data, without a step size to tune.
+//!
+//! They are what an agent has to beat before it is worth deploying, and what it can start from.
+
+mod autoregression;
+mod fit;
+mod moments;
+mod solve;
+
+use calib_core::Stream;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use fit::Fitter;
+
+/// A way to predict the return `G_t = Σ_k γᵏ o_{t+k+1}` of a sensor `o` that learns nothing after the log ends.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum SimplePredictor {
+    /// The mean return of the training range.
+    Mean,
+    /// The sensor stays as it is: `o_t / (1 − γ)`. Nothing is fitted.
+    Persistence,
+    /// A line on the sensor, `a + b o_t`, by least squares.
+    Line,
+    /// Least squares on the sensor's latest values; how many is decided by cross-validation.
+    Autoregression,
+    /// Ridge regression on all columns of the state, by the penalty that cross-validation chooses. The intercept and the
+    /// predicted sensor itself are not penalised, so that a large penalty gives [`Self::Line`].
+    Ridge,
+    /// Least-squares TD on all columns of the state (Bradtke and Barto 1996): the linear predictor that TD(0) converges to.
+    /// Penalised and chosen as [`Self::Ridge`].
+    #[serde(rename = "least_squares_td")]
+    LeastSquaresTd,
+}
+
+impl SimplePredictor {
+    /// All of them, the simplest first.
+    pub const ALL: [Self; 6] = [
+        Self::Mean,
+        Self::Persistence,
+        Self::Line,
+        Self::Autoregression,
+        Self::Ridge,
+        Self::LeastSquaresTd,
+    ];
+
+    /// What it is called in text.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Mean => "the training mean",
+            Self::Persistence => "persistence",
+            Self::Line => "a line on the sensor",
+            Self::Autoregression => "an autoregression",
+            Self::Ridge => "ridge regression",
+            Self::LeastSquaresTd => "least-squares TD",
+        }
+    }
+}
+
+/// A simple predictor with the coefficients that a log gave it. Inputs are normalised states, outputs normalised returns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", tag = "form")]
+pub enum FittedPredictor {
+    /// `bias + Σ_c weights[c] s_t[c]`.
+    Affine {
+        /// One per column of the state.
+        weights: Vec<f64>,
+        /// The prediction where all columns are 0.
+        bias: f64,
+    },
+    /// `bias + Σ_k lags[k] o_{t−k}`. Before the first state of an unbroken piece the sensor counts as having had its first
+    /// value.
+    Autoregression {
+        /// The predicted column.
+        column: usize,
+        /// The coefficient of the present value, then of those before it.
+        lags: Vec<f64>,
+        /// The constant.
+        bias: f64,
+    },
+}
+
+impl FittedPredictor {
+    /// The prediction at every state of `stream`, from that state and those before it in its piece.
+    ///
+    /// # Panics
+    /// If the states are narrower than those that it was fitted on.
+    pub fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
+        let mut predictions = vec![0.0; stream.len()];
+        for piece in stream.pieces() {
+            for t in piece.clone() {
+                let value = match self {
+                    Self::Affine { weights, bias } => {
+                        let state = &stream.state(t)[..weights.len()];
+                        bias + weights
+                            .iter()
+                            .zip(state)
+                            .map(|(w, &x)| w * f64::from(x))
+                            .sum::<f64>()
+                    }
+                    Self::Autoregression { column, lags, bias } => {
+                        let earlier = |lag: usize| t.saturating_sub(lag).max(piece.start);
+                        let values = (0..lags.len())
+                            .map(|lag| f64::from(stream.state(earlier(lag))[*column]));
+                        bias + lags.iter().zip(values).map(|(w, x)| w * x).sum::<f64>()
+                    }
+                };
+                predictions[t] = value as f32;
+            }
+        }
+        predictions
+    }
+}
+
+#[cfg(test)]
+mod tests;

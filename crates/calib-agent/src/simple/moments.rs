@@ -1,0 +1,212 @@
+//! Sums over the rows that a predictor is fitted on, kept apart by folds of a cross-validation.
+
+use std::ops::Range;
+
+use super::solve::{Square, dot};
+
+/// Folds of the cross-validation.
+const FOLDS: usize = 5;
+
+/// Rows in time order, cut into folds, and each fold into a first part, a middle and a last part. The outer parts
+/// separate a fold from its neighbours: returns near the border share the same future.
+#[derive(Clone, Debug)]
+pub(super) struct Folds {
+    /// Steps that count.
+    pub(super) rows: Vec<usize>,
+    /// Positions in `rows`: three parts for each fold.
+    parts: Vec<Range<usize>>,
+}
+
+impl Folds {
+    /// Folds of `rows`, which a horizon of `gap` steps separates, or half a fold where folds are shorter than that.
+    pub(super) fn new(rows: Vec<usize>, gap: usize) -> Self {
+        let count = rows.len();
+        let mut parts = Vec::with_capacity(3 * FOLDS);
+        for fold in 0..FOLDS {
+            let fold = fold * count / FOLDS..(fold + 1) * count / FOLDS;
+            let within = &rows[fold.clone()];
+            let (mut first, mut last) = (0, 0);
+            if let (Some(&start), Some(&end)) = (within.first(), within.last()) {
+                first = within.partition_point(|&t| t < start + gap).min(within.len() / 2);
+                let after = within.partition_point(|&t| t + gap <= end);
+                last = (within.len() - after).min(within.len() / 2);
+            }
+            let first = fold.start + first;
+            let last = (fold.end - last).max(first);
+            parts.extend([fold.start..first, first..last, last..fold.end]);
+        }
+        Self { rows, parts }
+    }
+
+    /// Sums of each part, of features that `write` computes for a step.
+    pub(super) fn second_moments(
+        &self,
+        size: usize,
+        mut write: impl FnMut(usize, &mut [f64]),
+    ) -> Vec<Square> {
+        let mut features = vec![0.0; size];
+        self.each_part(|rows| {
+            let mut sums = Square::zeros(size);
+            for &t in rows {
+                write(t, &mut features);
+                for (row, &left) in features.iter().enumerate() {
+                    // The upper triangle; the lower one is mirrored once for all rows.
+                    for (sum, right) in sums.row_mut(row)[row..].iter_mut().zip(&features[row..]) {
+                        *sum += left * right;
+                    }
+                }
+            }
+            for row in 0..size {
+                for column in 0..row {
+                    sums.values[row * size + column] = sums.values[column * size + row];
+                }
+            }
+            sums
+        })
+    }
+
+    /// Sums of each part over products of two vectors of features, the first by rows.
+    pub(super) fn cross_moments(
+        &self,
+        size: usize,
+        mut write: impl FnMut(usize, &mut [f64], &mut [f64]),
+    ) -> Vec<Square> {
+        let (mut left, mut right) = (vec![0.0; size], vec![0.0; size]);
+        self.each_part(|rows| {
+            let mut sums = Square::zeros(size);
+            for &t in rows {
+                write(t, &mut left, &mut right);
+                for (row, &factor) in left.iter().enumerate() {
+                    for (sum, value) in sums.row_mut(row).iter_mut().zip(&right) {
+                        *sum += factor * value;
+                    }
+                }
+            }
+            sums
+        })
+    }
+
+    /// Sums of each part of features times a target.
+    pub(super) fn target_moments(
+        &self,
+        size: usize,
+        mut write: impl FnMut(usize, &mut [f64]),
+        target: impl Fn(usize) -> f64,
+    ) -> Vec<Target> {
+        let mut features = vec![0.0; size];
+        self.each_part(|rows| {
+            let mut sums = Target { products: vec![0.0; size], square: 0.0 };
+            for &t in rows {
+                write(t, &mut features);
+                let y = target(t);
+                for (sum, feature) in sums.products.iter_mut().zip(&features) {
+                    *sum += feature * y;
+                }
+                sums.square += y * y;
+            }
+            sums
+        })
+    }
+
+    fn each_part<T>(&self, mut sum: impl FnMut(&[usize]) -> T) -> Vec<T> {
+        self.parts.iter().map(|part| sum(&self.rows[part.clone()])).collect()
+    }
+
+    /// Rows of a set of parts.
+    pub(super) fn count(&self, parts: &[usize]) -> usize {
+        parts.iter().map(|&part| self.parts[part].len()).sum()
+    }
+
+    /// Every part.
+    pub(super) fn all(&self) -> Vec<usize> {
+        (0..self.parts.len()).collect()
+    }
+
+    /// What is fitted on and what is judged by in each fold that has both.
+    pub(super) fn splits(&self) -> Vec<Split> {
+        let split = |fold: usize| {
+            let own = 3 * fold..3 * fold + 3;
+            let apart = own.start.saturating_sub(1)..own.end + 1;
+            Split {
+                fitted: self.all().into_iter().filter(|part| !apart.contains(part)).collect(),
+                judged: own.collect(),
+            }
+        };
+        let is_usable =
+            |split: &Split| self.count(&split.fitted) > 0 && self.count(&split.judged) > 0;
+        (0..FOLDS).map(split).filter(is_usable).collect()
+    }
+}
+
+/// Parts of a fold of the cross-validation.
+#[derive(Clone, Debug)]
+pub(super) struct Split {
+    pub(super) fitted: Vec<usize>,
+    pub(super) judged: Vec<usize>,
+}
+
+/// Sums of a target over some rows.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    /// Of features times the target.
+    pub(super) products: Vec<f64>,
+    /// Of the target's square.
+    pub(super) square: f64,
+}
+
+impl Target {
+    pub(super) fn sum(all: &[Self], parts: &[usize]) -> Self {
+        let mut sum = Self { products: vec![0.0; all[0].products.len()], square: 0.0 };
+        for &part in parts {
+            for (sum, value) in sum.products.iter_mut().zip(&all[part].products) {
+                *sum += value;
+            }
+            sum.square += all[part].square;
+        }
+        sum
+    }
+
+    /// Σ (y − w · x)² over rows with these second moments.
+    pub(super) fn squared_error(&self, second: &Square, weights: &[f64]) -> f64 {
+        self.square - 2.0 * dot(&self.products, weights) + dot(weights, &second.times(weights))
+    }
+}
+
+/// The sum of some parts' moments.
+pub(super) fn sum(all: &[Square], parts: &[usize]) -> Square {
+    let mut sum = Square::zeros(all[0].size);
+    for &part in parts {
+        sum.add(1.0, &all[part]);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_separates_what_is_fitted_from_what_is_judged() {
+        let folds = Folds::new((0..1000).collect(), 30);
+        let splits = folds.splits();
+        assert_eq!(splits.len(), 5);
+        for (fold, split) in splits.iter().enumerate() {
+            let rows = |parts: &[usize]| -> Vec<usize> {
+                let ranges = parts.iter().map(|&part| folds.parts[part].clone());
+                ranges.flat_map(|range| folds.rows[range].to_vec()).collect()
+            };
+            let judged = rows(&split.judged);
+            assert_eq!(judged, (200 * fold..200 * (fold + 1)).collect::<Vec<_>>());
+            let near = |t: &usize| judged.iter().any(|of| of.abs_diff(*t) < 30);
+            assert!(!rows(&split.fitted).iter().any(near));
+        }
+    }
+
+    #[test]
+    fn folds_that_are_shorter_than_the_gap_keep_half_of_their_neighbours() {
+        let folds = Folds::new((0..100).collect(), 500);
+        let middle = &folds.splits()[2];
+        assert_eq!((folds.count(&middle.judged), folds.count(&middle.fitted)), (20, 60));
+        assert_eq!(Folds::new(vec![3, 9], 1).splits().len(), 2);
+    }
+}
