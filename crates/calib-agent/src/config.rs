@@ -4,6 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::SimplePredictor;
+
+mod baseline;
 mod external;
 
 pub use external::AgentKind;
@@ -92,6 +95,12 @@ pub struct AgentConfig {
     /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` with each
     /// unbroken piece of the stream.
     pub traces: Vec<f64>,
+    /// What the agent predicts before it has learnt anything: `"none"` (default: what its random initial weights give), or a
+    /// simple predictor that is fitted on the log: `"mean"`, `"persistence"`, `"line"`, `"autoregression"`, `"ridge"` or
+    /// `"least_squares_td"`. What the agent learns is added to it, from 0 on. Left out where it is the default.
+    #[serde(with = "baseline", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "baseline::Names", extend("default" = "none"))]
+    pub baseline: Option<SimplePredictor>,
     /// `"mlp"` (default) or `"linear"`.
     pub value_function: ValueFunction,
     /// Hidden layers of the MLP, 1 to 16. Default 2 (the paper's size is 2 × 256).
@@ -107,6 +116,11 @@ pub struct AgentConfig {
     pub optimiser: OptimiserKind,
     /// Step size, ≥ 0. Default 1e-3. What the paper sweeps. With 0 the agent predicts and does not learn.
     pub learning_rate: f64,
+    /// Updates after which the step size is half of `learning_rate`; after n updates it is `learning_rate / (1 + n / halve_after)`.
+    /// With 0 (default) it stays as it is. Left out where it is the default.
+    #[serde(skip_serializing_if = "AgentConfig::is_constant_rate")]
+    #[schemars(extend("default" = 0))]
+    pub halve_after: u64,
     /// Adam's decay of the mean of gradients, in [0, 1). Default 0.9.
     pub beta1: f64,
     /// Adam's decay of the mean of squared gradients, in [0, 1). Default 0.999.
@@ -139,12 +153,14 @@ impl Default for AgentConfig {
             states_per_message: STATES_PER_MESSAGE,
             timeout_secs: TIMEOUT_SECS,
             traces: Vec::new(),
+            baseline: None,
             value_function: ValueFunction::Mlp,
             hidden_layers: 2,
             hidden_units: 256,
             precision: Precision::F32,
             optimiser: OptimiserKind::Adam,
             learning_rate: 1e-3,
+            halve_after: 0,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-8,
@@ -254,10 +270,25 @@ impl AgentConfig {
         match (serde_json::to_value(self), serde_json::to_value(self.precision)) {
             (Ok(Value::Object(mut fields)), Ok(precision)) => {
                 fields.insert("precision".to_owned(), precision);
+                fields.insert("baseline".to_owned(), baseline::name(self.baseline).into());
+                fields.insert("halve_after".to_owned(), self.halve_after.into());
                 fields
             }
             _ => unreachable!("an agent's configuration is a table"),
         }
+    }
+
+    /// The step size after so many updates.
+    pub(crate) fn rate_after(&self, updates: usize) -> f64 {
+        match self.halve_after {
+            0 => self.learning_rate,
+            half => self.learning_rate / (1.0 + updates as f64 / half as f64),
+        }
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_constant_rate(halve_after: &u64) -> bool {
+        *halve_after == 0
     }
 
     /// What the agent sees of a state of `width` values: these and their traces.

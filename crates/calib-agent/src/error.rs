@@ -64,6 +64,16 @@ pub enum AgentError {
         /// Parameters of the value function.
         expected: usize,
     },
+    /// A baseline is not one of the stream.
+    #[error(
+        "the baseline has {got} predictions: expected {expected}, one for each state of the stream"
+    )]
+    Baseline {
+        /// Predictions there are.
+        got: usize,
+        /// States of the stream.
+        expected: usize,
+    },
     /// There is nothing to pre-train on.
     #[error(
         "pre-training requires at least {expected} transitions to learn from and one to validate on, \

@@ -46,14 +46,14 @@ fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
     let (steps, width) = (golden.states.len(), golden.states[0].len());
     let states = States::new(golden.states.concat(), steps, width).expect("valid");
     let stream = RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect());
-    let learners = [Learner { config, cumulant: golden.cumulant, start: None }];
+    let learners = [Learner { config, cumulant: golden.cumulant, start: None, baseline: None }];
     let (name, mut values): (_, Box<dyn Values>) = match config.value_function {
         ValueFunction::Mlp => {
-            let values = MlpValues::new(&learners, width, config.batch_size, Seed::new(1));
+            let values = MlpValues::new(&learners, &stream, config.batch_size, Seed::new(1));
             ("mlp", Box::new(values))
         }
         ValueFunction::Linear => {
-            ("linear", Box::new(LinearValues::new(&learners, width, Seed::new(1))))
+            ("linear", Box::new(LinearValues::new(&learners, &stream, Seed::new(1))))
         }
     };
     let parameters = golden.parameters[name].clone();

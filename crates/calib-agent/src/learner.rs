@@ -1,3 +1,4 @@
+use calib_core::Stream;
 use calib_nn::Moments;
 
 use crate::{AgentConfig, AgentError, ValueFunction};
@@ -11,6 +12,9 @@ pub struct Learner<'a> {
     pub cumulant: usize,
     /// What it starts from; `None` draws initial parameters from the run's seed.
     pub start: Option<&'a Checkpoint>,
+    /// What its value function is added to: a prediction for each state of the run's stream. The value function then
+    /// starts as 0, unless there is a checkpoint.
+    pub baseline: Option<&'a [f32]>,
 }
 
 /// A value function as training left it, for other training to start from.
@@ -40,15 +44,39 @@ pub fn parameter_count(config: &AgentConfig, width: usize) -> usize {
 }
 
 impl Learner<'_> {
-    /// Check the hyperparameters, and that the checkpoint fits them.
-    pub(crate) fn check(&self, width: usize) -> Result<(), AgentError> {
+    /// Check the hyperparameters, and that checkpoint and baseline fit them and the stream.
+    pub(crate) fn check(&self, stream: &dyn Stream) -> Result<(), AgentError> {
         self.config.check()?;
+        let width = stream.width();
+        if let Some(baseline) = self.baseline
+            && baseline.len() != stream.len()
+        {
+            return Err(AgentError::Baseline { got: baseline.len(), expected: stream.len() });
+        }
         let Some(start) = self.start else { return Ok(()) };
         let expected = parameter_count(self.config, self.config.seen_width(width));
         let moments = start.moments.as_ref().map_or(expected, |moments| moments.mean.len());
         match [start.parameters.len(), moments].into_iter().find(|&got| got != expected) {
             Some(got) => Err(AgentError::Checkpoint { got, expected }),
             None => Ok(()),
+        }
+    }
+
+    /// Whether both learn from the same numbers.
+    fn has_cumulant_of(&self, other: &Self) -> bool {
+        let address = |learner: &Self| learner.baseline.map(<[f32]>::as_ptr);
+        self.cumulant == other.cumulant && address(self) == address(other)
+    }
+
+    /// What is received on arriving at each state. That of the first state of a piece is never used.
+    fn cumulants(&self, stream: &dyn Stream) -> Vec<f32> {
+        let gamma = self.config.gamma as f32;
+        let received = |t: usize| stream.state(t)[self.cumulant];
+        match self.baseline {
+            None => (0..stream.len()).map(received).collect(),
+            Some(baseline) => (0..stream.len())
+                .map(|t| received(t) + gamma * baseline[t] - baseline[t.saturating_sub(1)])
+                .collect(),
         }
     }
 
@@ -67,24 +95,32 @@ impl Learner<'_> {
     }
 }
 
-/// The distinct columns that learners predict, and which of them each learner predicts.
+/// What value functions learn the discounted sums of: the predicted sensor, less what a baseline knows of it.
+///
+/// A value function u that is added to a baseline b has the TD error `(o' + γ b(s') − b(s)) + γ u(s') − u(s)`: that of
+/// the cumulant in brackets.
 #[derive(Clone, Debug)]
 pub(crate) struct Cumulants {
-    pub(crate) columns: Vec<usize>,
+    /// The distinct ones, each with its value on arriving at each state of the stream.
+    pub(crate) series: Vec<Vec<f32>>,
+    /// Which of them each learner has.
     pub(crate) of: Vec<usize>,
 }
 
 impl Cumulants {
-    pub(crate) fn new(learners: &[Learner<'_>]) -> Self {
-        let mut columns: Vec<usize> = vec![];
-        let of = learners.iter().map(|learner| {
-            let known = columns.iter().position(|&column| column == learner.cumulant);
-            known.unwrap_or_else(|| {
-                columns.push(learner.cumulant);
-                columns.len() - 1
-            })
-        });
-        let of = of.collect();
-        Self { columns, of }
+    pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream) -> Self {
+        let mut known: Vec<&Learner<'_>> = vec![];
+        let mut series = vec![];
+        let mut of = Vec::with_capacity(learners.len());
+        for learner in learners {
+            let same = |other: &&Learner<'_>| other.has_cumulant_of(learner);
+            let place = known.iter().position(same).unwrap_or_else(|| {
+                known.push(learner);
+                series.push(learner.cumulants(stream));
+                series.len() - 1
+            });
+            of.push(place);
+        }
+        Self { series, of }
     }
 }

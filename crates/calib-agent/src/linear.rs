@@ -1,4 +1,4 @@
-use calib_core::Seed;
+use calib_core::{Seed, Stream};
 use calib_nn::{Mlp, Moments, Optimiser};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -17,8 +17,8 @@ use crate::{
 pub(crate) struct LinearValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// The state columns that are predicted, and o' of a few transitions for each.
-    columns: Vec<usize>,
+    /// What is learnt from on arriving at each state, and that of a few transitions.
+    series: Vec<Vec<f32>>,
     cumulants: Vec<[f32; BLOCK]>,
     /// Length of (s, 1), and of (s, 1, 0 …).
     length: usize,
@@ -34,8 +34,8 @@ const BLOCK: usize = 8;
 
 struct Agent {
     config: AgentConfig,
-    /// Which of the columns it predicts.
-    sensor: usize,
+    /// Which of the series it learns from.
+    series: usize,
     weights: Vec<f32>,
     /// Bootstraps come from here, where there is one.
     target: Option<Vec<f32>>,
@@ -45,23 +45,26 @@ struct Agent {
 }
 
 impl LinearValues {
-    /// Agents of one discount factor, all with target networks or none, for states of `width` values.
-    /// Initial weights are those of a network without hidden layers.
-    pub(crate) fn new(learners: &[Learner<'_>], width: usize, seed: Seed) -> Self {
+    /// Agents of one discount factor, all with target networks or none, for the states of `stream`.
+    /// Initial weights are those of a network without hidden layers, or 0 where there is a baseline.
+    pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream, seed: Seed) -> Self {
+        let width = stream.width();
         let padded = (width + 1).next_multiple_of(LANES);
         let mut weights = Mlp::new(&[width, 1], parameter_seed(seed)).parameters().to_vec();
         weights.resize(padded, 0.0);
-        let Cumulants { columns, of } = Cumulants::new(learners);
-        let agent = |(learner, sensor): (&Learner<'_>, usize)| {
+        let Cumulants { series, of } = Cumulants::new(learners, stream);
+        let agent = |(learner, series): (&Learner<'_>, usize)| {
             let clock = TargetClock::new(learner.config.target_network_period);
+            let weights =
+                if learner.baseline.is_some() { vec![0.0; padded] } else { weights.clone() };
             Agent {
                 config: learner.config.clone(),
-                sensor,
+                series,
                 target: clock.is_on().then(|| weights.clone()),
                 clock,
                 gradient: vec![0.0; padded],
                 optimiser: optimiser(learner.config, padded),
-                weights: weights.clone(),
+                weights,
             }
         };
         let mut states = vec![0.0; BLOCK * padded];
@@ -69,8 +72,8 @@ impl LinearValues {
         Self {
             gamma: learners[0].config.gamma as f32,
             agents: learners.iter().zip(of).map(agent).collect(),
-            cumulants: vec![[0.0; BLOCK]; columns.len()],
-            columns,
+            cumulants: vec![[0.0; BLOCK]; series.len()],
+            series,
             length: width + 1,
             padded,
             states,
@@ -104,6 +107,9 @@ impl Values for LinearValues {
         Arch::new().dispatch(Pass { values: self, batch, live, learned });
         for &agent in live {
             let agent = &mut self.agents[agent];
+            if agent.config.halve_after > 0 {
+                agent.optimiser.set_learning_rate(agent.config.rate_after(agent.clock.updates()));
+            }
             agent.optimiser.step(&mut agent.weights, &agent.gradient);
             if agent.clock.tick()
                 && let Some(target) = &mut agent.target
@@ -217,7 +223,7 @@ impl Pass<'_> {
     )]
     #[inline(always)]
     fn add_gradients<S: Simd, const ROWS: usize>(&mut self, simd: S, starts: [usize; ROWS]) {
-        let LinearValues { gamma, agents, columns, cumulants, padded, states, ahead, .. } =
+        let LinearValues { gamma, agents, series, cumulants, padded, states, ahead, .. } =
             &mut *self.values;
         let stream = self.batch.stream;
         let (gamma, width, padded) = (*gamma, stream.width(), *padded);
@@ -234,9 +240,9 @@ impl Pass<'_> {
         }
         let states: [&[f32]; ROWS] = rows_of(states, padded);
         let ahead: [&[f32]; ROWS] = rows_of(ahead, padded);
-        for (cumulants, &column) in cumulants.iter_mut().zip(&*columns) {
+        for (cumulants, series) in cumulants.iter_mut().zip(&*series) {
             for (cumulant, t) in cumulants.iter_mut().zip(starts) {
-                *cumulant = stream.state(t + 1)[column];
+                *cumulant = series[t + 1];
             }
         }
         let scale = -1.0 / self.batch.starts.len() as f32;
@@ -251,7 +257,7 @@ impl Pass<'_> {
                 // or γ v(s') − v(s) at once.
                 None => (dot_products(simd, ahead, &agent.weights), [0.0; ROWS]),
             };
-            let cumulants = &cumulants[agent.sensor];
+            let cumulants = &cumulants[agent.series];
             let mut scales = [0.0; ROWS];
             for (index, scaled) in scales.iter_mut().enumerate() {
                 let td_error = cumulants[index] + bootstraps[index] - values[index];
@@ -286,9 +292,9 @@ mod tests {
     }
 
     /// One agent that predicts the first of two columns.
-    fn of(config: &AgentConfig) -> LinearValues {
-        let learner = Learner { config, cumulant: 0, start: None };
-        LinearValues::new(&[learner], 2, Seed::new(1))
+    fn of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
+        let learner = Learner { config, cumulant: 0, start: None, baseline: None };
+        LinearValues::new(&[learner], stream, Seed::new(1))
     }
 
     /// Learn from the transition that starts at `t`, as without replay.
@@ -303,7 +309,7 @@ mod tests {
     fn one_online_update_is_the_one_done_by_hand() {
         let states = States::new(vec![1.0, 0.5, 0.25, -1.0], 2, 2).expect("valid");
         let stream = RowStream::unbroken(states, vec![RowIndex::new(0), RowIndex::new(1)]);
-        let mut agents = of(&sgd(0.5, 0.5));
+        let mut agents = of(&sgd(0.5, 0.5), &stream);
         agents.agents[0].weights[..3].copy_from_slice(&[2.0, -1.0, 0.5]);
         // v(s) = 2 − 0.5 + 0.5 = 2, v(s') = 0.5 + 1 + 0.5 = 2, δ = 0.25 + 0.5 · 2 − 2 = −0.75.
         let learned = online(&mut agents, &stream, 0);
@@ -339,7 +345,7 @@ mod tests {
             }
         }
         let expected = solve(system);
-        let mut agents = of(&sgd(0.3, gamma));
+        let mut agents = of(&sgd(0.3, gamma), &stream);
         let all: Vec<usize> = (0..n - 1).collect();
         let batch = Batch { stream: &stream, starts: &all, present: None };
         for _ in 0..3_000 {

@@ -20,11 +20,11 @@ use crate::{
 pub(crate) struct MlpValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// The state columns that are predicted.
-    columns: Vec<usize>,
+    /// What is learnt from on arriving at each state of the stream.
+    series: Vec<Vec<f32>>,
     /// s of the batch, then that of the present step if asked for, then s' of the batch.
     pass: Pass,
-    /// o' of the batch, column after column.
+    /// That of the batch, series after series.
     cumulants: Vec<f32>,
     /// v(s') of the batch under the target network.
     next_values: Vec<f32>,
@@ -35,8 +35,8 @@ pub(crate) struct MlpValues {
 struct Agent {
     config: AgentConfig,
     network: Network,
-    /// Which of the columns it predicts.
-    sensor: usize,
+    /// Which of the series it learns from.
+    series: usize,
     /// Whether updates can change its parameters; otherwise it only predicts.
     learns: bool,
     /// Bootstraps come from here, where there is one.
@@ -46,23 +46,34 @@ struct Agent {
 }
 
 impl MlpValues {
-    /// Agents of one shape, discount factor and batch size, for states of `width` values.
-    pub(crate) fn new(learners: &[Learner<'_>], width: usize, batch: usize, seed: Seed) -> Self {
+    /// Agents of one shape, discount factor and batch size, for the states of `stream`.
+    pub(crate) fn new(
+        learners: &[Learner<'_>],
+        stream: &dyn Stream,
+        batch: usize,
+        seed: Seed,
+    ) -> Self {
         let shape = learners[0].config;
-        let parameters = Mlp::new(&layer_sizes(shape, width), parameter_seed(seed));
+        let parameters = Mlp::new(&layer_sizes(shape, stream.width()), parameter_seed(seed));
         let pass = Pass::new(shape.precision, &parameters, 2 * batch + 1, batch);
         let count = parameters.parameter_count();
         let network = Network::new(shape.precision, parameters);
-        let Cumulants { columns, of } = Cumulants::new(learners);
-        let agent = |(learner, sensor): (&Learner<'_>, usize)| {
+        let mut zero_output = network.clone();
+        let mut zeroed = network.parameters().to_vec();
+        // Weights and bias of the output come last. Hidden layers keep their draws, or nothing would ever be learnt.
+        zeroed[count - network.hidden_units() - 1..].fill(0.0);
+        zero_output.set_parameters(&zeroed);
+        let Cumulants { series, of } = Cumulants::new(learners, stream);
+        let agent = |(learner, series): (&Learner<'_>, usize)| {
             let clock = TargetClock::new(learner.config.target_network_period);
+            let network = if learner.baseline.is_some() { &zero_output } else { &network };
             Agent {
                 config: learner.config.clone(),
                 target: clock.is_on().then(|| network.clone()),
                 clock,
                 optimiser: optimiser(learner.config, count),
                 network: network.clone(),
-                sensor,
+                series,
                 learns: learner.learns(),
             }
         };
@@ -70,8 +81,8 @@ impl MlpValues {
             gamma: shape.gamma as f32,
             agents: learners.iter().zip(of).map(agent).collect(),
             pass,
-            cumulants: Vec::with_capacity(columns.len() * batch),
-            columns,
+            cumulants: Vec::with_capacity(series.len() * batch),
+            series,
             next_values: vec![0.0; batch],
             output_gradient: vec![0.0; batch],
         }
@@ -83,17 +94,17 @@ impl MlpValues {
         let states = starts.iter().copied().chain(present).chain(after);
         self.pass.set(states.map(|t| stream.state(t)), starts.len());
         self.cumulants.clear();
-        for &column in &self.columns {
-            self.cumulants.extend(starts.iter().map(|&t| stream.state(t + 1)[column]));
+        for series in &self.series {
+            self.cumulants.extend(starts.iter().map(|&t| series[t + 1]));
         }
     }
 
     fn learn_one(&mut self, agent: usize, present: bool) -> Learned {
-        let Self { gamma, agents, columns, pass, cumulants, .. } = self;
+        let Self { gamma, agents, series, pass, cumulants, .. } = self;
         let (next_values, output_gradient) = (&mut self.next_values, &mut self.output_gradient);
         let agent = &mut agents[agent];
-        let batch = cumulants.len() / columns.len();
-        let cumulants = &cumulants[agent.sensor * batch..][..batch];
+        let batch = cumulants.len() / series.len();
+        let cumulants = &cumulants[agent.series * batch..][..batch];
         let ahead = batch + usize::from(present);
         let values = if let Some(target) = &agent.target {
             next_values[..batch].copy_from_slice(target.values(ahead..ahead + batch, pass));
@@ -113,6 +124,9 @@ impl MlpValues {
             learned.finite &= td_error.is_finite();
             learned.squared_errors += td_error * td_error;
             *gradient = scale * td_error;
+        }
+        if agent.config.halve_after > 0 {
+            agent.optimiser.set_learning_rate(agent.config.rate_after(agent.clock.updates()));
         }
         agent.network.step(&mut agent.optimiser, gradients, pass);
         if agent.clock.tick()
@@ -214,8 +228,8 @@ mod tests {
         let states = States::new(values, 10, 3).expect("valid");
         let stream = RowStream::unbroken(states, (0..10).map(RowIndex::new).collect());
         let starts = [8, 2, 2, 5];
-        let learner = Learner { config: &config, cumulant: 1, start: None };
-        let mut agents = MlpValues::new(&[learner], 3, 4, Seed::new(9));
+        let learner = Learner { config: &config, cumulant: 1, start: None, baseline: None };
+        let mut agents = MlpValues::new(&[learner], &stream, 4, Seed::new(9));
         let network = |agents: &MlpValues| {
             let parameters = agents.agents[0].network.parameters().to_vec();
             Mlp::from_parameters(&[3, 6, 6, 1], &parameters).expect("as many")

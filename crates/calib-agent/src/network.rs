@@ -76,6 +76,11 @@ impl Network {
         Self { single: network, rounded }
     }
 
+    /// Units of the last hidden layer.
+    pub(crate) fn hidden_units(&self) -> usize {
+        self.single.layers().last().map_or(0, |output| output.inputs)
+    }
+
     pub(crate) fn parameters(&self) -> &[f32] {
         self.single.parameters()
     }

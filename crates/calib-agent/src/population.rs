@@ -3,7 +3,6 @@ use calib_core::{Seed, Stream};
 use crate::{
     AgentConfig, AgentError, Learner, ReplayKind, ValueFunction,
     keeper::ValueState,
-    learner::Cumulants,
     linear::LinearValues,
     mlp::MlpValues,
     outcome::Tracker,
@@ -13,16 +12,16 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// The value functions of learners of one kind and shape, for batches of up to `batch` transitions.
+/// The value functions of learners of one kind and shape, for batches of up to `batch` transitions of a stream.
 pub(crate) fn values_of(
     learners: &[Learner<'_>],
-    width: usize,
+    stream: &dyn Stream,
     batch: usize,
     seed: Seed,
 ) -> Box<dyn Values> {
     match learners[0].config.value_function {
-        ValueFunction::Mlp => Box::new(MlpValues::new(learners, width, batch, seed)),
-        ValueFunction::Linear => Box::new(LinearValues::new(learners, width, seed)),
+        ValueFunction::Mlp => Box::new(MlpValues::new(learners, stream, batch, seed)),
+        ValueFunction::Linear => Box::new(LinearValues::new(learners, stream, seed)),
     }
 }
 
@@ -67,22 +66,28 @@ impl<'a> Task<'a> {
 }
 
 /// The returns that the predictions of a population are held to, for each column that it predicts.
-pub(crate) struct Truth {
-    cumulants: Cumulants,
+pub(crate) struct Truth<'a> {
+    /// The column of each learner, by its place among the returns.
+    columns: Vec<usize>,
+    /// What each learner's value function is added to.
+    baselines: Vec<Option<&'a [f32]>>,
     returns: Vec<Vec<f64>>,
     /// Statistics of the returns of each column, part by part.
     scored: Vec<[Option<ScoredReturns>; Part::ALL.len()]>,
 }
 
-impl Truth {
+impl<'a> Truth<'a> {
     /// For learners that [`can_share`] with one another.
-    pub(crate) fn new(task: Task<'_>, learners: &[Learner<'_>]) -> Result<Self, AgentError> {
+    pub(crate) fn new(task: Task<'_>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Task { stream, steps, .. } = task;
         let gamma = learners[0].config.gamma;
-        let cumulants = Cumulants::new(learners);
-        let columns = cumulants.columns.iter();
+        let mut distinct: Vec<usize> = learners.iter().map(|learner| learner.cumulant).collect();
+        distinct.sort_unstable();
+        distinct.dedup();
+        let place = |learner: &Learner<'_>| distinct.partition_point(|&of| of < learner.cumulant);
+        let columns = learners.iter().map(place).collect();
         let returns: Vec<_> =
-            columns.map(|&column| discounted_returns(stream, column, gamma)).collect();
+            distinct.iter().map(|&column| discounted_returns(stream, column, gamma)).collect();
         let scored = returns
             .iter()
             .map(|returns| {
@@ -95,24 +100,30 @@ impl Truth {
                 whole.map(|_| all).ok_or_else(|| nothing_to_score(pieces, gamma, 0, steps))
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { cumulants, returns, scored })
+        let baselines = learners.iter().map(|learner| learner.baseline).collect();
+        Ok(Self { columns, baselines, returns, scored })
     }
 
     /// Statistics of the returns that `learner` predicts in one part of the run.
     pub(crate) fn scored(&self, learner: usize, part: Part) -> Option<ScoredReturns> {
-        self.scored[self.cumulants.of[learner]][part as usize]
+        self.scored[self.columns[learner]][part as usize]
     }
 
     /// The return of step `t` that `learner` predicts.
     pub(crate) fn of(&self, learner: usize, t: usize) -> f64 {
-        self.returns[self.cumulants.of[learner]][t]
+        self.returns[self.columns[learner]][t]
+    }
+
+    /// What `learner` predicts at step `t`, where its value function has this value.
+    pub(crate) fn prediction(&self, learner: usize, t: usize, value: f32) -> f32 {
+        self.baselines[learner].map_or(value, |baseline| baseline[t] + value)
     }
 }
 
 /// Agents that learn from the same mini-batches, each from its own parameters.
 pub(crate) struct Population<'a> {
     task: Task<'a>,
-    truth: &'a Truth,
+    truth: &'a Truth<'a>,
     gamma: f64,
     updates_per_step: usize,
     values: Box<dyn Values>,
@@ -130,7 +141,7 @@ impl<'a> Population<'a> {
     /// Learners that [`can_share`] with one another, with a tracker for each.
     pub(crate) fn new(
         task: Task<'a>,
-        truth: &'a Truth,
+        truth: &'a Truth<'a>,
         learners: &[Learner<'_>],
         trackers: Vec<Tracker>,
     ) -> Self {
@@ -138,7 +149,7 @@ impl<'a> Population<'a> {
         let Task { stream, seed, steps } = task;
         let replay = Replay::of_agent(shared, seed, steps);
         let batch = shared.transitions_per_update();
-        let mut values = values_of(learners, stream.width(), batch, seed);
+        let mut values = values_of(learners, stream, batch, seed);
         for (agent, learner) in learners.iter().enumerate() {
             if let Some(start) = learner.start {
                 values.restore(agent, &ValueState::from(start));
@@ -253,13 +264,14 @@ impl<'a> Population<'a> {
     fn settle(&mut self, t: usize, known: bool) {
         for (learned, &agent) in self.learned.iter().zip(&self.live) {
             let tracker = &mut self.trackers[agent];
-            if let Some(prediction) = learned.prediction
+            let prediction = learned.prediction.map(|value| self.truth.prediction(agent, t, value));
+            if let Some(prediction) = prediction
                 && known
                 && prediction.is_finite()
             {
                 tracker.record(t, prediction, self.truth.of(agent, t));
             }
-            if !learned.finite || learned.prediction.is_some_and(|value| !value.is_finite()) {
+            if !learned.finite || prediction.is_some_and(|value| !value.is_finite()) {
                 tracker.diverged = Some(t);
             }
         }

@@ -107,16 +107,16 @@ struct Course {
 ///
 /// # Panics
 /// If the learners differ in other settings than their sensors.
-pub fn pretrain(
-    training: Pretraining<'_>,
-    learners: &[Learner<'_>],
+pub fn pretrain<'a>(
+    training: Pretraining<'a>,
+    learners: &[Learner<'a>],
     file: Option<&StateFile>,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Result<Pretrained, PretrainingDiverged>>, AgentError> {
     let Pretraining { stream, settings, seed } = training;
     let Some(first) = learners.first() else { return Ok(vec![]) };
     for learner in learners {
-        learner.check(stream.width())?;
+        learner.check(stream)?;
         crate::train::check_cumulant(stream, learner.cumulant)?;
         assert!(can_share(first.config, learner.config), "learners differ in their sensors only");
     }
@@ -177,7 +177,7 @@ struct PretrainRun<'a> {
     training: Pretraining<'a>,
     groups: Vec<Group>,
     /// Of each learner.
-    validations: Vec<Validation>,
+    validations: Vec<Validation<'a>>,
     courses: Vec<Course>,
     best: Vec<Option<Checkpoint>>,
     /// Epochs done.
@@ -185,13 +185,13 @@ struct PretrainRun<'a> {
 }
 
 impl<'a> PretrainRun<'a> {
-    fn new(training: Pretraining<'a>, learners: &[Learner<'_>], validate: &[usize]) -> Self {
+    fn new(training: Pretraining<'a>, learners: &[Learner<'a>], validate: &[usize]) -> Self {
         let Pretraining { stream, seed, .. } = training;
         let of_group = learners.len().div_ceil(rayon::current_num_threads());
         let positions: Vec<usize> = (0..learners.len()).collect();
         let group = |(members, learners): (&[usize], &[Learner<'_>])| {
             let batch = learners[0].config.batch_size;
-            let mut values = values_of(learners, stream.width(), batch, seed);
+            let mut values = values_of(learners, stream, batch, seed);
             for (agent, learner) in learners.iter().enumerate() {
                 if let Some(start) = learner.start {
                     values.restore(agent, &ValueState::from(start));
@@ -199,9 +199,7 @@ impl<'a> PretrainRun<'a> {
             }
             Group { values, members: members.to_vec() }
         };
-        let validation = |learner: &Learner<'_>| {
-            Validation::new(stream, learner.cumulant, learner.config.gamma, validate)
-        };
+        let validation = |learner: &Learner<'a>| Validation::new(stream, learner, validate);
         Self {
             training,
             groups: positions.chunks(of_group).zip(learners.chunks(of_group)).map(group).collect(),

@@ -96,6 +96,12 @@ pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
     if config.kind != AgentKind::Td {
         return Err(AgentError::NotAccelerated("kind = \"external\""));
     }
+    if config.baseline.is_some() {
+        return Err(AgentError::NotAccelerated("a baseline"));
+    }
+    if config.halve_after > 0 {
+        return Err(AgentError::NotAccelerated("halve_after"));
+    }
     match (config.value_function, config.precision) {
         (ValueFunction::Mlp, Precision::F32) => Ok(()),
         (ValueFunction::Linear, _) => {

@@ -55,8 +55,10 @@ pub fn train(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
-    let learners: Vec<_> =
-        agents.iter().map(|config| Learner { config, cumulant, start: None }).collect();
+    let learners: Vec<_> = agents
+        .iter()
+        .map(|config| Learner { config, cumulant, start: None, baseline: None })
+        .collect();
     let steps = stream.len().saturating_sub(1);
     train_learners(Run { stream, steps, curve, seed }, &learners, &NoKeeper, monitor)
 }
@@ -83,7 +85,7 @@ impl Run<'_> {
             return Err(AgentError::ShortStream { steps, states: stream.len() });
         }
         for learner in learners {
-            learner.check(stream.width())?;
+            learner.check(stream)?;
             check_cumulant(stream, learner.cumulant)?;
         }
         Ok(())
@@ -219,6 +221,9 @@ impl Progress<'_> {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod baseline_tests;
 
 #[cfg(test)]
 mod side_by_side;

@@ -2,11 +2,12 @@ use std::ops::Range;
 
 use calib_core::Stream;
 
-use crate::{Epoch, scoring::known_returns};
+use crate::{Epoch, Learner, scoring::known_returns};
 
 /// The held-back transitions of one sensor. The returns that values are held to are summed anew each epoch: it costs
 /// nothing beside the predictions, and years of them need no memory.
-pub(crate) struct Validation {
+pub(crate) struct Validation<'a> {
+    baseline: Option<&'a [f32]>,
     cumulant: usize,
     gamma: f64,
     /// States from the first transition to where the last one leads, piece by piece.
@@ -15,14 +16,11 @@ pub(crate) struct Validation {
     known: Vec<Range<usize>>,
 }
 
-impl Validation {
+impl<'a> Validation<'a> {
     /// The `transitions` of `stream`, by the steps they start from, in order.
-    pub(crate) fn new(
-        stream: &dyn Stream,
-        cumulant: usize,
-        gamma: f64,
-        transitions: &[usize],
-    ) -> Self {
+    pub(crate) fn new(stream: &dyn Stream, learner: &Learner<'a>, transitions: &[usize]) -> Self {
+        let Learner { config, cumulant, baseline, .. } = *learner;
+        let gamma = config.gamma;
         let first = transitions.first().copied().unwrap_or(usize::MAX);
         let cut = |piece: &Range<usize>| piece.start.max(first).min(piece.end)..piece.end;
         let pieces = stream.pieces().iter().filter(|piece| piece.end > first.saturating_add(1));
@@ -32,7 +30,7 @@ impl Validation {
                 (cut(piece), known.start.max(first).min(known.end)..known.end)
             })
             .unzip();
-        Self { cumulant, gamma, stretches, known }
+        Self { baseline, cumulant, gamma, stretches, known }
     }
 
     /// The epoch of a learner whose values of some steps `predict` appends.
@@ -49,6 +47,11 @@ impl Validation {
         for (stretch, known) in self.stretches.iter().zip(&self.known) {
             values.clear();
             predict(stretch.clone(), &mut values);
+            if let Some(baseline) = self.baseline {
+                for (value, known) in values.iter_mut().zip(&baseline[stretch.clone()]) {
+                    *value += known;
+                }
+            }
             // From the end of the piece, so that G_t = o_{t+1} + γ G_{t+1} follows from the step before.
             let mut following = 0.0;
             for (t, pair) in stretch.clone().zip(values.windows(2)).rev() {

@@ -77,6 +77,11 @@ impl Adam {
         Moments { mean: self.mean.to_vec(), square: self.square.to_vec(), powers: self.powers }
     }
 
+    /// Go on with another step size.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.rule.learning_rate = learning_rate;
+    }
+
     /// The hyperparameters.
     pub fn rule(&self) -> AdamRule {
         self.rule

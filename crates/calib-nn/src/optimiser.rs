@@ -37,6 +37,14 @@ impl Optimiser {
         Self::Sgd(Sgd::new(rule))
     }
 
+    /// Go on with another step size.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        match self {
+            Self::Adam(adam) => adam.set_learning_rate(learning_rate),
+            Self::Sgd(sgd) => sgd.set_learning_rate(learning_rate),
+        }
+    }
+
     /// One step of `parameters` against `gradients`. Allocates nothing.
     ///
     /// # Panics

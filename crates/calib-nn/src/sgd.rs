@@ -23,6 +23,11 @@ impl Sgd {
         Self { rule }
     }
 
+    /// Go on with another step size.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.rule.learning_rate = learning_rate;
+    }
+
     /// One step against `gradients`.
     ///
     /// # Panics

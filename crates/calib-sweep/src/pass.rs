@@ -69,7 +69,12 @@ impl Pass<'_, '_> {
             .flat_map(|job| {
                 let (cumulant, start) = (job.column, job.start.map(|start| &start.checkpoint));
                 let agents = job.agents.iter();
-                agents.map(move |candidate| Learner { config: &candidate.agent, cumulant, start })
+                agents.map(move |candidate| Learner {
+                    config: &candidate.agent,
+                    cumulant,
+                    start,
+                    baseline: None,
+                })
             })
             .collect()
     }

@@ -81,7 +81,7 @@ fn errors_of_every_part_are_numpys() {
         ..AgentConfig::default()
     };
     let start = Checkpoint { parameters: weights, moments: None };
-    let learner = Learner { config: &config, cumulant: 0, start: Some(&start) };
+    let learner = Learner { config: &config, cumulant: 0, start: Some(&start), baseline: None };
     let run = Run { stream: &stream, steps, curve: CurveRule { windows: 0 }, seed: Seed::new(1) };
     let outcome = train_learners(run, &[learner], &NoKeeper, &Silent).expect("trains");
     for part in Part::ALL {

@@ -37,7 +37,7 @@ fn main() {
         ..AgentConfig::default()
     };
     let agents: Vec<AgentConfig> = (0..learners).map(agent).collect();
-    let of = |config| Learner { config, cumulant: 0, start: None };
+    let of = |config| Learner { config, cumulant: 0, start: None, baseline: None };
     let all: Vec<Learner<'_>> = agents.iter().map(of).collect();
     let choice = if place == "native" { "cpu" } else { &place };
     let choice = choice.parse().expect("cpu, cuda or native");

@@ -95,7 +95,12 @@ fn runs_side_by_side_are_what_they_are_alone() {
     let learners: Vec<_> = [0, 2]
         .iter()
         .flat_map(|&cumulant| {
-            agents.iter().map(move |config| Learner { config, cumulant, start: None })
+            agents.iter().map(move |config| Learner {
+                config,
+                cumulant,
+                start: None,
+                baseline: None,
+            })
         })
         .collect();
     let together =
@@ -125,7 +130,12 @@ fn a_checkpoint_is_where_learning_starts() {
     let learners: Vec<_> = configs
         .iter()
         .flat_map(|config| {
-            [None, Some(&bare), Some(&whole)].map(|start| Learner { config, cumulant: 1, start })
+            [None, Some(&bare), Some(&whole)].map(|start| Learner {
+                config,
+                cumulant: 1,
+                start,
+                baseline: None,
+            })
         })
         .collect();
     let run = run(&stream, 190, 5);
@@ -141,8 +151,10 @@ fn what_diverges_does_so_at_about_the_same_step_and_alone() {
     let sgd =
         |learning_rate| AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate, ..network() };
     let agents = [sgd(1e8), sgd(0.01), sgd(30.0)];
-    let learners: Vec<_> =
-        agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
+    let learners: Vec<_> = agents
+        .iter()
+        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
+        .collect();
     let run = run(&stream, 190, 6);
     let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
     let native = alone(run, &learners);
@@ -161,7 +173,7 @@ fn who_does_not_learn_does_not_diverge() {
     let states = States::new(values, 300, 3).expect("finite");
     let stream = RowStream::replay(states, &Segments::from_lengths([300]).expect("one"));
     let frozen = AgentConfig { learning_rate: 0.0, ..network() };
-    let learners = [Learner { config: &frozen, cumulant: 1, start: None }];
+    let learners = [Learner { config: &frozen, cumulant: 1, start: None, baseline: None }];
     let run = run(&stream, 250, 7);
     let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
     assert_eq!((torch[0][0].diverged, alone(run, &learners)[0].diverged), (None, None));
@@ -172,8 +184,10 @@ fn a_network_does_not_depend_on_its_company() {
     let streams = [waves(1, &[200]), waves(2, &[200]), waves(3, &[200])];
     let runs = [1, 2, 3].map(|seed| run(&streams[seed - 1], 190, seed as u64));
     let agents = agents();
-    let learners: Vec<_> =
-        agents.iter().map(|config| Learner { config, cumulant: 1, start: None }).collect();
+    let learners: Vec<_> = agents
+        .iter()
+        .map(|config| Learner { config, cumulant: 1, start: None, baseline: None })
+        .collect();
     let train = |runs: &[Run<'_>], learners: &[Learner<'_>]| {
         train_together(runs, learners, &populations(), &Silent).expect("trains")
     };
@@ -190,8 +204,10 @@ fn a_network_does_not_depend_on_its_company() {
 #[test]
 fn more_runs_than_fit_are_fewer_side_by_side() {
     let agents = agents();
-    let learners: Vec<_> =
-        agents.iter().map(|config| Learner { config, cumulant: 0, start: None }).collect();
+    let learners: Vec<_> = agents
+        .iter()
+        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
+        .collect();
     let side_by_side = |states| runs_together(&populations(), &learners, (states, 3));
     assert_eq!(side_by_side(200), 64);
     assert_eq!(side_by_side(1 << 40), 1, "one is always tried");
@@ -203,7 +219,7 @@ fn more_runs_than_fit_are_fewer_side_by_side() {
 fn what_no_accelerator_trains_is_refused() {
     let stream = waves(6, &[100]);
     let train = |config: &AgentConfig, monitor: &dyn Monitor| {
-        let learner = Learner { config, cumulant: 0, start: None };
+        let learner = Learner { config, cumulant: 0, start: None, baseline: None };
         train_together(&[run(&stream, 90, 1)], &[learner], &populations(), monitor)
     };
     let linear = AgentConfig { value_function: ValueFunction::Linear, ..network() };
@@ -216,7 +232,7 @@ fn what_no_accelerator_trains_is_refused() {
     assert!(matches!(train(&rounded, &Silent), Err(AgentError::NotAccelerated(_))));
     let long = run(&stream, 100, 1);
     let config = network();
-    let learner = Learner { config: &config, cumulant: 0, start: None };
+    let learner = Learner { config: &config, cumulant: 0, start: None, baseline: None };
     let error = train_together(&[long], &[learner], &populations(), &Silent);
     assert!(matches!(error, Err(AgentError::ShortStream { .. })));
     assert_eq!(train(&network(), &Stopped), Err(AgentError::Interrupted));

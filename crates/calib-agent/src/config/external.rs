@@ -22,7 +22,9 @@ pub(super) const STATES_PER_MESSAGE: usize = 1024;
 pub(super) const TIMEOUT_SECS: f64 = 60.0;
 
 /// Hyperparameters that calib's own agents have alone.
-const OWN_FIELDS: [&str; 16] = [
+const OWN_FIELDS: [&str; 18] = [
+    "baseline",
+    "halve_after",
     "traces",
     "value_function",
     "hidden_layers",

@@ -46,8 +46,10 @@ fn run(
     sensors: &[usize],
     file: Option<&StateFile>,
 ) -> Result<Vec<Pretrained>, AgentError> {
-    let learners: Vec<_> =
-        sensors.iter().map(|&cumulant| Learner { config, cumulant, start: None }).collect();
+    let learners: Vec<_> = sensors
+        .iter()
+        .map(|&cumulant| Learner { config, cumulant, start: None, baseline: None })
+        .collect();
     let training = Pretraining { stream, settings, seed: Seed::new(5) };
     let outcomes = pretrain(training, &learners, file, &Silent)?;
     Ok(outcomes.into_iter().map(|outcome| outcome.expect("it does not diverge")).collect())
@@ -152,8 +154,12 @@ fn a_resumed_training_is_the_uninterrupted_one() {
             let file = StateFile::new(path, "key".to_owned());
             let training =
                 Pretraining { stream: &stream, settings: settings(12, 3), seed: Seed::new(5) };
-            let learners =
-                [0, 1].map(|cumulant| Learner { config: &config, cumulant, start: None });
+            let learners = [0, 1].map(|cumulant| Learner {
+                config: &config,
+                cumulant,
+                start: None,
+                baseline: None,
+            });
             let transitions: Vec<usize> = (0..132).chain(133..399).collect();
             let (train, validate) = transitions.split_at(298);
             let mut begun = PretrainRun::new(training, &learners, validate);
@@ -187,7 +193,8 @@ fn an_agent_that_diverges_stops_alone() {
     let training = Pretraining { stream: &stream, settings: settings(50, 2), seed: Seed::new(5) };
     let start = Checkpoint { parameters: vec![0.0; 4], moments: None };
     let of = |sensors: &[usize], file: Option<&StateFile>| {
-        let learner = |&cumulant| Learner { config: &config, cumulant, start: Some(&start) };
+        let learner =
+            |&cumulant| Learner { config: &config, cumulant, start: Some(&start), baseline: None };
         let learners: Vec<_> = sensors.iter().map(learner).collect();
         pretrain(training, &learners, file, &Silent).expect("trains")
     };

@@ -47,6 +47,18 @@ impl SimplePredictor {
         Self::LeastSquaresTd,
     ];
 
+    /// Its name in a study and in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Mean => "mean",
+            Self::Persistence => "persistence",
+            Self::Line => "line",
+            Self::Autoregression => "autoregression",
+            Self::Ridge => "ridge",
+            Self::LeastSquaresTd => "least_squares_td",
+        }
+    }
+
     /// What it is called in text.
     pub const fn label(self) -> &'static str {
         match self {

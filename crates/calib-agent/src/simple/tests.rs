@@ -67,7 +67,7 @@ fn persistence_and_the_mean_are_what_they_say() {
     let train = stream(3000, 3);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     let persistence = fitter.fit(SimplePredictor::Persistence, 1);
-    let expected = f64::from(calib_core::Stream::state(&train, 7)[1]) / (1.0 - GAMMA);
+    let expected = f64::from(Stream::state(&train, 7)[1]) / (1.0 - GAMMA);
     assert!((f64::from(persistence.predictions(&train)[7]) - expected).abs() < 1e-5);
     let mean = fitter.fit(SimplePredictor::Mean, 0);
     let returns = discounted_returns(&train, 0, GAMMA);
@@ -99,8 +99,7 @@ fn a_line_is_what_least_squares_gives() {
 #[test]
 fn what_is_excluded_has_no_influence() {
     let train = stream(3000, 4);
-    let mut values: Vec<f32> =
-        (0..3000).flat_map(|t| calib_core::Stream::state(&train, t).to_vec()).collect();
+    let mut values: Vec<f32> = (0..3000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
     values[3 * 1500..3 * 2000].fill(1e6);
     let states = States::new(values, 3000, 3).expect("valid");
     let changed = RowStream::replay(states, &Segments::from_lengths([1000, 2000]).expect("valid"));
@@ -151,7 +150,7 @@ proptest! {
         let train = stream(1500, 6);
         let values: Vec<f32> = (0..1500)
             .flat_map(|t| {
-                let state = calib_core::Stream::state(&train, t);
+                let state = Stream::state(&train, t);
                 [scale * state[0] + shift, state[1], state[2]]
             })
             .collect();

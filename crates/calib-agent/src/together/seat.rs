@@ -12,7 +12,7 @@ use crate::{
 pub(super) struct Seat<'a> {
     seen: Seen<'a>,
     pub(super) seed: Seed,
-    truth: Truth,
+    truth: Truth<'a>,
     /// The steps that it makes, and whether their returns are known.
     course: Vec<(usize, bool)>,
     replay: Option<Replay>,
@@ -40,7 +40,7 @@ pub(super) struct Did {
 
 impl<'a> Seat<'a> {
     /// The run of learners that can share a population.
-    pub(super) fn new(run: &Run<'a>, learners: &[Learner<'_>]) -> Result<Self, AgentError> {
+    pub(super) fn new(run: &Run<'a>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Run { stream, steps, curve, seed } = *run;
         let shared = learners[0].config;
         let seen = if shared.traces.is_empty() {

@@ -63,7 +63,7 @@ fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
 #[test]
 fn sensors_side_by_side_are_what_they_are_alone() {
     let (stream, agents) = (waves(300), agents());
-    let learner = |config, cumulant| Learner { config, cumulant, start: None };
+    let learner = |config, cumulant| Learner { config, cumulant, start: None, baseline: None };
     let together: Vec<_> =
         [1, 0].iter().flat_map(|&of| agents.iter().map(move |c| learner(c, of))).collect();
     let all = outcomes(&stream, &together);
@@ -82,7 +82,7 @@ fn a_checkpoint_is_where_learning_starts() {
         let with = |learning_rate| AgentConfig { learning_rate, ..kind.clone() };
         let (frozen, slow, fast) = (with(0.0), with(1e-12), with(1e-2));
         let (bare, whole) = (checkpoint(&kind, false), checkpoint(&kind, true));
-        let learner = |config, start| Learner { config, cumulant: 0, start };
+        let learner = |config, start| Learner { config, cumulant: 0, start, baseline: None };
         let outcome = |config, start| outcomes(&stream, &[learner(config, start)]).remove(0);
 
         let kept = outcome(&frozen, Some(&bare));
@@ -103,7 +103,7 @@ fn a_checkpoint_is_where_learning_starts() {
 fn a_checkpoint_of_another_shape_is_refused() {
     let stream = waves(60);
     let (config, start) = (mlp(), checkpoint(&linear(), false));
-    let learner = Learner { config: &config, cumulant: 0, start: Some(&start) };
+    let learner = Learner { config: &config, cumulant: 0, start: Some(&start), baseline: None };
     let error = train_learners(run(&stream), &[learner], &NoKeeper, &Silent);
     assert_eq!(
         error.expect_err("refused").to_string(),
@@ -144,7 +144,7 @@ fn a_resumed_run_is_the_uninterrupted_one() {
         .enumerate()
         .map(|(index, config)| {
             let start = (parameter_count(config, 2) == start.parameters.len()).then_some(&start);
-            Learner { config, cumulant: index % 2, start }
+            Learner { config, cumulant: index % 2, start, baseline: None }
         })
         .collect();
     let whole = outcomes(&stream, &learners);
@@ -164,7 +164,7 @@ fn a_resumed_run_is_the_uninterrupted_one() {
 #[test]
 fn an_interrupted_run_keeps_its_state() {
     let (stream, agents) = (waves(1_000), [mlp()]);
-    let learners = [Learner { config: &agents[0], cumulant: 0, start: None }];
+    let learners = [Learner { config: &agents[0], cumulant: 0, start: None, baseline: None }];
     let stop = |work| {
         let memory = Memory { work, states: RefCell::default() };
         let impatient = Impatient { patience: 500, advanced: AtomicU64::new(0) };

@@ -169,7 +169,12 @@ fn a_population_changes_nothing_about_its_agents() {
         AgentConfig { traces: vec![0.5, 0.9], ..linear() },
         AgentConfig { traces: vec![0.9], replay: ReplayKind::None, ..linear() },
     ];
-    let learners = agents.each_ref().map(|config| Learner { config, cumulant: 0, start: None });
+    let learners = agents.each_ref().map(|config| Learner {
+        config,
+        cumulant: 0,
+        start: None,
+        baseline: None,
+    });
     assert_eq!(populations(&learners)[0], [0, 2, 3, 14, 15, 16, 17]);
     let together = run(&stream, &agents);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());

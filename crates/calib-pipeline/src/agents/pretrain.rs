@@ -277,8 +277,12 @@ pub(super) fn train(
     let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
     let stream = RowStream::replay(frames.states().clone(), frames.segments());
     let config: AgentConfig = study.pretrain.agent(&study.agent);
-    let learner =
-        |wanted: &&Wanted| Learner { config: &config, cumulant: wanted.column, start: None };
+    let learner = |wanted: &&Wanted| Learner {
+        config: &config,
+        cumulant: wanted.column,
+        start: None,
+        baseline: None,
+    };
     let learners: Vec<Learner<'_>> = missing.iter().map(learner).collect();
     let training = Pretraining {
         stream: &stream,

@@ -100,7 +100,7 @@ fn seconds(trained: Trained<'_>, streamed: &RunStream, sensors: usize) -> anyhow
         .flat_map(|(sensor, column)| {
             let start = starts.get(sensor).map(|start| &start.checkpoint);
             let config = candidates.iter().map(|candidate| &candidate.agent);
-            config.map(move |config| Learner { config, cumulant: *column, start })
+            config.map(move |config| Learner { config, cumulant: *column, start, baseline: None })
         })
         .collect();
     let timed = |steps: usize| -> anyhow::Result<f64> {
