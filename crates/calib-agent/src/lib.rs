@@ -91,4 +91,5 @@ pub use scoring::{Part, PartScore, Scores};
 pub use simple::{FittedPredictor, Fitter, SimplePredictor};
 pub use state_file::StateFile;
 pub use together::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
+pub use traces::with_traces;
 pub use train::{Run, train, train_learners};

@@ -40,6 +40,35 @@ impl TracedStream {
     }
 }
 
+/// What an agent with traces of these decay rates sees of a stream: the stream itself where there are none.
+pub fn with_traces<'a>(stream: &'a dyn Stream, decays: &[f64]) -> Box<dyn Stream + 'a> {
+    if decays.is_empty() {
+        Box::new(Untraced(stream))
+    } else {
+        Box::new(TracedStream::new(stream, decays))
+    }
+}
+
+struct Untraced<'a>(&'a dyn Stream);
+
+impl Stream for Untraced<'_> {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    fn width(&self) -> usize {
+        self.0.width()
+    }
+
+    fn state(&self, t: usize) -> &[f32] {
+        self.0.state(t)
+    }
+
+    fn pieces(&self) -> &[Range<usize>] {
+        self.0.pieces()
+    }
+}
+
 impl Stream for TracedStream {
     fn len(&self) -> usize {
         self.states.len().checked_div(self.width).unwrap_or(0)

@@ -40,6 +40,7 @@ pub use number::{count, duration, number, percent, setting};
 pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
-    Reason, Report, Reproduction, Sources, Table, Told, TopK, Verdict, Way, caveats,
+    PartRow, Reason, Report, Reproduction, SimpleRow, Simpler, Sources, Table, Told, TopK, Verdict,
+    Way, caveats,
 };
 pub use setting::Setting;

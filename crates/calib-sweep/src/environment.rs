@@ -5,7 +5,7 @@ use calib_files::Fingerprint;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::SweepError;
+use crate::{FittingRows, SweepError};
 
 /// Where agents are trained.
 #[derive(
@@ -68,6 +68,12 @@ pub trait Environment: Sync {
 
     /// Fingerprint of what the stream of `run` is made from, beside the [`Span`](crate::Span) of the plan.
     fn inputs(&self, run: usize) -> Fingerprint;
+
+    /// Rows of the training log that the simple predictors of `run` may be fitted on.
+    fn fitting_rows(&self, run: usize) -> FittingRows {
+        let _ = run;
+        FittingRows::All
+    }
 
     /// The stream of `run`.
     ///

@@ -7,6 +7,7 @@
 //! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
 //!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
+//! - [`Baselines`]: simple predictors that agents start from; [`simple_scores`]: what those come to alone.
 //! - [`Plan::race`]: values that are behind make no more runs.
 //! - [`Plan::on`]: all runs side by side, on an accelerator.
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
@@ -29,6 +30,7 @@
 //! ```
 
 mod axis;
+mod baselines;
 mod candidate;
 mod closed;
 mod cohorts;
@@ -54,6 +56,7 @@ mod verdict;
 mod windows;
 
 pub use axis::{Axis, AxisError};
+pub use baselines::{Baselines, FittingRows, SimpleScore, simple_scores};
 pub use candidate::{Candidate, candidates, written};
 pub use closed::ClosedEnvironment;
 pub use config::{Beginning, RaceKind, SweepConfig};
@@ -74,7 +77,8 @@ pub use span::Span;
 pub use store::UnitStore;
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
 pub use verdict::{
-    Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, Rule,
-    RuleChoice, SensorVerdict, Share, Truth, WindowTruth, told_apart, verdict,
+    Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, NO_WORSE,
+    PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share, SimpleComparison, Truth,
+    WindowTruth, told_apart, verdict,
 };
 pub use windows::{Demand, Windows};

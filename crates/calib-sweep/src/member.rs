@@ -1,10 +1,10 @@
 use std::sync::{Arc, OnceLock};
 
-use calib_core::{Seed, States};
+use calib_core::{Seed, States, TransitionIndex};
 use calib_files::Fingerprint;
 use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory, Weights};
 
-use crate::{Environment, EnvironmentId, NotFinite, RunStream, Span, SweepError};
+use crate::{Environment, EnvironmentId, FittingRows, NotFinite, RunStream, Span, SweepError};
 
 /// The rollouts of runs that step together, or why there are none.
 type Together = Result<Vec<Trajectory>, Arc<ModelError>>;
@@ -78,6 +78,18 @@ impl Environment for MemberEnvironment<'_> {
 
     fn inputs(&self, _run: usize) -> Fingerprint {
         self.options.inputs.clone()
+    }
+
+    fn fitting_rows(&self, _run: usize) -> FittingRows {
+        let Some(neighbors) = self.model.neighbors() else { return FittingRows::All };
+        let block = neighbors.blocks().own(self.member);
+        let row =
+            |transition: u32| neighbors.transitions().source(TransitionIndex(transition)).get();
+        // A member with all of the log has no rows that it does not replay.
+        if block.is_empty() || neighbors.members() == 1 {
+            return FittingRows::All;
+        }
+        FittingRows::Only(row(block.start)..row(block.end - 1) + 2)
     }
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {

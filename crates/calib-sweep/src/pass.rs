@@ -1,12 +1,15 @@
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
-use calib_agent::{AgentError, Checkpoint, CurveRule, Learner, Run, RunOutcome, train_learners};
+use calib_agent::{
+    AgentConfig, AgentError, Checkpoint, CurveRule, FittedPredictor, Learner, Run, RunOutcome,
+    train_learners, with_traces,
+};
 use calib_core::{Monitor, Stream};
 use calib_files::Fingerprint;
 
 use crate::{
-    PlanOptions, Program, RunRow, RunStream, SweepError, UnitResult, UnitSink, kept::KeptRun,
-    plan::Job, program::outcomes,
+    Baselines, PlanOptions, Program, RunRow, RunStream, SweepError, UnitResult, UnitSink,
+    kept::KeptRun, plan::Job, program::outcomes,
 };
 
 /// What the agents of one sensor start from.
@@ -14,6 +17,8 @@ use crate::{
 pub struct Start {
     /// Parameters, and moments if they are to be kept.
     pub checkpoint: Checkpoint,
+    /// What its value function is added to, if it was pre-trained on top of a baseline.
+    pub baseline: Option<FittedPredictor>,
     /// Of the checkpoint and of what is taken from it.
     pub fingerprint: Fingerprint,
 }
@@ -25,6 +30,8 @@ pub(crate) struct Pass<'p, 'a> {
     pub(crate) jobs: Vec<&'p Job<'a>>,
     /// What trains them, if not calib.
     pub(crate) program: Option<&'p dyn Program>,
+    /// The log that baselines are fitted on.
+    pub(crate) baselines: Option<&'p Baselines<'a>>,
     pub(crate) options: &'p PlanOptions,
     /// Work between two states of the run that are kept.
     pub(crate) work_between: u64,
@@ -47,7 +54,12 @@ impl Pass<'_, '_> {
             let outcomes = outcomes(program, &self.jobs, &**stream, self.options, monitor)?;
             return self.put_outcomes(sink, &streamed, outcomes);
         }
-        let (learners, run) = (self.learners(), self.agent_run(&**stream));
+        let baselines = self.baselines(&**stream);
+        let mut learners = self.learners();
+        for (learner, baseline) in learners.iter_mut().zip(&baselines) {
+            learner.baseline = baseline.as_deref();
+        }
+        let run = self.agent_run(&**stream);
         let kept = KeptRun::new(sink, &self.jobs, self.work_between);
         let outcomes =
             train_learners(run, &learners, &kept, monitor).map_err(|source| self.failed(source))?;
@@ -77,6 +89,29 @@ impl Pass<'_, '_> {
                 })
             })
             .collect()
+    }
+
+    /// What each of them starts from at each state of the stream.
+    fn baselines(&self, stream: &dyn Stream) -> Vec<Option<Arc<[f32]>>> {
+        let of_start = |job: &Job<'_>| -> Option<Vec<Option<Arc<[f32]>>>> {
+            let fitted = job.start?.baseline.as_ref()?;
+            let traces = &job.agents.first()?.agent.traces;
+            let values: Arc<[f32]> = fitted.predictions(&*with_traces(stream, traces)).into();
+            Some(vec![Some(values); job.agents.len()])
+        };
+        let pretrained: Option<Vec<_>> = self.jobs.iter().map(|job| of_start(job)).collect();
+        if let Some(pretrained) = pretrained {
+            return pretrained.concat();
+        }
+        let Some(baselines) = self.baselines else { return Vec::new() };
+        let first = self.jobs[0];
+        let rows = first.environment.fitting_rows(first.unit.run);
+        let agents: Vec<(&AgentConfig, usize)> = self
+            .jobs
+            .iter()
+            .flat_map(|job| job.agents.iter().map(|candidate| (&candidate.agent, job.column)))
+            .collect();
+        baselines.predictions(&agents, stream, &rows)
     }
 
     /// The run that they make over the pass's stream.

@@ -5,8 +5,8 @@ use calib_core::{Monitor, Seed};
 use rayon::prelude::*;
 
 use crate::{
-    Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start, SweepError, Unit,
-    UnitResult, UnitStore, WORK_BETWEEN, cohorts,
+    Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start,
+    SweepError, Unit, UnitResult, UnitStore, WORK_BETWEEN, cohorts,
     pass::Pass,
     race::{Race, RaceRule, Streams},
 };
@@ -44,6 +44,8 @@ pub struct Plan<'a> {
     sensors: Vec<(String, usize)>,
     /// What the agents of a sensor start from, where they were pre-trained.
     starts: BTreeMap<String, Start>,
+    /// The log that the baselines of agents are fitted on.
+    baselines: Option<&'a Baselines<'a>>,
     /// What trains agents, if not calib.
     program: Option<&'a dyn Program>,
     /// What makes their products, if not calib.
@@ -106,6 +108,7 @@ impl<'a> Plan<'a> {
             environments,
             sensors,
             starts: BTreeMap::new(),
+            baselines: None,
             program: None,
             accelerator: None,
             options,
@@ -132,6 +135,13 @@ impl<'a> Plan<'a> {
     #[must_use]
     pub fn starting_from(mut self, starts: BTreeMap<String, Start>) -> Self {
         self.starts = starts;
+        self
+    }
+
+    /// The same plan for agents whose baselines are fitted on a log.
+    #[must_use]
+    pub fn with_baselines(mut self, baselines: Option<&'a Baselines<'a>>) -> Self {
+        self.baselines = baselines;
         self
     }
 
@@ -331,6 +341,7 @@ impl<'a> Plan<'a> {
         Pass {
             jobs,
             program: self.program,
+            baselines: self.baselines,
             options: &self.options,
             work_between: self.work_between,
         }

@@ -1,7 +1,7 @@
 use calib_core::{Frames, RowIndex, RowStream};
 use calib_files::Fingerprint;
 
-use crate::{Environment, EnvironmentId, RunStream, SweepError, Windows};
+use crate::{Environment, EnvironmentId, FittingRows, RunStream, SweepError, Windows};
 
 /// Recorded rows in time order, across segments but never through a gap.
 #[derive(Debug)]
@@ -47,6 +47,20 @@ impl Environment for ReplayEnvironment<'_> {
 
     fn inputs(&self, run: usize) -> Fingerprint {
         self.windows.inputs(&self.inputs, run)
+    }
+
+    fn fitting_rows(&self, run: usize) -> FittingRows {
+        if self.id == EnvironmentId::Online {
+            return FittingRows::All;
+        }
+        let (rows, start) = (self.frames.rows(), self.start(run));
+        let end = start + self.windows.states;
+        // A window that is longer than what is left of the log goes on with its first rows.
+        let mut replayed = vec![start..end.min(rows)];
+        if end > rows {
+            replayed.push(0..(end - rows).min(start));
+        }
+        FittingRows::AllBut(replayed)
     }
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {

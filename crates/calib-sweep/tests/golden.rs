@@ -151,6 +151,8 @@ fn judged(golden: &GoldenVerdict, rule: Rule) -> SensorVerdict {
         rule,
         top_k: 1,
         scales: &[],
+        simple: &[],
+        stands_still: false,
         resamples: 20_000,
         seed: Seed::new(1),
     };

@@ -221,6 +221,8 @@ fn judged(study: &Study, results: &[UnitResult]) -> SensorVerdict {
         rule: Rule::WorstRank,
         top_k: 1,
         scales: &scales,
+        simple: &[],
+        stands_still: false,
         resamples: 200,
         seed: Seed::new(1),
     };
@@ -297,7 +299,8 @@ fn agents_start_from_checkpoints() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let checkpoint = Checkpoint { parameters: vec![0.5, -0.5, 1.0], moments: None };
-    let start = Start { checkpoint, fingerprint: Fingerprint::of(b"checkpoint") };
+    let fingerprint = Fingerprint::of(b"checkpoint");
+    let start = Start { checkpoint, baseline: None, fingerprint };
     let starts = BTreeMap::from([("B".to_owned(), start)]);
     let run = |name: &str, starts: BTreeMap<String, Start>| {
         let store = UnitStore::new(directory.path().join(name));

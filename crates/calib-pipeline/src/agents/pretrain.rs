@@ -2,8 +2,8 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail};
 use calib_agent::{
-    AgentConfig, Epoch, Learner, Pretrained, Pretraining, PretrainingDiverged, StateFile,
-    parameter_count, pretrain, pretraining_bytes,
+    AgentConfig, Epoch, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged,
+    StateFile, parameter_count, pretrain, pretraining_bytes, with_traces,
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
@@ -12,7 +12,9 @@ use serde::Serialize;
 
 use crate::{
     agents::{
-        pretrain_files::{self, PretrainManifest, PretrainedAgent, agent_key, write_agent},
+        pretrain_files::{
+            self, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key, write_agent,
+        },
         shares::{self, OfShares},
     },
     base::{
@@ -270,26 +272,42 @@ pub(super) fn train(
     missing: &[&Wanted],
     file: &StateFile,
     printer: &Printer,
-) -> anyhow::Result<Vec<Result<Pretrained, PretrainingDiverged>>> {
+) -> anyhow::Result<Vec<Result<TrainedAgent, PretrainingDiverged>>> {
     if missing.is_empty() {
         return Ok(Vec::new());
     }
     let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
     let stream = RowStream::replay(frames.states().clone(), frames.segments());
     let config: AgentConfig = study.pretrain.agent(&study.agent);
-    let learner = |wanted: &&Wanted| Learner {
-        config: &config,
-        cumulant: wanted.column,
-        start: None,
-        baseline: None,
-    };
-    let learners: Vec<Learner<'_>> = missing.iter().map(learner).collect();
+    let seen = with_traces(&stream, &config.traces);
+    // What agents are validated on is new to their baselines as well.
+    let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
+    let fitter =
+        Fitter::new(&*seen, config.gamma, &[frames.rows() - validated.max(1)..frames.rows()]);
+    let fitted: Vec<Option<FittedPredictor>> =
+        missing.iter().map(|wanted| Some(fitter.fit(config.baseline?, wanted.column))).collect();
+    let baselines: Vec<Option<Vec<f32>>> =
+        fitted.iter().map(|fitted| Some(fitted.as_ref()?.predictions(&*seen))).collect();
+    let learners: Vec<Learner<'_>> = missing
+        .iter()
+        .zip(&baselines)
+        .map(|(wanted, baseline)| Learner {
+            config: &config,
+            cumulant: wanted.column,
+            start: None,
+            baseline: baseline.as_deref(),
+        })
+        .collect();
     let training = Pretraining {
         stream: &stream,
         settings: study.pretrain.settings(),
         seed: Seed::new(study.seed).child("pretrain"),
     };
-    pretrain(training, &learners, Some(file), &printer.progress()).context("pre-training")
+    let trained = pretrain(training, &learners, Some(file), &printer.progress());
+    let trained = trained.context("pre-training")?.into_iter().zip(fitted);
+    Ok(trained
+        .map(|(pretrained, baseline)| Ok(TrainedAgent { pretrained: pretrained?, baseline }))
+        .collect())
 }
 
 fn finish(

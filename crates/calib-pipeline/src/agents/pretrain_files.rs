@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Context as _, bail, ensure};
-use calib_agent::{AgentConfig, Checkpoint, Epoch, Pretrained, layer_sizes};
+use calib_agent::{AgentConfig, Checkpoint, Epoch, FittedPredictor, Pretrained, layer_sizes};
 use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
@@ -66,6 +66,9 @@ pub(crate) struct PretrainedAgent {
     pub(crate) agent: AgentConfig,
     /// Sizes of the layers, input first.
     pub(crate) layer_sizes: Vec<usize>,
+    /// What its value function is added to, where `agent.baseline` names something.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) baseline: Option<FittedPredictor>,
     /// The epoch after which the checkpoint was taken.
     pub(crate) epoch: usize,
     pub(crate) curve: Vec<Epoch>,
@@ -90,6 +93,12 @@ pub(crate) fn agent_key(
     artefact::key(&(PretrainManifest::FORMAT, data, sensor, column, agent, settings, study.seed))
 }
 
+/// A pre-trained agent, and the predictor that its value function is added to.
+pub(crate) struct TrainedAgent {
+    pub(crate) pretrained: Pretrained,
+    pub(crate) baseline: Option<FittedPredictor>,
+}
+
 /// Write the files of one agent, and say what they are.
 pub(crate) fn write_agent(
     directory: &Path,
@@ -97,8 +106,9 @@ pub(crate) fn write_agent(
     key: String,
     agent: AgentConfig,
     width: usize,
-    pretrained: Pretrained,
+    trained: TrainedAgent,
 ) -> anyhow::Result<PretrainedAgent> {
+    let TrainedAgent { pretrained, baseline } = trained;
     let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
     let [weights, moments] = names(sensor);
     let of = |prefix: &str, values: Vec<f32>| -> anyhow::Result<Vec<Tensor>> {
@@ -131,6 +141,7 @@ pub(crate) fn write_agent(
         key,
         agent,
         layer_sizes,
+        baseline,
         epoch: pretrained.epoch,
         curve: pretrained.curve,
         files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
@@ -271,8 +282,14 @@ pub(crate) fn starts(
         }
         let checkpoint = read_agent(&directory, agent, study.pretrain.moments, &command)
             .with_context(|| format!("the agent for {sensor} in {}", directory.display()))?;
-        let inputs = serde_json::to_vec(&(&agent.files, study.pretrain.moments))?;
-        let start = Start { checkpoint, fingerprint: Fingerprint::of(&inputs) };
+        let inputs = match &agent.baseline {
+            None => serde_json::to_vec(&(&agent.files, study.pretrain.moments))?,
+            Some(baseline) => {
+                serde_json::to_vec(&(&agent.files, study.pretrain.moments, baseline))?
+            }
+        };
+        let baseline = agent.baseline.clone();
+        let start = Start { checkpoint, baseline, fingerprint: Fingerprint::of(&inputs) };
         starts.insert(sensor.clone(), start);
     }
     let note = format!(
@@ -343,6 +360,13 @@ fn check_candidate(
         agent.sensor,
         directory.display(),
         agent.agent.traces
+    );
+    ensure!(
+        candidate.agent.baseline == agent.agent.baseline,
+        "{} has another agent.baseline than the agent for {} in {} was pre-trained with; give both the same",
+        candidate.label(),
+        agent.sensor,
+        directory.display()
     );
     let sizes = layer_sizes(&candidate.agent, candidate.agent.seen_width(width));
     ensure!(

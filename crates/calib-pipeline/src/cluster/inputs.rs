@@ -6,14 +6,15 @@ use std::{
 };
 
 use anyhow::{Context as _, ensure};
-use calib_agent::{StateFile, ValueState};
+use calib_agent::{FittedPredictor, StateFile, ValueState};
 use calib_core::Frames;
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
 use calib_knn::ModelKind;
 use calib_model::CalibrationModel;
 use calib_study::Job;
 use calib_sweep::{
-    ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit, UnitResult,
+    Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit,
+    UnitResult,
 };
 
 use crate::{
@@ -86,9 +87,14 @@ pub(crate) fn mapped_bytes(directory: &Path, files: &Files, environments: &[Desc
 /// What the key of a file of agents is; their content has its own fingerprint.
 const AGENTS: &str = "agents to start from";
 
+/// What is kept of each sensor's agent beside its parameters.
+type StartNames = BTreeMap<String, (Fingerprint, Option<FittedPredictor>)>;
+
 fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> anyhow::Result<()> {
-    let names: BTreeMap<&String, &Fingerprint> =
-        starts.iter().map(|(sensor, start)| (sensor, &start.fingerprint)).collect();
+    let names: BTreeMap<&String, (&Fingerprint, &Option<FittedPredictor>)> = starts
+        .iter()
+        .map(|(sensor, start)| (sensor, (&start.fingerprint, &start.baseline)))
+        .collect();
     let values = starts.values().map(|start| ValueState::from(&start.checkpoint)).enumerate();
     let file = StateFile::new(directory.join(STARTS), AGENTS.to_owned());
     Ok(file.write(&names, values.collect())?)
@@ -96,13 +102,14 @@ fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> anyhow::R
 
 fn read_starts(directory: &Path) -> anyhow::Result<BTreeMap<String, Start>> {
     let file = StateFile::new(directory.join(STARTS), AGENTS.to_owned());
-    let (names, values): (BTreeMap<String, Fingerprint>, Vec<(usize, ValueState)>) =
+    let (names, values): (StartNames, Vec<(usize, ValueState)>) =
         file.read().with_context(|| format!("{} is damaged", file.path().display()))?;
     ensure!(names.len() == values.len(), "{} is damaged", file.path().display());
-    let start = |((sensor, fingerprint), (_, of)): ((String, Fingerprint), (usize, ValueState))| {
-        (sensor, Start { checkpoint: of.checkpoint, fingerprint })
-    };
-    Ok(names.into_iter().zip(values).map(start).collect())
+    let mut starts = BTreeMap::new();
+    for ((sensor, (fingerprint, baseline)), (_, state)) in names.into_iter().zip(values) {
+        starts.insert(sensor, Start { checkpoint: state.checkpoint, baseline, fingerprint });
+    }
+    Ok(starts)
 }
 
 /// What a shard has opened of a part.
@@ -128,7 +135,10 @@ impl<'p> Inputs<'p> {
         let files = Checked { directory, files: &part.files };
         let members: Vec<usize> = opened.iter().filter_map(member).collect();
         let replays = opened.contains(&EnvironmentId::LogReplay);
-        let states = (replays || !members.is_empty()).then(|| files.frames(STATES, ROWS));
+        // Baselines are fitted on the log, whatever is replayed.
+        let is_fitted = part.candidates.iter().any(|candidate| candidate.agent.baseline.is_some());
+        let needs_log = replays || is_fitted || !members.is_empty();
+        let states = needs_log.then(|| files.frames(STATES, ROWS));
         let states = states.transpose()?;
         let model = match &states {
             Some(states) if !members.is_empty() => Some(files.model(part, states, &members)?),
@@ -166,10 +176,18 @@ impl<'p> Inputs<'p> {
         self.part.environments.iter().map(open).collect()
     }
 
+    /// What agents start from, if that is fitted on the log.
+    pub(crate) fn baselines(&self) -> Option<Baselines<'_>> {
+        let is_fitted =
+            self.part.candidates.iter().any(|candidate| candidate.agent.baseline.is_some());
+        self.states.as_ref().filter(|_| is_fitted).map(Baselines::new)
+    }
+
     /// The plan of the part's sweep.
     pub(crate) fn plan<'a>(
         &'a self,
         environments: &'a [Box<dyn Environment + 'a>],
+        baselines: Option<&'a Baselines<'a>>,
     ) -> anyhow::Result<Plan<'a>> {
         let SweepPart { study, candidates, sensors, span, .. } = self.part;
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
@@ -180,7 +198,8 @@ impl<'p> Inputs<'p> {
             seed: agent_seed(study),
         };
         let plan = Plan::new(candidates, as_dyn, sensors.clone(), options);
-        Ok(raced(plan.starting_from(self.starts.clone()), study)?)
+        let plan = plan.starting_from(self.starts.clone()).with_baselines(baselines);
+        Ok(raced(plan, study)?)
     }
 }
 

@@ -9,7 +9,7 @@ use anyhow::ensure;
 use calib_agent::training_bytes;
 use calib_files::{create_directory, remove_folder, write_sealed_json};
 use calib_study::{Each, Job};
-use calib_sweep::{EnvironmentId, PassId, Plan, Unit, UnitResult};
+use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
 
 use crate::{
     base::{artefact::Files, options::ClusterPlanOptions, outcome::Outcome},
@@ -146,7 +146,8 @@ impl Planning<'_> {
             }
         };
         let environments = setting.open(study)?;
-        let plan = setting.plan(study, &environments, None)?;
+        let baselines = Baselines::new(&setting.dataset.train);
+        let plan = setting.plan(study, &environments, &baselines, None)?;
         let store = unit_store(&job.layout().sweep(), None);
         let Found { stored, .. } = Found::of(&plan, &store, job, Source::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments

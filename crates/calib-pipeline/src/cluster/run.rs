@@ -150,7 +150,8 @@ impl Running<'_> {
         let wanted: BTreeSet<EnvironmentId> = passes.iter().map(|pass| pass.environment).collect();
         let inputs = Inputs::open(&directory, plan.sweep(part)?, wanted)?;
         let environments = inputs.environments()?;
-        let sweep = inputs.plan(&environments)?;
+        let baselines = inputs.baselines();
+        let sweep = inputs.plan(&environments, baselines.as_ref())?;
         let mut earlier: BTreeMap<Unit, UnitResult> = inputs.stored.clone();
         earlier.extend(before.iter().map(|result| (result.unit.clone(), result.clone())));
         let ready = sweep.ready(&passes, &earlier)?;

@@ -37,6 +37,8 @@ pub(crate) fn run(
         rule: study.evaluate.rule,
         top_k: study.evaluate.top_k,
         scales: &[],
+        simple: &[],
+        stands_still: false,
         resamples: study.evaluate.resamples,
         seed: Seed::new(study.seed).child("verdict"),
     };

@@ -6,7 +6,7 @@ use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::streams::OnlineWindow;
+use super::{simple::SimpleErrors, streams::OnlineWindow};
 use crate::{
     base::artefact::{Files, Manifest, TOOL},
     model::model_files,
@@ -49,6 +49,9 @@ pub(crate) struct SweepManifest {
     pub(crate) notes: Vec<String>,
     /// Fingerprint of every table.
     pub(crate) files: Files,
+    /// What simple predictors came to, from a file beside the manifest.
+    #[serde(skip)]
+    pub(crate) simple: SimpleErrors,
 }
 
 /// The states of a deployment.
@@ -121,12 +124,13 @@ impl SweepManifest {
             units: Vec::new(),
             notes: Vec::new(),
             files: Files::new(),
+            simple: SimpleErrors::default(),
         }
     }
 }
 
 impl Manifest for SweepManifest {
-    const FORMAT: u32 = 3;
+    const FORMAT: u32 = 4;
 
     fn format(&self) -> u32 {
         self.format

@@ -9,6 +9,7 @@ pub(crate) mod plan;
 pub(crate) mod recorded;
 mod run;
 pub(crate) mod setting;
+pub(crate) mod simple;
 pub(crate) mod standing_still;
 pub(crate) mod streams;
 pub(crate) mod tables;

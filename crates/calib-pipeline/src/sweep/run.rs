@@ -4,7 +4,9 @@ use calib_agent::{Accelerator, check_accelerated};
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
 use calib_study::{Job, Layout, Study};
-use calib_sweep::{Candidate, Completed, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore};
+use calib_sweep::{
+    Baselines, Candidate, Completed, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -24,6 +26,7 @@ use crate::{
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
         setting::{Setting, Unsettled, candidates_of},
+        simple::{self, SimpleErrors},
         standing_still::Still,
         streams::{OnlineWindow, Streams, error_scales, online_windows},
         tables as sweep_tables,
@@ -94,7 +97,8 @@ fn sweep(
     };
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
-    let plan = setting.plan(study, &environments, accelerator)?;
+    let baselines = Baselines::new(&setting.dataset.train);
+    let plan = setting.plan(study, &environments, &baselines, accelerator)?;
     let arithmetic = accelerator.map(Accelerator::class);
     let store = unit_store(&directory, arithmetic);
     let Found { own, stored } = Found::of(&plan, &store, job, Source { pool, accelerator })?;
@@ -147,6 +151,7 @@ fn sweep(
     if !is_the_same {
         let claim = claim.map_or_else(|| begin(&directory), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
+        SimpleErrors::measure(&setting, &environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
         manifest.files = artefact::fingerprints(&directory, tables())?;
         if ran > 0 {
@@ -211,7 +216,7 @@ fn preview<'a>(
 
 /// What a sweep writes beside its units.
 fn tables() -> impl Iterator<Item = &'static str> {
-    sweep_tables::FILES.into_iter().chain([recorded::RECORDED])
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE])
 }
 
 /// The manifest of a sweep whose tables are what was written.

@@ -8,7 +8,7 @@ use calib_core::Seed;
 use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{
-    Candidate, Environment, Plan, PlanOptions, Program, Start, SweepError, candidates,
+    Baselines, Candidate, Environment, Plan, PlanOptions, Program, Start, SweepError, candidates,
 };
 
 use crate::{
@@ -112,6 +112,7 @@ impl Setting {
         &'a self,
         study: &Study,
         environments: &'a [Box<dyn Environment + 'a>],
+        baselines: &'a Baselines<'a>,
         accelerator: Option<&'a dyn Accelerator>,
     ) -> Result<Plan<'a>, SweepError> {
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
@@ -123,7 +124,8 @@ impl Setting {
         };
         let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
         let program = self.program.as_ref().map(|program| program as &dyn Program);
-        raced(plan.starting_from(self.starts.clone()).by(program).on(accelerator), study)
+        let plan = plan.starting_from(self.starts.clone()).with_baselines(Some(baselines));
+        raced(plan.by(program).on(accelerator), study)
     }
 }
 

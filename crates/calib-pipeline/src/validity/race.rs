@@ -30,6 +30,8 @@ pub(super) fn outcome(
         rule: whole.rule,
         top_k: study.evaluate.top_k,
         scales: &manifest.scales,
+        simple: &[],
+        stands_still: false,
         resamples: 0,
         seed: Seed::new(study.seed),
     };

@@ -26,7 +26,7 @@ pub(crate) fn choices(parts: &[Part]) -> String {
             let row = [
                 part.model_name().to_owned(),
                 verdict.chosen.to_string(),
-                verdict.reliance().word().to_owned(),
+                verdict.grade.word().to_owned(),
             ];
             let numbers = [
                 or_none(online.and_then(|online| Some(percent(online.regret?.value)))),

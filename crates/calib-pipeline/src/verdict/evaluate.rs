@@ -5,7 +5,8 @@ use calib_model::StartKind;
 use calib_report::caveats;
 use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{
-    Candidate, Grade, Judging, SensorVerdict, SweepError, UnitResult, told_apart, verdict,
+    Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
+    UnitResult, told_apart, verdict,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -21,7 +22,7 @@ use crate::{
     model::model_files::{self, ModelManifest},
     output::Printer,
     rollouts::rollout,
-    sweep::{SweepManifest, unit_store},
+    sweep::{SweepManifest, simple::SimpleErrors, unit_store},
     verdict::{
         report,
         verdict_rows::{self, verdict_row},
@@ -57,6 +58,11 @@ pub(crate) struct SensorChoice {
     is_default: bool,
     /// How well held-out data supports it.
     grade: Grade,
+    /// What to do: the same as the report says.
+    recommendation: Recommendation,
+    /// The simple predictor that the agent is not known to match, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    simple_predictor: Option<SimpleComparison>,
 }
 
 /// The choices of these verdicts, whose numbers count `candidates`.
@@ -68,6 +74,8 @@ pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> V
             values: candidate.values.iter().cloned().collect(),
             is_default: candidate.is_default,
             grade: verdict.grade,
+            recommendation: verdict.recommendation(),
+            simple_predictor: verdict.simpler().cloned(),
         }
     };
     verdicts.iter().map(of).collect()
@@ -188,6 +196,8 @@ pub(crate) fn verdict_of(
         rule: study.evaluate.rule,
         top_k: study.evaluate.top_k,
         scales: &manifest.scales,
+        simple: &manifest.simple.scores,
+        stands_still: manifest.standing_still.iter().any(|still| still == sensor),
         resamples: study.evaluate.resamples,
         seed: Seed::new(study.seed).child("verdict"),
     };
@@ -226,7 +236,7 @@ fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
 /// The manifest of a sweep that was made with this study and the model as it is now.
 fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
     let (paths, again) = (job.layout(), job.command("sweep"));
-    let manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
+    let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
     Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest)?;
@@ -235,6 +245,9 @@ fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
         bail!("the model was built again after the sweep; run `{again}` again");
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
+    if manifest.left_out.is_none() {
+        manifest.simple = SimpleErrors::read(&paths.sweep())?;
+    }
     Ok(manifest)
 }
 

@@ -1,12 +1,15 @@
 //! Verdicts and sensitivity curves of a sweep as the report's rows.
 
+use calib_agent::{Part, SimplePredictor};
 use calib_report::{
-    Agreement, Alternative, Dimension, ErrorCurve, ErrorSource, Grade, RankCurve, Reason, Samples,
-    Score, Sensitivity, Setting, Sources, Told, TopK, Verdict, Way,
+    Agreement, Alternative, Dimension, ErrorCurve, ErrorSource, PartRow, RankCurve, Reason,
+    Samples, Score, Sensitivity, Setting, SimpleRow, Simpler, Sources, Told, TopK, Verdict, Way,
 };
 use calib_stats::Summary;
 use calib_study::Study;
-use calib_sweep::{Baseline, Candidate, EnvironmentScores, Rule, Sampling, SensorVerdict, Truth};
+use calib_sweep::{
+    Baseline, Candidate, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict, Truth,
+};
 use serde_json::Value;
 
 use crate::sweep::{SweepManifest, streams::part_name};
@@ -50,13 +53,7 @@ pub(crate) fn verdict_row(
         field: field(candidates),
         model: model.to_owned(),
         chosen: of(verdict.chosen),
-        grade: match verdict.grade {
-            calib_sweep::Grade::Good => Grade::Good,
-            calib_sweep::Grade::Fair => Grade::Fair,
-            calib_sweep::Grade::Poor => Grade::Poor,
-            calib_sweep::Grade::NotLearnt => Grade::NotLearnt,
-            calib_sweep::Grade::Unchecked => Grade::Unchecked,
-        },
+        grade: verdict.grade,
         reason: match verdict.rule {
             Rule::WorstRank => Reason::WorstRank,
             Rule::MeanRank => Reason::MeanRank,
@@ -87,8 +84,55 @@ pub(crate) fn verdict_row(
                 regret: other.regret,
             })
             .collect(),
+        simple: verdict
+            .simple
+            .iter()
+            .map(|of| SimpleRow { predictor: of.predictor, error: of.online_error })
+            .collect(),
+        parts: verdict
+            .parts
+            .iter()
+            .map(|of| PartRow {
+                part: run_part(of.part),
+                chosen: setting(&candidates[of.chosen]),
+                error: of.online_error_of_verdict,
+            })
+            .collect(),
+        start_up_share: verdict.start_up_share,
+        simpler: simpler(verdict, sweep),
+        frozen: frozen(&candidates[verdict.chosen]),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
+}
+
+/// A part of a run, as a heading.
+const fn run_part(part: Part) -> &'static str {
+    match part {
+        Part::WholeRun => "whole run",
+        Part::AfterFirstQuarter => "last three quarters",
+        Part::FinalQuarter => "final quarter",
+    }
+}
+
+/// The simple predictor that the agent is not known to match.
+fn simpler(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<Simpler> {
+    let simple = verdict.simpler()?;
+    let unit = sweep.simple.units.get(&verdict.sensor);
+    let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
+    let agent = verdict.truth.as_ref().map(|truth| truth.choice.online_error * scale);
+    Some(Simpler {
+        predictor: simple.predictor,
+        ratio: simple.ratio,
+        is_better: simple.is_better(),
+        typical_errors: unit
+            .zip(agent)
+            .map(|(unit, agent)| [simple.online_rmse, agent].map(|of| of * unit)),
+    })
+}
+
+/// The simple predictor that an agent is which starts from one and learns nothing.
+fn frozen(candidate: &Candidate) -> Option<SimplePredictor> {
+    candidate.agent.baseline.filter(|_| candidate.agent.learning_rate == 0.0)
 }
 
 /// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
@@ -185,6 +229,7 @@ pub(crate) fn sensitivity(
         errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
     }
     errors.extend(evidence(verdict, model));
+    errors.extend(simple_line(verdict, candidates.len()));
     Sensitivity {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
@@ -199,6 +244,23 @@ pub(crate) fn sensitivity(
         default: candidates.iter().position(|candidate| candidate.is_default),
         dimensions: dimensions(candidates),
     }
+}
+
+/// The error of the best simple predictor on held-out data, which is the same for all values.
+fn simple_line(verdict: &SensorVerdict, values: usize) -> Option<ErrorCurve> {
+    let best = verdict
+        .simple
+        .iter()
+        .reduce(|best, other| if other.online_rmse < best.online_rmse { other } else { best })?;
+    let windows = verdict.truth.as_ref()?.windows.len();
+    let summary =
+        Summary { mean: best.online_error, std: None, interval: None, runs: windows, diverged: 0 };
+    Some(ErrorCurve {
+        label: format!("{}, no agent", best.predictor.label()),
+        source: ErrorSource::Simple,
+        over: Samples::Windows,
+        summaries: vec![Some(summary); values],
+    })
 }
 
 /// The swept hyperparameters, if there are several.

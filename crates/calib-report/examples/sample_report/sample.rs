@@ -183,6 +183,11 @@ impl Sensor {
                         alternative(Way::LogReplay, replayed),
                         alternative(Way::Hindsight, best),
                     ],
+                    simple: vec![],
+                    simpler: None,
+                    frozen: None,
+                    parts: vec![],
+                    start_up_share: None,
                     notes: vec![],
                 }
             })

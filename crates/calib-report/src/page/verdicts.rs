@@ -65,6 +65,7 @@ fn all_verdicts(report: &Report) -> Markup {
     html! {
         (table(&comparison(report).without_empty_columns(), "verdicts"))
         @if judged { (table(&alternatives(report).without_empty_columns(), "alternatives")) }
+        @if let Some(parts) = parts(report) { (table(&parts, "parts")) }
     }
 }
 
@@ -88,7 +89,7 @@ fn unbroken(text: &str) -> Markup {
 /// The advice and what it would have cost; how it came about is behind a line.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
     html! {
-        article class={ "card " (verdict.reliance().class()) } {
+        article class={ "card " (verdict.class()) } {
             p.badge { (verdict.badge()) }
             h3 {
                 @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
@@ -204,6 +205,36 @@ fn comparison(report: &Report) -> Table {
     }
 }
 
+/// What would be chosen by other parts of the runs; none where nothing is known of them.
+fn parts(report: &Report) -> Option<Table> {
+    let names: Vec<&str> = report.verdicts.first()?.parts.iter().map(|part| part.part).collect();
+    if names.len() < 2 {
+        return None;
+    }
+    let heads = names.iter().flat_map(|name| [format!("By {name}"), format!("Error, {name}")]);
+    let columns = ["Sensor", "Model", "Error in the first tenth"].map(ToOwned::to_owned);
+    let row = |verdict: &Verdict| -> Vec<Cell> {
+        let share = verdict.start_up_share.map_or(Cell::Missing, Cell::Percent);
+        let head = [Cell::Text(verdict.sensor.clone()), Cell::Text(verdict.model.clone()), share];
+        let of_parts = verdict.parts.iter().flat_map(|part| {
+            let error = part.error.map_or(Cell::Missing, Cell::Number);
+            [Cell::Text(part.chosen.to_string()), error]
+        });
+        head.into_iter().chain(of_parts).collect()
+    };
+    let own = report.verdicts.iter().filter(|verdict| verdict.parts.len() == names.len());
+    Some(Table {
+        title: "By part of the run".to_owned(),
+        caption: "What would be chosen if errors counted over another part of each run, and the error of this choice over that \
+                  part of the held-out runs. Error in the first tenth: how much of its squared error the choice makes while it \
+                  starts up; a tenth is even."
+            .to_owned(),
+        columns: columns.into_iter().chain(heads).collect(),
+        rows: own.map(row).collect(),
+        best: None,
+    })
+}
+
 /// What the choices and other ways to choose cost.
 fn alternatives(report: &Report) -> Table {
     let ways = [
@@ -282,7 +313,7 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
             Choice::Value => Cell::Setting(verdict.chosen.clone()),
             Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
         },
-        Cell::Text(verdict.reliance().word().to_owned()),
+        Cell::Text(verdict.grade.word().to_owned()),
         if ties.is_empty() { Cell::Missing } else { Cell::Text(ties.join(", ")) },
         Cell::Text(format!("{} of {}", verdict.worst_rank, verdict.values)),
         online.map_or(Cell::Missing, |online| Cell::Number(online.chosen_error)),

@@ -5,15 +5,18 @@ mod data;
 mod plain;
 mod reliance;
 mod sentence;
+mod simple;
 mod summary;
 mod table;
 mod verdict;
 
+pub use calib_sweep::Grade;
 pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
+pub use simple::{SimpleRow, Simpler};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, Grade, Reason, Sources, Told, TopK, Verdict, Way};
+pub use verdict::{Agreement, Alternative, PartRow, Reason, Sources, Told, TopK, Verdict, Way};
 
 use crate::{
     LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,

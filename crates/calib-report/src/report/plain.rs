@@ -16,6 +16,15 @@ impl Verdict {
                     a held-out range in which it moves."
                 .to_owned();
         }
+        if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
+            return self.simpler_plain(simpler);
+        }
+        if self.grade == Grade::NotLearnt && !self.simple.is_empty() {
+            return "On held-out data neither the chosen agent nor a simple predictor is shown to beat the mean return of the training \
+                    range. Predict less far ahead (a smaller agent.gamma), give the agent more of the past (agent.traces), or \
+                    predict another sensor."
+                .to_owned();
+        }
         if self.grade == Grade::NotLearnt && self.hardly_varies() {
             return format!(
                 "Errors are small ({} of the spread in training), but so is what happens in the windows: they do not tell whether anything \
@@ -36,7 +45,7 @@ impl Verdict {
             Some(_) if online.values == Told::Alike => {
                 return "On held-out data all values have the same error, so it cannot say which is better.".to_owned();
             }
-            Some(_) if online.is_unskilled() => self.without_skill(),
+            Some(_) if self.simple.is_empty() && online.is_unskilled() => self.without_skill(),
             Some(regret) if regret.value == 0.0 => {
                 "On held-out data no other value of the grid predicts better.".to_owned()
             }

@@ -23,11 +23,20 @@ impl Verdict {
         let Self { sensor, chosen, .. } = self;
         let choice = self.assigned();
         let field = fields(&self.field);
-        match self.reliance() {
+        match self.grade {
             _ if self.is_arbitrary() => {
                 format!("No value of {field} stands out for {sensor}: all did alike.")
             }
-            Grade::Good | Grade::Fair => format!("Use {choice} for {sensor}."),
+            Grade::Simpler => match &self.simpler {
+                Some(simpler) => self.simpler_headline(simpler),
+                None => format!("Use a simple predictor for {sensor}, not an agent."),
+            },
+            Grade::Good | Grade::Fair => match self.frozen {
+                Some(predictor) => {
+                    format!("Use {} for {sensor}: learning on adds nothing.", predictor.label())
+                }
+                None => format!("Use {choice} for {sensor}."),
+            },
             Grade::Poor if self.has_all_diverged() => {
                 format!("No value of {field} can be deployed for {sensor}: every one diverged.")
             }
@@ -38,12 +47,20 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if !self.simple.is_empty() => format!(
+                "Do not deploy an agent for {sensor}: none is shown to beat the training mean."
+            ),
             Grade::NotLearnt if self.hardly_varies() => format!(
                 "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
                  means would: nothing to deploy on this evidence."
             ),
             Grade::NotLearnt => {
                 format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
+            }
+            Grade::Unchecked if self.online.as_ref().is_some_and(|online| online.stands_still) => {
+                format!(
+                    "{sensor} never changes in the held-out data, so the choice could not be checked. The log suggests {choice}."
+                )
             }
             Grade::Unchecked => {
                 format!("Use {choice} for {sensor}, as far as the logs can tell.")
@@ -72,7 +89,7 @@ impl Verdict {
     /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
     /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
-        let mut reasons = if self.reliance() == Grade::NotLearnt && self.evidence == Told::Apart {
+        let mut reasons = if self.grade == Grade::NotLearnt && self.evidence == Told::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
         } else {
             self.reasons_of_choice(score)
@@ -111,8 +128,11 @@ impl Verdict {
         if online.stands_still || self.has_all_diverged() {
             return reasons;
         }
-        reasons.extend(skill_sentence(online));
-        if self.reliance() == Grade::NotLearnt || online.values == Told::Alike || self.values == 1 {
+        reasons.extend(self.simple_sentence());
+        if self.simple.is_empty() {
+            reasons.extend(skill_sentence(online));
+        }
+        if self.grade == Grade::NotLearnt || online.values == Told::Alike || self.values == 1 {
             return reasons;
         }
         reasons.extend(self.default_sentence(online));
@@ -293,6 +313,12 @@ impl Verdict {
         });
         format!("Choosing by another held-out window would have cost {another}{hindsight}{random}.")
     }
+}
+
+/// "1.20, 95 %: 1.10 to 1.31".
+pub(super) fn ratio_interval(ratio: Estimate) -> Option<String> {
+    let interval = ratio.interval?;
+    Some(format!("{:.2}, 95 %: {:.2} to {:.2}", ratio.value, interval.low, interval.high))
 }
 
 /// "2.5 % (95 %: 1 to 4 %)".

@@ -23,7 +23,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         return Vec::new();
     }
     let of = |grades: &[Grade]| -> Vec<&Verdict> {
-        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.reliance())).collect()
+        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
     };
     let (poor, not_learnt) = (of(&[Grade::Poor]), of(&[Grade::NotLearnt]));
     let mut usable = of(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
@@ -34,6 +34,11 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     }
     if !arbitrary.is_empty() {
         sentences.push(format!("No value stands out for {}: all did alike.", sensors(&arbitrary)));
+    }
+    let simpler = of(&[Grade::Simpler]);
+    if !simpler.is_empty() {
+        let each: Vec<String> = simpler.iter().map(|of| of.instead()).collect();
+        sentences.push(format!("No agent is needed: use {}.", listed(&each)));
     }
     if !poor.is_empty() {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
@@ -76,7 +81,7 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
 
 /// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
-    let not_learnt = own.iter().all(|of| of.reliance() == Grade::NotLearnt);
+    let not_learnt = own.iter().all(|of| of.grade == Grade::NotLearnt);
     if not_learnt && own.iter().all(|of| of.hardly_varies()) {
         return Some(format!(
             "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
@@ -90,12 +95,18 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     }
     let (first, others) = own.split_first()?;
     let same = |of: &&Verdict| of.chosen == first.chosen && of.field == first.field;
-    let alike = |of: &&Verdict| of.reliance() == first.reliance();
+    let alike = |of: &&Verdict| of.grade == first.grade;
     if !others.iter().all(same) || !others.iter().all(alike) {
         return None;
     }
+    if first.grade == Grade::Simpler {
+        return Some(format!(
+            "{sensor}: no agent is needed, whichever model chooses: use {}.",
+            first.instead()
+        ));
+    }
     let choice = first.assigned();
-    let poor = first.reliance() == Grade::Poor;
+    let poor = first.grade == Grade::Poor;
     let warning = if poor { " Do not deploy it on this evidence." } else { "" };
     Some(format!("{sensor}: all models choose {choice}{}.{warning}", standing(first)))
 }
@@ -103,7 +114,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
 /// " (2 % regret, fair)": what a choice costs, and how far it can be relied on.
 fn standing(verdict: &Verdict) -> String {
     let Some(regret) = regret(verdict) else { return String::new() };
-    let word = verdict.reliance().word();
+    let word = verdict.grade.word();
     if verdict.has_costs() {
         format!(" ({} regret, {word})", percent(regret))
     } else {
@@ -234,7 +245,10 @@ mod tests {
             choices_of_models(&own),
             ["PIT300: all models choose learning_rate = 1e-4 (2.5 % regret, good)."]
         );
-        let unskilled = |_: &mut Verdict, online: &mut Agreement| online.chosen_skill = Some(-0.1);
+        let unskilled = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::Poor;
+            online.chosen_skill = Some(-0.1);
+        };
         let own = [of_model("a", unskilled), of_model("b", unskilled)];
         assert_eq!(
             choices_of_models(&own),
@@ -245,7 +259,10 @@ mod tests {
         let own = [of_model("a", good), of_model("b", unskilled)];
         let told = choices_of_models(&own);
         assert!(told[0].contains("(2.5 % regret, good) and b chooses"), "{told:?}");
-        let alike = |_: &mut Verdict, online: &mut Agreement| online.values = Told::Alike;
+        let alike = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::Unchecked;
+            online.values = Told::Alike;
+        };
         let own = [of_model("a", alike), of_model("b", alike)];
         assert_eq!(
             choices_of_models(&own),

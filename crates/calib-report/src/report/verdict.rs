@@ -1,7 +1,9 @@
 //! What to deploy, and how well that is supported.
 
+use calib_agent::SimplePredictor;
 use calib_stats::Estimate;
 
+use super::{Grade, SimpleRow, Simpler};
 use crate::Setting;
 
 /// The value a calibration model chose for one sensor.
@@ -35,8 +37,29 @@ pub struct Verdict {
     pub online: Option<Agreement>,
     /// Other ways to choose, and what they would have cost.
     pub alternatives: Vec<Alternative>,
+    /// Simple predictors on the same held-out windows, the simplest first; empty where they are not known.
+    pub simple: Vec<SimpleRow>,
+    /// The simple predictor to use instead of the agent, if the agent is not known to match it.
+    pub simpler: Option<Simpler>,
+    /// The simple predictor that the choice is, where it is one that goes on without learning.
+    pub frozen: Option<SimplePredictor>,
+    /// What would be chosen by each part of the runs.
+    pub parts: Vec<PartRow>,
+    /// Share of the choice's squared error on held-out data that is made in the first tenth of its runs.
+    pub start_up_share: Option<f64>,
     /// What the reader must know before relying on this verdict: [`super::caveats`].
     pub notes: Vec<String>,
+}
+
+/// What would be chosen by the errors over a part of each run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartRow {
+    /// The part in words: "whole run".
+    pub part: &'static str,
+    /// What is chosen by it.
+    pub chosen: Setting,
+    /// Mean score of the verdict's choice over that part of held-out runs.
+    pub error: Option<f64>,
 }
 
 /// Whether errors tell the values of the grid apart.
@@ -176,21 +199,6 @@ pub struct Alternative {
     pub value: Option<Setting>,
     /// Its regret Online; `None` without Online.
     pub regret: Option<Estimate>,
-}
-
-/// How well a verdict is supported by held-out data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Grade {
-    /// As good as choosing by another held-out window.
-    Good,
-    /// Not worse than the default.
-    Fair,
-    /// Worse than the default, or the choice, or every value, diverged.
-    Poor,
-    /// No value predicts better than the mean.
-    NotLearnt,
-    /// No held-out data.
-    Unchecked,
 }
 
 impl Verdict {

@@ -8,7 +8,7 @@ use calib_files::{Fingerprint, Fingerprinter};
 use serde::Serialize;
 
 use super::{Plan, RESULT_VERSION};
-use crate::{Candidate, Program, Span, Start, Unit};
+use crate::{Baselines, Candidate, Program, Span, Start, Unit};
 
 impl Plan<'_> {
     /// Fingerprint of everything that a unit's result follows from.
@@ -34,10 +34,14 @@ impl Plan<'_> {
             #[serde(skip_serializing_if = "Option::is_none")]
             start: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
+            baselines: Option<&'k Fingerprint>,
+            #[serde(skip_serializing_if = "Option::is_none")]
             program: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
             arithmetic: Option<&'k str>,
         }
+        let is_fitted = agents.iter().any(|candidate| candidate.agent.baseline.is_some());
+        let baselines = self.baselines.filter(|_| is_fitted).map(Baselines::fingerprint);
         let key = Key {
             format: RESULT_VERSION,
             unit,
@@ -48,6 +52,7 @@ impl Plan<'_> {
             seed,
             inputs,
             start: start.map(|start| &start.fingerprint),
+            baselines,
             program: self.program.map(Program::fingerprint),
             arithmetic: self.accelerator.map(Accelerator::class),
         };

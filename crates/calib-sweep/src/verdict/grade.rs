@@ -1,68 +1,122 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use calib_stats::Estimate;
+use calib_agent::SimplePredictor;
 
 use super::{
     rule::Standing,
-    truth::{Baseline, Truth},
+    simple::{self, SimpleComparison},
+    truth::Truth,
 };
 
 /// How well held-out data supports a choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
-    /// No worse than what a chooser that sees another held-out window would cost, and not worse than the default.
+    /// At most five per cent more error than the best value of each window, over two windows or more.
     Good,
-    /// Worse than that, or nothing to compare with, as where only one window was held out; but not worse than the default.
+    /// More than that, or only one window was held out; but not shown to be worse than the default.
     Fair,
-    /// The default is better, or the choice diverged.
+    /// A simple predictor does as well or better: the agent is not known to have at most two per cent more error.
+    Simpler,
+    /// The default is better, or the choice diverged or has no skill.
     Poor,
-    /// Even the best value predicts no better than the mean return of each window.
+    /// Nothing predicts better than a mean return: that of the training range, where simple predictors are known, or else that
+    /// of each window.
     NotLearnt,
     /// No held-out data, or none whose returns vary, or are known to.
     Unchecked,
 }
 
-/// Regrets that differ by less than this are alike.
-const ALIKE: f64 = 0.01;
+/// A regret that is no reason to look further.
+const SMALL_REGRET: f64 = 0.05;
 
 impl Grade {
     /// By these rules, the first that holds:
     ///
     /// 1. *poor* if the choice diverged in some stream that it was made from, as every other value then did;
-    /// 2. *unchecked* without held-out data;
+    /// 2. *unchecked* without held-out data, and where the sensor does not move in it;
     /// 3. *poor* if the choice diverged in some held-out window;
-    /// 4. *not learnt* if the best value over windows has no skill: 1 − RMSE / σ ≤ 0, and *unchecked* where σ is 0, or not known, and skill says nothing;
-    /// 5. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
-    /// 6. *good* if its regret is at most one percentage point above that of choosing by another held-out window;
-    /// 7. *fair* otherwise.
+    /// 4. *unchecked* where the spread of the returns is 0, or not known;
+    /// 5. where simple predictors are known and the choice is not known to match them, *not learnt* if the training mean is the
+    ///    best of them, and *simpler* otherwise;
+    /// 6. where they are not known, *not learnt* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
+    ///    choice has none;
+    /// 7. *unchecked* if all values have the same error;
+    /// 8. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
+    /// 9. *good* if its regret is at most 5 %, over two windows or more;
+    /// 10. *fair* otherwise.
     ///
-    /// The limits follow from what was measured, but for the point.
-    pub(super) fn of(standing: Standing, truth: Option<&Truth>) -> Self {
+    pub(super) fn of(
+        standing: Standing,
+        truth: Option<&Truth>,
+        simple: &[SimpleComparison],
+        stands_still: bool,
+    ) -> Self {
         if standing == Standing::Diverged {
             return Self::Poor;
         }
         let Some(truth) = truth else { return Self::Unchecked };
+        if stands_still {
+            return Self::Unchecked;
+        }
         let (Some(best), Some(regret)) = (truth.best, truth.choice.regret) else {
             return Self::Poor;
         };
         if truth.choice.online_error.is_infinite() {
             return Self::Poor;
         }
-        match truth.scores.skill[best] {
-            Some(skill) if skill > 0.0 => {}
-            Some(_) => return Self::NotLearnt,
-            None => return Self::Unchecked,
+        let (Some(best_skill), Some(skill)) =
+            (truth.scores.skill[best], truth.scores.skill[truth.choice.chosen])
+        else {
+            return Self::Unchecked;
+        };
+        match simple::decisive(simple) {
+            Some(better) if better.predictor == SimplePredictor::Mean => return Self::NotLearnt,
+            Some(_) => return Self::Simpler,
+            None if !simple.is_empty() => {}
+            None if best_skill <= 0.0 => return Self::NotLearnt,
+            None if skill <= 0.0 => return Self::Poor,
+            None => {}
         }
-        let low = |of: Estimate| of.interval.map(|interval| interval.low);
-        if truth.choice.against_default.and_then(low).is_some_and(|low| low > 1.0) {
+        if !truth.tells_apart() {
+            return Self::Unchecked;
+        }
+        if truth.prefers_the_default() {
             return Self::Poor;
         }
-        let another = truth.baselines.iter().find(|of| of.baseline == Baseline::AnotherWindow);
-        match another.and_then(|of| of.regret) {
-            Some(another) if regret.value <= another.value + ALIKE => Self::Good,
-            _ => Self::Fair,
+        if truth.windows.len() > 1 && regret.value <= SMALL_REGRET {
+            Self::Good
+        } else {
+            Self::Fair
         }
     }
+
+    /// The grade in a word or two.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Fair => "fair",
+            Self::Simpler => "simpler is better",
+            Self::Poor => "poor",
+            Self::NotLearnt => "not learnt",
+            Self::Unchecked => "not checked",
+        }
+    }
+}
+
+/// What to do with a sensor's agent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Recommendation {
+    /// Deploy an agent with the chosen values.
+    Deploy,
+    /// Deploy an agent with the default values: held-out data prefers them, or the evidence prefers nothing.
+    KeepDefault,
+    /// Deploy the simple predictor, and no agent.
+    UseSimplePredictor,
+    /// Deploy nothing on this evidence.
+    DoNotDeploy,
+    /// No held-out data says whether the choice can be deployed.
+    NotChecked,
 }

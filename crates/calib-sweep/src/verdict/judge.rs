@@ -8,7 +8,9 @@ use super::{
     Share, Truth, WindowTruth,
     dropped::dropped,
     errors::Errors,
+    parts,
     rule::{Chooser, Evidence, Rule, Standing},
+    simple,
     truth::{correlations, least},
     warnings,
 };
@@ -54,39 +56,54 @@ pub fn verdict(
         [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
         _ => Vec::new(),
     };
+    let simple = match &all.online {
+        Some(online) => {
+            let chosen = (sensor, judging.part, &candidates[chosen]);
+            simple::compared(judging.simple, online, all.log.as_ref(), chosen, judging.scales)?
+        }
+        None => Vec::new(),
+    };
+    let parts = parts::choices(&own, candidates, judging, &chooser, chosen)?;
+    let start_up_share = parts::start_up_share(&own, chosen);
+    let mut warnings = warnings::all(
+        &own,
+        candidates,
+        (&selection, judging, chosen, standing),
+        &dropped,
+        truth.as_ref(),
+    );
+    let measured = (judging.part, chosen);
+    warnings.extend(warnings::of_parts(candidates, &parts, start_up_share, measured));
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
         part: judging.part,
         rule: judging.rule,
         chosen,
-        grade: Grade::of(standing, truth.as_ref()),
+        grade: Grade::of(standing, truth.as_ref(), &simple, judging.stands_still),
         scores: ranking,
         stability,
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
-        warnings: warnings::all(
-            &own,
-            candidates,
-            (&selection, judging, chosen, standing),
-            &dropped,
-            truth.as_ref(),
-        ),
+        parts,
+        start_up_share,
+        warnings,
         members: all.members.iter().map(Errors::scores).collect::<Result<_, _>>()?,
         log_replay: all.log.as_ref().map(Errors::scores).transpose()?,
         selection,
         dropped,
         truth,
+        simple,
     })
 }
 
 /// What was measured, environment by environment.
-struct Measured {
-    members: Vec<Errors>,
-    log: Option<Errors>,
-    online: Option<Errors>,
+pub(super) struct Measured {
+    pub(super) members: Vec<Errors>,
+    pub(super) log: Option<Errors>,
+    pub(super) online: Option<Errors>,
 }
 
 impl Measured {
-    fn new(
+    pub(super) fn new(
         results: &[&UnitResult],
         candidates: &[Candidate],
         judging: &Judging<'_>,
@@ -107,14 +124,14 @@ impl Measured {
 }
 
 /// The same for resampling: members with their rollouts, windows with their runs.
-struct Runs {
-    members: Nested,
-    log: Option<Nested>,
-    online: Option<Nested>,
+pub(super) struct Runs {
+    pub(super) members: Nested,
+    pub(super) log: Option<Nested>,
+    pub(super) online: Option<Nested>,
 }
 
 impl Runs {
-    fn new(all: &Measured) -> Result<Self, StatsError> {
+    pub(super) fn new(all: &Measured) -> Result<Self, StatsError> {
         let nested = |of: &Errors| Nested::new(of.units());
         Ok(Self {
             members: Nested::new(all.members.iter().flat_map(Errors::units).collect())?,

@@ -4,7 +4,9 @@ mod dropped;
 mod errors;
 mod grade;
 mod judge;
+mod parts;
 mod rule;
+mod simple;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -18,13 +20,15 @@ use serde::{Deserialize, Serialize};
 
 pub use dropped::Dropped;
 pub use errors::EnvironmentScores;
-pub use grade::Grade;
+pub use grade::{Grade, Recommendation};
 pub use judge::verdict;
+pub use parts::PartChoice;
 pub use rule::Rule;
 pub(crate) use rule::STREAMS_PER_INDEPENDENT;
+pub use simple::{NO_WORSE, SimpleComparison};
 pub use truth::{Agreement, Baseline, BaselineRegret, Truth, WindowTruth};
 
-use crate::ErrorScale;
+use crate::{ErrorScale, SimpleScore};
 
 pub(crate) const LOWER: Direction = Direction::LowerIsBetter;
 
@@ -39,6 +43,10 @@ pub struct Judging<'a> {
     pub top_k: usize,
     /// What the errors of each sensor are divided by.
     pub scales: &'a [ErrorScale],
+    /// Errors of simple predictors; none where they are not known.
+    pub simple: &'a [SimpleScore],
+    /// Whether the sensor has one value throughout every held-out window, so that there was nothing to predict.
+    pub stands_still: bool,
     /// Resamples of intervals; 0 gives none.
     pub resamples: usize,
     /// Root of the resamples' seeds.
@@ -98,8 +106,43 @@ pub struct SensorVerdict {
     pub log_replay: Option<EnvironmentScores>,
     /// What held-out data says.
     pub truth: Option<Truth>,
+    /// Simple predictors on the same held-out windows; empty where they are not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub simple: Vec<SimpleComparison>,
+    /// What would be chosen by other parts of each run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartChoice>,
+    /// Share of the choice's squared error on held-out data that it makes in the first tenth of its runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_up_share: Option<f64>,
     /// What the reader should know: few horizons, divergence, ties with everything.
     pub warnings: Vec<String>,
+}
+
+impl SensorVerdict {
+    /// The simple predictor to use instead of the chosen agent; none where the agent is known to match them all.
+    pub fn simpler(&self) -> Option<&SimpleComparison> {
+        simple::decisive(&self.simple)
+    }
+
+    /// What to do.
+    pub fn recommendation(&self) -> Recommendation {
+        let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default);
+        match self.grade {
+            Grade::Simpler => Recommendation::UseSimplePredictor,
+            Grade::NotLearnt => Recommendation::DoNotDeploy,
+            Grade::Poor if default_is_better => Recommendation::KeepDefault,
+            Grade::Poor => Recommendation::DoNotDeploy,
+            _ if !self.prefers_a_value() => Recommendation::KeepDefault,
+            Grade::Good | Grade::Fair => Recommendation::Deploy,
+            Grade::Unchecked => Recommendation::NotChecked,
+        }
+    }
+
+    /// Whether the evidence prefers any value to another. A single one has none to differ from.
+    pub fn prefers_a_value(&self) -> bool {
+        self.scores.len() < 2 || self.scores.windows(2).any(|pair| pair[0] != pair[1])
+    }
 }
 
 /// Whether the members prefer any value to another: by worst rank, or at least by mean rank.

@@ -92,6 +92,23 @@ pub struct Truth {
     pub baselines: Vec<BaselineRegret>,
 }
 
+impl Truth {
+    /// Whether the default has less error than the choice, with an interval that excludes equality.
+    pub fn prefers_the_default(&self) -> bool {
+        let interval = self.choice.against_default.and_then(|ratio| ratio.interval);
+        interval.is_some_and(|interval| interval.low > 1.0)
+    }
+
+    /// Whether the errors of different values differ. A single one has none to differ from.
+    pub fn tells_apart(&self) -> bool {
+        // Of every window the best value has no regret: where all have none, all have the same error.
+        let differ = |regrets: &[f64]| {
+            regrets.len() < 2 || regrets.windows(2).any(|pair| pair[0] != pair[1])
+        };
+        self.regrets.as_deref().is_none_or(differ)
+    }
+}
+
 /// The first of the smallest.
 pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)

@@ -1,11 +1,53 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, Judging, Rule, rule::Standing, told_apart, truth::Truth};
+use super::{Dropped, Judging, PartChoice, Rule, rule::Standing, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
 const FEW_HORIZONS: f64 = 50.0;
+
+/// An untrained agent makes about a tenth of its error in the first tenth of a run once it has nothing left to catch up on.
+const MUCH_AT_THE_START: f64 = 0.3;
+
+/// What the errors of a run measure: its start-up, or what comes after it.
+pub(super) fn of_parts(
+    candidates: &[Candidate],
+    parts: &[PartChoice],
+    start_up_share: Option<f64>,
+    (part, chosen): (Part, usize),
+) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if let Some(share) = start_up_share.filter(|&share| share > MUCH_AT_THE_START)
+        && part == Part::WholeRun
+    {
+        warnings.push(format!(
+            "{:.0} % of the chosen agent's squared error is made in the first tenth of its runs, so the choice is mostly about \
+             how fast it starts up; let it start from a simple predictor (agent.baseline), or score without the start-up \
+             (sweep.scored = \"after_first_quarter\")",
+            100.0 * share
+        ));
+    }
+    let other =
+        parts.iter().find(|of| of.part != part && !are_neighbours(candidates, of.chosen, chosen));
+    if let Some(other) = other {
+        let name = match other.part {
+            Part::WholeRun => "over whole runs",
+            Part::AfterFirstQuarter => "without the first quarter of each run",
+            Part::FinalQuarter => "over the final quarter of each run",
+        };
+        warnings.push(format!(
+            "scored {name}, the choice would be {}",
+            candidates[other.chosen].label()
+        ));
+    }
+    warnings
+}
+
+/// Whether two values are the same or next to each other in a grid of one hyperparameter.
+fn are_neighbours(candidates: &[Candidate], a: usize, b: usize) -> bool {
+    a == b || (candidates[a].values.len() == 1 && a.abs_diff(b) == 1)
+}
 
 /// What the reader of a verdict should know.
 pub(super) fn all(

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use calib_core::Seed;
-use calib_report::Grade;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
 use crate::verdict::compare::Part;
@@ -12,7 +11,7 @@ use crate::verdict::compare::Part;
 pub(super) fn choice(
     sensor: &str,
     parts: &[&Part],
-    verdicts: &[(SensorVerdict, Grade)],
+    verdicts: &[SensorVerdict],
 ) -> anyhow::Result<usize> {
     let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
     let judging = Judging {
@@ -20,13 +19,15 @@ pub(super) fn choice(
         rule: study.evaluate.rule,
         top_k: study.evaluate.top_k,
         scales: &manifest.scales,
+        simple: &[],
+        stands_still: false,
         resamples: 0,
         seed: Seed::new(study.seed),
     };
     let results: Vec<&[UnitResult]> = parts.iter().map(|part| &part.judged.results[..]).collect();
     let raced: BTreeSet<usize> = verdicts
         .iter()
-        .flat_map(|(verdict, _)| verdict.dropped.iter().map(|dropped| dropped.candidate))
+        .flat_map(|verdict| verdict.dropped.iter().map(|dropped| dropped.candidate))
         .collect();
     let evidence = evidence(&results, &raced, manifest.candidates.len());
     Ok(verdict(sensor, &manifest.candidates, &evidence, &judging)?.chosen)
@@ -122,7 +123,16 @@ mod tests {
         };
         let candidates: Vec<Candidate> = (0..3).map(candidate).collect();
         let (part, seed) = (RunPart::WholeRun, Seed::new(0));
-        let judging = Judging { part, rule, top_k: 1, scales: &[], resamples: 0, seed };
+        let judging = Judging {
+            part,
+            rule,
+            top_k: 1,
+            scales: &[],
+            simple: &[],
+            stands_still: false,
+            resamples: 0,
+            seed,
+        };
         verdict("A", &candidates, results, &judging).expect("judged").chosen
     }
 

@@ -2,8 +2,8 @@
 
 mod evidence;
 
-use calib_report::{Cell, Grade, Table};
-use calib_sweep::{Candidate, SensorVerdict};
+use calib_report::{Cell, Table};
+use calib_sweep::{Candidate, Grade, SensorVerdict};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -42,10 +42,7 @@ pub(crate) struct Choice {
     /// What it costs Online.
     pub(crate) regret: Option<f64>,
     /// How well held-out data supports it.
-    pub(crate) grade: calib_sweep::Grade,
-    /// How far it can be relied on.
-    #[serde(skip)]
-    pub(crate) reliance: Grade,
+    pub(crate) grade: Grade,
 }
 
 impl Deployed {
@@ -62,13 +59,13 @@ impl Deployed {
 
 impl Choice {
     fn is_not_learnt(&self) -> bool {
-        self.reliance == Grade::NotLearnt
+        self.grade == Grade::NotLearnt
     }
 
     /// "1e-4 (2.3 %, good)": the value, what it costs, and how far it can be relied on.
     fn text(&self) -> String {
-        let word = self.reliance.word();
-        match (self.reliance, self.regret) {
+        let word = self.grade.word();
+        match (self.grade, self.regret) {
             (Grade::NotLearnt, _) => word.to_owned(),
             (_, None) => self.chosen.clone(),
             (Grade::Unchecked, Some(_)) => format!("{} ({word})", self.chosen),
@@ -96,27 +93,23 @@ pub(crate) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
 }
 
 fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> {
-    let judged = |part: &&Part| {
-        let mut verdicts = part.judged.summary.verdicts.iter().zip(&part.report.verdicts);
-        let (verdict, row) = verdicts.find(|(verdict, _)| verdict.sensor == sensor)?;
-        Some((verdict.clone(), row.reliance()))
+    let judged = |part: &Part| {
+        let mut verdicts = part.judged.summary.verdicts.iter();
+        verdicts.find(|verdict| verdict.sensor == sensor).cloned()
     };
-    let Some(verdicts) = parts.iter().map(judged).collect::<Option<Vec<(SensorVerdict, Grade)>>>()
-    else {
-        return Ok(None);
-    };
+    let verdicts: Option<Vec<SensorVerdict>> = parts.iter().map(|part| judged(part)).collect();
+    let Some(verdicts) = verdicts else { return Ok(None) };
     let candidates = &parts[0].judged.manifest.candidates;
     let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
-    let choices = parts.iter().zip(&verdicts).map(|(part, (verdict, reliance))| Choice {
+    let choices = parts.iter().zip(&verdicts).map(|(part, verdict)| Choice {
         deployment: part.deployment_name().to_owned(),
         chosen: label(verdict.chosen),
         values: values(&candidates[verdict.chosen]),
         regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
         grade: verdict.grade,
-        reliance: *reliance,
     });
     let for_all = evidence::choice(sensor, parts, &verdicts)?;
-    let regrets = verdicts.iter().map(|(verdict, _)| {
+    let regrets = verdicts.iter().map(|verdict| {
         verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
     });
     Ok(Some(Deployed {
@@ -162,7 +155,7 @@ fn for_all_text(of: &Deployed) -> String {
     }
     // What stands still has a regret, of 0, that says nothing.
     let says_nothing = |choice: &Choice| {
-        let stands_still = choice.reliance == Grade::Unchecked && choice.regret.is_some();
+        let stands_still = choice.grade == Grade::Unchecked && choice.regret.is_some();
         choice.is_not_learnt() || stands_still
     };
     let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !says_nothing(choice));
@@ -222,14 +215,13 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
 mod tests {
     use super::*;
 
-    fn choice(deployment: &str, chosen: &str, regret: Option<f64>, reliance: Grade) -> Choice {
+    fn choice(deployment: &str, chosen: &str, regret: Option<f64>, grade: Grade) -> Choice {
         Choice {
             deployment: deployment.to_owned(),
             chosen: chosen.to_owned(),
             values: Map::new(),
             regret,
-            grade: calib_sweep::Grade::Good,
-            reliance,
+            grade,
         }
     }
 

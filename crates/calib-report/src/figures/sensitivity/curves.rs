@@ -38,14 +38,17 @@ impl Sensitivity {
 /// `alike` is the number of curves from the same kind of environment before it.
 fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series {
     let (colour, dash, width, marker) = match curve.source {
-        ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Marker::Circle),
-        ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Marker::TriangleDown),
+        ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Some(Marker::Circle)),
+        ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Some(Marker::TriangleDown)),
+        ErrorSource::Simple => (Colour::Muted, Dash::Dashed, 1.6, None),
         // The first colours after Online's are those of the ensembles.
-        ErrorSource::Model => (Colour::Curve(3 + alike), Dash::Solid, 1.8, Marker::Triangle),
+        ErrorSource::Model => (Colour::Curve(3 + alike), Dash::Solid, 1.8, Some(Marker::Triangle)),
         // The colour of the ensemble's ranks.
-        ErrorSource::Evidence => (Colour::Curve(1 + alike), Dash::Solid, 1.8, Marker::Triangle),
+        ErrorSource::Evidence => {
+            (Colour::Curve(1 + alike), Dash::Solid, 1.8, Some(Marker::Triangle))
+        }
     };
-    let (label, marker) = (curve.label.clone(), Some(marker));
+    let label = curve.label.clone();
     Series { label, side: Side::Left, colour, dash, width, marker, points }
 }
 

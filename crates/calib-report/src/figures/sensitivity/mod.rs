@@ -106,6 +106,8 @@ pub enum ErrorSource {
     Online,
     /// Training data, replayed: the cheap alternative to a calibration model.
     LogReplay,
+    /// A simple predictor on held-out data, which no value changes: a horizontal line.
+    Simple,
     /// A calibration model that is no ensemble.
     Model,
     /// What a choice by mean errors was made from: one curve an ensemble, in the order of `worst_ranks`.

@@ -1,3 +1,4 @@
+use calib_agent::SimplePredictor;
 use calib_stats::Interval;
 
 use super::*;
@@ -51,6 +52,11 @@ pub(in crate::report) fn verdict() -> Verdict {
             alternative(Way::Hindsight, Some(3e-4), 0.01),
             alternative(Way::AnotherWindow, None, 0.03),
         ],
+        simple: vec![],
+        simpler: None,
+        frozen: None,
+        parts: vec![],
+        start_up_share: None,
         notes: vec![],
     }
 }
@@ -240,10 +246,9 @@ Its skill is -0.10: it predicts no better than the mean return. The best value's
 
 #[test]
 fn a_choice_without_skill_is_not_recommended() {
-    let mut verdict = verdict();
+    let mut verdict = Verdict { grade: Grade::Poor, ..verdict() };
     let online = verdict.online.as_mut().unwrap();
     (online.chosen_skill, online.best_skill) = (Some(-0.17), Some(0.02));
-    assert_eq!(verdict.reliance(), Grade::Poor);
     assert_eq!(
         verdict.headline(),
         "Do not deploy learning_rate = 1e-4 for PIT300 on this evidence."
@@ -253,7 +258,7 @@ fn a_choice_without_skill_is_not_recommended() {
 
 #[test]
 fn errors_that_are_all_alike_praise_no_value() {
-    let mut verdict = verdict();
+    let mut verdict = Verdict { grade: Grade::Unchecked, ..verdict() };
     let online = verdict.online.as_mut().unwrap();
     online.values = Told::Alike;
     online.regret = Some(estimate(0.0, 0.0, 0.0));
@@ -278,16 +283,16 @@ Its skill is 0.55: 55 % less error than predicting the mean return. The best val
 
 #[test]
 fn a_sensor_that_stands_still_checks_nothing() {
-    let mut verdict = Verdict { grade: Grade::NotLearnt, ..verdict() };
+    let mut verdict = Verdict { grade: Grade::Unchecked, ..verdict() };
     verdict.online.as_mut().unwrap().stands_still = true;
-    insta::assert_snapshot!(text(&verdict).lines().chain([verdict.plain().as_str()]).collect::<Vec<_>>().join("\n"), @r"
-Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
-kNN ranks it never below 2nd of 9 values in its 5 members.
-It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) PIT300 stands still: there is nothing to predict, so no error says anything.
-It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by a held-out range in which it moves.
-");
+    insta::assert_snapshot!(text(&verdict).lines().chain([verdict.plain().as_str()]).collect::<Vec<_>>().join("\n"), @"
+    PIT300 never changes in the held-out data, so the choice could not be checked. The log suggests learning_rate = 1e-4.
+    kNN ranks it never below 2nd of 9 values in its 5 members.
+    It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
+    70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+    On held-out data (whole runs of 4 windows, 8 runs) PIT300 stands still: there is nothing to predict, so no error says anything.
+    It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by a held-out range in which it moves.
+    ");
 }
 
 #[test]
@@ -326,4 +331,48 @@ fn streams_of_a_log_that_was_not_replayed_are_not_told() {
     let reason = Reason::Pooled { streams: 10, sources: Sources::Members };
     let told = Verdict { reason, ..verdict() }.reason_sentence();
     assert_eq!(told, "Over 10 streams of kNN, its mean logarithm of the error is the smallest.");
+}
+
+/// Persistence has half of the agent's error.
+fn beaten(is_better: bool) -> Verdict {
+    let ratio = if is_better { estimate(2.0, 1.8, 2.2) } else { estimate(0.99, 0.9, 1.1) };
+    let row = |predictor, error| crate::SimpleRow { predictor, error };
+    Verdict {
+        grade: Grade::Simpler,
+        simple: vec![
+            row(SimplePredictor::Mean, 1.02),
+            row(SimplePredictor::Persistence, 0.21),
+            row(SimplePredictor::Ridge, 0.3),
+        ],
+        simpler: Some(crate::Simpler {
+            predictor: SimplePredictor::Persistence,
+            ratio: Some(ratio),
+            is_better,
+            typical_errors: Some([1.3, 2.6]),
+        }),
+        ..verdict()
+    }
+}
+
+#[test]
+fn a_simple_predictor_that_is_better_is_recommended_instead() {
+    let verdict = beaten(true);
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300, not an agent: it has 50 % less error.");
+    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 50 % less error than the chosen agent (agent / persistence: 2.00, 95 %: 1.80 to 2.20). Typical error: 1.3 against 2.6, in the sensor's unit. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+    insta::assert_snapshot!(verdict.simple_sentence().unwrap(), @"NRMSE of simple predictors on the same windows: the training mean 1.02, persistence 0.21 and ridge regression 0.3. The agent: 0.423.");
+    assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
+}
+
+#[test]
+fn an_agent_that_is_not_shown_to_be_better_is_not_recommended() {
+    let verdict = beaten(false);
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300: no agent is shown to do better.");
+    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 1 % more error than the chosen agent, which could be chance (agent / persistence: 0.99, 95 %: 0.90 to 1.10). Typical error: 1.3 against 2.6, in the sensor's unit. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+}
+
+#[test]
+fn an_agent_that_only_is_its_baseline_is_called_so() {
+    let frozen = Some(SimplePredictor::Ridge);
+    let verdict = Verdict { frozen, ..verdict() };
+    assert_eq!(verdict.headline(), "Use ridge regression for PIT300: learning on adds nothing.");
 }

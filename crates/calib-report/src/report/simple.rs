@@ -1,0 +1,103 @@
+//! Simple predictors beside the chosen agent.
+
+use calib_agent::SimplePredictor;
+use calib_stats::Estimate;
+
+use super::Verdict;
+use super::sentence::{listed, ratio_interval};
+use crate::number::{number, percent};
+
+/// A simple predictor on the held-out windows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimpleRow {
+    /// What predicts.
+    pub predictor: SimplePredictor,
+    /// Its mean score over windows.
+    pub error: f64,
+}
+
+/// A simple predictor that the agent is not known to match.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simpler {
+    /// What predicts.
+    pub predictor: SimplePredictor,
+    /// Error of the agent by that of the predictor, geometric mean over held-out windows.
+    pub ratio: Option<Estimate>,
+    /// Whether the predictor is better, and that is no chance.
+    pub is_better: bool,
+    /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE.
+    pub typical_errors: Option<[f64; 2]>,
+}
+
+impl Simpler {
+    /// "42 % less error", of the predictor beside the agent.
+    fn difference(&self) -> Option<String> {
+        let ratio = self.ratio?.value;
+        if ratio.is_infinite() || ratio == 0.0 {
+            return None;
+        }
+        let (share, word) =
+            if ratio >= 1.0 { (1.0 - 1.0 / ratio, "less") } else { (1.0 / ratio - 1.0, "more") };
+        Some(format!("{} {word} error", percent(share)))
+    }
+}
+
+impl Verdict {
+    /// The advice where a simple predictor does as well or better.
+    pub(super) fn simpler_headline(&self, simpler: &Simpler) -> String {
+        let (name, sensor) = (simpler.predictor.label(), &self.sensor);
+        match simpler.difference() {
+            Some(difference) if simpler.is_better => {
+                format!("Use {name} for {sensor}, not an agent: it has {difference}.")
+            }
+            _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent."),
+            _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
+        }
+    }
+
+    /// What that means, and what to try.
+    pub(super) fn simpler_plain(&self, simpler: &Simpler) -> String {
+        let name = simpler.predictor.label();
+        let interval = simpler.ratio.and_then(ratio_interval);
+        let interval =
+            interval.map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
+        let difference = simpler.difference().unwrap_or_else(|| "less error".to_owned());
+        let typical = simpler.typical_errors.map_or_else(String::new, |[predictor, agent]| {
+            format!(
+                " Typical error: {} against {}, in the sensor's unit.",
+                number(predictor),
+                number(agent)
+            )
+        });
+        let chance = if simpler.is_better { "" } else { ", which could be chance" };
+        format!(
+            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical} To improve on it, let the agent \
+             start from it: agent.baseline = \"{}\".",
+            simpler.predictor.name()
+        )
+    }
+
+    /// "persistence for PIT300".
+    pub(super) fn instead(&self) -> String {
+        let name = self.simpler.as_ref().map_or("a simple predictor", |of| of.predictor.label());
+        format!("{name} for {}", self.sensor)
+    }
+
+    /// How every simple predictor did.
+    pub(super) fn simple_sentence(&self) -> Option<String> {
+        let chosen_error = self.online.as_ref()?.chosen_error;
+        if self.simple.is_empty() {
+            return None;
+        }
+        let each: Vec<String> = self
+            .simple
+            .iter()
+            .map(|row| format!("{} {}", row.predictor.label(), number(row.error)))
+            .collect();
+        Some(format!(
+            "NRMSE of simple predictors on the same windows: {}. The agent: {}.",
+            listed(&each),
+            number(chosen_error)
+        ))
+    }
+}

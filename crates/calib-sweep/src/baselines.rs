@@ -1,0 +1,236 @@
+//! What agents start from: simple predictors, fitted on the part of the log that a run does not replay.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    ops::Range,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+use calib_agent::{
+    AgentConfig, CurveRule, FittedPredictor, Fitter, Scores, SimplePredictor, score_predictions,
+    with_traces,
+};
+use calib_core::{Frames, RowStream, Stream};
+use calib_files::{Fingerprint, Fingerprinter};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Environment, EnvironmentId, Span, SweepError};
+
+/// Version of how predictors are fitted. It is raised when the same log gives other coefficients.
+const FIT_VERSION: u8 = 1;
+
+/// Less of the log than this share is too little to fit on: then all of it counts, also what a run replays.
+const LEAST_SHARE: f64 = 0.2;
+
+/// Rows of the training log that the predictors of a run may be fitted on.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum FittingRows {
+    /// All of them: the run is of data that come after.
+    All,
+    /// All but those that the run replays.
+    AllBut(Vec<Range<usize>>),
+    /// The block that the member of a leave-one-block-out ensemble lacks.
+    Only(Range<usize>),
+}
+
+impl FittingRows {
+    /// The rows that are left out of a log of `rows`.
+    fn excluded(&self, rows: usize) -> Vec<Range<usize>> {
+        match self {
+            Self::All => Vec::new(),
+            Self::AllBut(ranges) => ranges.clone(),
+            Self::Only(range) => vec![0..range.start, range.end..rows],
+        }
+    }
+}
+
+/// The log that simple predictors are fitted on, with those that were fitted.
+pub struct Baselines<'a> {
+    log: &'a Frames,
+    fingerprint: Fingerprint,
+    /// Each group has a lock of its own: runs that need the same predictors wait for them, others do not.
+    fitted: Mutex<HashMap<Group, Arc<Mutex<Fits>>>>,
+}
+
+/// Predictors that are fitted on the same numbers. γ and the decays of traces are compared by their bits.
+#[derive(Clone, PartialEq, Eq, Hash)]
+struct Group {
+    gamma: u64,
+    traces: Vec<u64>,
+    rows: FittingRows,
+}
+
+/// A predictor of a column.
+type Wanted = (SimplePredictor, usize);
+
+type Fits = BTreeMap<Wanted, Arc<FittedPredictor>>;
+
+impl<'a> Baselines<'a> {
+    /// Predictors that are fitted on the training log.
+    pub fn new(log: &'a Frames) -> Self {
+        let mut of = Fingerprinter::default();
+        of.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
+        for segment in log.segments().iter() {
+            of.add(&(segment.rows().end as u64).to_le_bytes());
+        }
+        Self { log, fingerprint: of.finish(), fitted: Mutex::default() }
+    }
+
+    /// Of the log and of how predictors are fitted. What a run replays is in the inputs of its stream.
+    pub fn fingerprint(&self) -> &Fingerprint {
+        &self.fingerprint
+    }
+
+    /// The wanted predictors of what such an agent sees, fitted on these rows.
+    fn fitted(
+        &self,
+        wanted: &[Wanted],
+        agent: &AgentConfig,
+        rows: &FittingRows,
+    ) -> Vec<Arc<FittedPredictor>> {
+        let group = Group {
+            gamma: agent.gamma.to_bits(),
+            traces: agent.traces.iter().map(|decay| decay.to_bits()).collect(),
+            rows: rows.clone(),
+        };
+        let fits = Arc::clone(locked(&self.fitted).entry(group).or_default());
+        let mut fits = locked(&fits);
+        let missing: Vec<Wanted> =
+            wanted.iter().copied().filter(|wanted| !fits.contains_key(wanted)).collect();
+        if !missing.is_empty() {
+            let replay = RowStream::replay(self.log.states().clone(), self.log.segments());
+            let stream = with_traces(&replay, &agent.traces);
+            let excluded = rows.excluded(self.log.rows());
+            let mut fitter = Fitter::new(&*stream, agent.gamma, &excluded);
+            if let FittingRows::AllBut(_) = rows {
+                let all = Fitter::new(&*stream, agent.gamma, &[]);
+                if (fitter.rows() as f64) < LEAST_SHARE * all.rows() as f64 {
+                    fitter = all;
+                }
+            }
+            for (predictor, column) in missing {
+                fits.insert((predictor, column), Arc::new(fitter.fit(predictor, column)));
+            }
+        }
+        wanted.iter().map(|wanted| Arc::clone(&fits[wanted])).collect()
+    }
+
+    /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
+    /// for one that starts from nothing. The rows are those that the run's predictors may be fitted on.
+    pub(crate) fn predictions(
+        &self,
+        agents: &[(&AgentConfig, usize)],
+        stream: &dyn Stream,
+        rows: &FittingRows,
+    ) -> Vec<Option<Arc<[f32]>>> {
+        let mut made: Vec<Option<Arc<[f32]>>> = vec![None; agents.len()];
+        for place in 0..agents.len() {
+            let (agent, _) = agents[place];
+            if made[place].is_some() || agent.baseline.is_none() {
+                continue;
+            }
+            let is_alike =
+                |other: &AgentConfig| other.gamma == agent.gamma && other.traces == agent.traces;
+            let wants = |other: usize| -> Option<Wanted> {
+                let (config, column) = agents[other];
+                is_alike(config).then_some((config.baseline?, column))
+            };
+            let mut wanted: Vec<Wanted> = (place..agents.len()).filter_map(wants).collect();
+            wanted.sort_unstable();
+            wanted.dedup();
+            let seen = with_traces(stream, &agent.traces);
+            let fitted = self.fitted(&wanted, agent, rows);
+            let values: Vec<Arc<[f32]>> =
+                fitted.iter().map(|fitted| fitted.predictions(&*seen).into()).collect();
+            for other in place..agents.len() {
+                if let Some(own) = wants(other) {
+                    let at = wanted.partition_point(|wanted| *wanted < own);
+                    made[other] = Some(Arc::clone(&values[at]));
+                }
+            }
+        }
+        made
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The error of a simple predictor over one recorded window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SimpleScore {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// What predicts.
+    pub predictor: SimplePredictor,
+    /// Whether the window is of the held-out range or of the log.
+    pub environment: EnvironmentId,
+    /// Row of that range at which the window begins.
+    pub start_row: u32,
+    /// Its errors, over the same steps as those of agents.
+    pub scores: Scores,
+}
+
+/// The errors of every simple predictor over every recorded window of these environments, in the order of environments,
+/// windows, sensors and predictors. Predictors see the state, and are fitted on what the window does not hold.
+///
+/// # Errors
+/// If a stream cannot be made, or no step of it can be scored.
+pub fn simple_scores(
+    baselines: &Baselines<'_>,
+    environments: &[&dyn Environment],
+    sensors: &[(String, usize)],
+    gamma: f64,
+    span: Span,
+) -> Result<Vec<SimpleScore>, SweepError> {
+    let mut windows: Vec<(&dyn Environment, usize)> = Vec::new();
+    for &environment in environments {
+        if matches!(environment.id(), EnvironmentId::Member(_)) {
+            continue;
+        }
+        let mut starts = Vec::new();
+        for run in 0..environment.runs() {
+            let start = environment.stream(run)?.start_row;
+            if !starts.contains(&start) {
+                starts.push(start);
+                windows.push((environment, run));
+            }
+        }
+    }
+    let agent = AgentConfig { gamma, ..AgentConfig::default() };
+    let of_window = |&(environment, run): &(&dyn Environment, usize)| {
+        let rows = environment.fitting_rows(run);
+        let streamed = environment.stream(run)?;
+        let stream = &*streamed.stream;
+        let steps = span.steps.min(stream.len().saturating_sub(1));
+        let mut scores = Vec::with_capacity(sensors.len() * SimplePredictor::ALL.len());
+        let all = SimplePredictor::ALL.into_iter();
+        let wanted: Vec<Wanted> = all
+            .flat_map(|predictor| sensors.iter().map(move |(_, column)| (predictor, *column)))
+            .collect();
+        let fitted = baselines.fitted(&wanted, &agent, &rows);
+        for (place, (sensor, column)) in sensors.iter().enumerate() {
+            for (number, predictor) in SimplePredictor::ALL.into_iter().enumerate() {
+                let predictions = fitted[number * sensors.len() + place].predictions(stream);
+                let curve = CurveRule { windows: 0 };
+                let run =
+                    score_predictions(stream, *column, gamma, &predictions[..steps], 0, curve)
+                        .map_err(SweepError::Together)?;
+                scores.push(SimpleScore {
+                    sensor: sensor.clone(),
+                    predictor,
+                    environment: environment.id(),
+                    start_row: streamed.start_row.0,
+                    scores: run.scores,
+                });
+            }
+        }
+        Ok(scores)
+    };
+    let scores: Result<Vec<Vec<SimpleScore>>, SweepError> =
+        windows.par_iter().map(of_window).collect();
+    Ok(scores?.into_iter().flatten().collect())
+}

@@ -1,0 +1,74 @@
+use calib_agent::Part;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Judging,
+    judge::{Measured, Runs},
+    rule::{Chooser, Evidence},
+};
+use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
+
+/// What the rule would choose if errors counted over another part of each run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PartChoice {
+    /// The part.
+    pub part: Part,
+    /// What is chosen by the errors over it.
+    pub chosen: usize,
+    /// Mean NRMSE of that over the part on held-out data; none without.
+    pub online_error: Option<f64>,
+    /// The same of the verdict's choice.
+    pub online_error_of_verdict: Option<f64>,
+}
+
+/// The choice by each part of a run that has steps to score in every environment.
+pub(super) fn choices(
+    results: &[&UnitResult],
+    candidates: &[Candidate],
+    judging: &Judging<'_>,
+    chooser: &Chooser<'_>,
+    chosen: usize,
+) -> Result<Vec<PartChoice>, SweepError> {
+    let mut choices = Vec::new();
+    for part in Part::ALL {
+        let judging = Judging { part, ..*judging };
+        let Ok(measured) = Measured::new(results, candidates, &judging) else { continue };
+        let runs = Runs::new(&measured)?;
+        let members = runs.members.whole();
+        let log = runs.log.as_ref().map(calib_stats::Nested::whole);
+        let evidence = Evidence { members: &members, log: log.as_ref() };
+        let own = chooser.choose(judging.rule, evidence)?;
+        let online = measured.online.as_ref().map(super::errors::Errors::means).transpose()?;
+        let error = |candidate: usize| {
+            online.as_ref().map(|means| means[candidate]).filter(|error| error.is_finite())
+        };
+        choices.push(PartChoice {
+            part,
+            chosen: own,
+            online_error: error(own),
+            online_error_of_verdict: error(chosen),
+        });
+    }
+    Ok(choices)
+}
+
+/// The share of the squared error of a candidate's held-out runs that it makes in their first tenth: what is decided before
+/// anything is learnt. By the points of learning curves; none where there are fewer than ten, or no error.
+pub(super) fn start_up_share(results: &[&UnitResult], candidate: usize) -> Option<f64> {
+    let (mut first, mut all) = (0.0, 0.0);
+    for result in results.iter().filter(|of| of.unit.environment == EnvironmentId::Online) {
+        let row = result.rows.iter().find(|row| row.candidate == candidate)?;
+        if row.diverged_at.is_some() || row.curve.len() < 10 {
+            return None;
+        }
+        for point in &row.curve {
+            let squared = point.rmse * point.rmse;
+            all += squared;
+            if point.step * 10 <= row.steps {
+                first += squared;
+            }
+        }
+    }
+    (all > 0.0).then(|| first / all)
+}

@@ -1,0 +1,113 @@
+use calib_agent::{Part, SimplePredictor};
+use calib_stats::{Estimate, summarise};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::errors::{Errors, Stream};
+use crate::{Candidate, EnvironmentId, ErrorScale, SimpleScore, SweepError};
+
+/// An agent is recommended only if it has at most this many times the error of every simple predictor.
+pub const NO_WORSE: f64 = 1.02;
+
+/// A simple predictor beside the chosen agent, on the same held-out windows and steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SimpleComparison {
+    /// What predicts.
+    pub predictor: SimplePredictor,
+    /// Mean over windows of its NRMSE.
+    pub online_error: f64,
+    /// Mean over windows of its RMSE, in normalised units of the return.
+    pub online_rmse: f64,
+    /// Geometric mean of its NRMSE over windows of the log, when it is fitted on the rest of the log.
+    pub log_error: Option<f64>,
+    /// Error of the chosen agent by that of the predictor: geometric mean over held-out windows, with its interval over them.
+    /// None where both have no error.
+    pub ratio: Option<Estimate>,
+}
+
+impl SimpleComparison {
+    /// Whether the chosen agent has more error, and that is no chance. Where there is no interval, two per cent count.
+    pub fn is_better(&self) -> bool {
+        match self.ratio {
+            Some(Estimate { interval: Some(interval), .. }) => interval.low > 1.0,
+            Some(Estimate { value, interval: None }) => value > NO_WORSE,
+            None => false,
+        }
+    }
+
+    /// Whether the chosen agent is known to have at most two per cent more error.
+    pub fn is_matched(&self) -> bool {
+        match self.ratio {
+            Some(Estimate { interval: Some(interval), .. }) => interval.high <= NO_WORSE,
+            Some(Estimate { value, interval: None }) => value <= NO_WORSE,
+            None => true,
+        }
+    }
+}
+
+/// The simple predictors that were scored on the held-out windows, beside a candidate.
+pub(super) fn compared(
+    scores: &[SimpleScore],
+    online: &Errors,
+    log: Option<&Errors>,
+    (sensor, part, chosen): (&str, Part, &Candidate),
+    scales: &[ErrorScale],
+) -> Result<Vec<SimpleComparison>, SweepError> {
+    let scale = ErrorScale::find(scales, sensor, chosen);
+    let rmse = |predictor: SimplePredictor, environment: EnvironmentId, stream: &Stream| {
+        let own = scores.iter().find(|score| {
+            score.sensor == sensor
+                && score.predictor == predictor
+                && score.environment == environment
+                && score.start_row == stream.start_row
+        });
+        own.and_then(|score| Some(score.scores.of(part)?.rmse))
+    };
+    let mut compared = Vec::new();
+    for predictor in SimplePredictor::ALL {
+        let of_stream = |stream: &Stream| rmse(predictor, EnvironmentId::Online, stream);
+        let own: Option<Vec<f64>> = online.streams.iter().map(of_stream).collect();
+        let Some(own) = own.filter(|own| !own.is_empty()) else { continue };
+        let of_log = |stream: &Stream| rmse(predictor, EnvironmentId::LogReplay, stream);
+        let on_log: Option<Vec<f64>> = log.and_then(|log| log.streams.iter().map(of_log).collect());
+        let agent = online.streams.iter().map(|stream| stream.means()[chosen.index] * scale);
+        let logarithms: Vec<f64> = agent
+            .zip(&own)
+            .filter(|(agent, own)| *agent != 0.0 || **own != 0.0)
+            .map(|(agent, own)| (agent / own).ln())
+            .collect();
+        let online_rmse = calib_stats::mean(&own)?;
+        compared.push(SimpleComparison {
+            predictor,
+            online_error: online_rmse / scale,
+            online_rmse,
+            log_error: on_log.filter(|errors| !errors.is_empty()).map(|errors| {
+                let sum: f64 = errors.iter().map(|error| (error / scale).ln()).sum();
+                (sum / errors.len() as f64).exp()
+            }),
+            ratio: if logarithms.is_empty() { None } else { Some(ratio(&logarithms)?) },
+        });
+    }
+    Ok(compared)
+}
+
+fn ratio(logarithms: &[f64]) -> Result<Estimate, SweepError> {
+    if logarithms.iter().any(|logarithm| logarithm.is_infinite()) {
+        let diverged = logarithms.contains(&f64::INFINITY);
+        return Ok(Estimate { value: if diverged { f64::INFINITY } else { 0.0 }, interval: None });
+    }
+    let summary = summarise(logarithms)?;
+    let interval =
+        summary.interval.map(|of| calib_stats::Interval { low: of.low.exp(), high: of.high.exp() });
+    Ok(Estimate { value: summary.mean.exp(), interval })
+}
+
+/// The simple predictor with the least error beside the agent's, unless the agent is known to match every one of them.
+pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
+    if compared.iter().all(SimpleComparison::is_matched) {
+        return None;
+    }
+    let ratio = |comparison: &SimpleComparison| comparison.ratio.map_or(1.0, |ratio| ratio.value);
+    // The simpler of those that are alike.
+    compared.iter().reduce(|best, other| if ratio(other) > ratio(best) { other } else { best })
+}
