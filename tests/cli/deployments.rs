@@ -142,11 +142,8 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     assert!(second.contains("6 units run"), "{second}");
     assert_eq!(second.matches("up to date").count(), 3, "{second}");
     let verdict = run(&["evaluate", "study.toml", "-q"]);
-    // All models choose the same everywhere; but it is of no use.
-    assert!(
-        verdict.contains("what to deploy: nothing, as no value learns any sensor"),
-        "{verdict}"
-    );
+    // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
+    assert!(verdict.contains("what to deploy") && verdict.contains("no agent: "), "{verdict}");
     let report =
         fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
     assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));

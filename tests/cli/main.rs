@@ -27,6 +27,7 @@ mod recurrent;
 mod represent;
 mod said;
 mod shares;
+mod simple_predictors;
 mod studies;
 mod sweeps;
 mod trust;

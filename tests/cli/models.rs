@@ -46,6 +46,7 @@ fn models_are_compared_in_one_report() {
         report.contains("smallest regret on held-out data is that of")
             || report.contains("equally good")
             || report.contains("all models choose")
+            || report.contains("whichever model chooses")
     );
     assert!(report.contains("member 0 of laplacian") && report.contains("PIT300, euclidean"));
     // The commands and the study that made it, with all its models.

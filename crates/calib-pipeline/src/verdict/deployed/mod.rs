@@ -2,6 +2,7 @@
 
 mod evidence;
 
+use calib_agent::SimplePredictor;
 use calib_report::{Cell, Table};
 use calib_sweep::{Candidate, Grade, SensorVerdict};
 use schemars::JsonSchema;
@@ -43,6 +44,9 @@ pub(crate) struct Choice {
     pub(crate) regret: Option<f64>,
     /// How well held-out data supports it.
     pub(crate) grade: Grade,
+    /// The simple predictor to use instead, if the agent is not known to match it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) simple_predictor: Option<SimplePredictor>,
 }
 
 impl Deployed {
@@ -67,6 +71,10 @@ impl Choice {
         let word = self.grade.word();
         match (self.grade, self.regret) {
             (Grade::NotLearnt, _) => word.to_owned(),
+            (Grade::Simpler, _) => match self.simple_predictor {
+                Some(predictor) => format!("no agent: {}", predictor.label()),
+                None => word.to_owned(),
+            },
             (_, None) => self.chosen.clone(),
             (Grade::Unchecked, Some(_)) => format!("{} ({word})", self.chosen),
             (_, Some(regret)) => format!("{} ({}, {word})", self.chosen, percent(regret)),
@@ -107,6 +115,7 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> 
         values: values(&candidates[verdict.chosen]),
         regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
         grade: verdict.grade,
+        simple_predictor: verdict.simpler().map(|simpler| simpler.predictor),
     });
     let for_all = evidence::choice(sensor, parts, &verdicts)?;
     let regrets = verdicts.iter().map(|verdict| {
@@ -222,6 +231,7 @@ mod tests {
             values: Map::new(),
             regret,
             grade,
+            simple_predictor: None,
         }
     }
 

@@ -1,0 +1,100 @@
+//! Simple predictors: beside every verdict, and as what agents start from.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::harness::Place;
+
+const GRID: &str = "[1e-5, 1e-3, 1e-2]";
+
+/// Agents that start from `baseline`, and one of them that stays there.
+fn place(baseline: &str) -> Place {
+    let place = Place::with_study();
+    place.edit_study("[agent]", &format!("[agent]\nbaseline = \"{baseline}\""));
+    place.edit_study(GRID, "[0, 1e-5, 1e-3]");
+    place
+}
+
+fn summary(place: &Place) -> Value {
+    for command in ["build-model", "sweep"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+    }
+    place.calib(&["evaluate", "study.toml"]).succeeds();
+    let text = fs::read(place.path().join("study-results/evaluate/summary.json")).expect("written");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+#[test]
+fn an_agent_that_does_not_learn_has_the_error_of_its_baseline() {
+    for name in ["mean", "persistence", "line", "autoregression", "ridge", "least_squares_td"] {
+        let summary = summary(&place(name));
+        for verdict in summary["verdicts"].as_array().expect("a list") {
+            let simple = verdict["simple"].as_array().expect("a list");
+            let own = simple.iter().find(|of| of["predictor"] == name).expect("scored");
+            let frozen = verdict["truth"]["scores"]["candidates"][0]["mean"].as_f64();
+            let own = own["online_error"].as_f64();
+            let (own, frozen) = own.zip(frozen).expect("numbers");
+            // The mean of three runs that are the same is rounded.
+            assert!((own - frozen).abs() < 1e-12, "{name}: {own} {frozen}");
+        }
+    }
+}
+
+#[test]
+fn every_choice_says_what_to_do() {
+    let summary = summary(&Place::with_study());
+    for choice in summary["choices"].as_array().expect("a list") {
+        let is_beaten = choice["grade"] == "simpler";
+        assert_eq!(choice["recommendation"] == "use_simple_predictor", is_beaten, "{choice}");
+        assert_eq!(
+            choice["simple_predictor"].is_object(),
+            is_beaten || choice["grade"] == "not_learnt"
+        );
+    }
+    let text = summary["advice"].to_string();
+    assert!(text.contains("NRMSE of simple predictors"), "{text}");
+}
+
+#[test]
+fn pre_trained_agents_keep_their_baseline() {
+    let place = place("ridge");
+    place.edit_study(
+        "[sweep]",
+        "[pretrain]\nepochs = 2\nlearning_rate = 1e-4\nfraction = 0.4\n\n[sweep]",
+    );
+    place.calib(&["pretrain", "study.toml"]).succeeds();
+    let manifest = fs::read(place.path().join("study-results/pretrain/manifest.json"));
+    let manifest: Value = serde_json::from_slice(&manifest.expect("written")).expect("JSON");
+    assert_eq!(manifest["agents"][0]["baseline"]["form"], "affine");
+    summary(&place);
+    let other = place.calib(&["sweep", "study.toml", "--set", "agent.baseline=\"line\""]).fails(2);
+    assert!(other.contains("agent.baseline"), "{other}");
+}
+
+#[test]
+fn shards_fit_the_baselines_of_one_process() {
+    let place = place("ridge");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["sweep", "study.toml"]).succeeds();
+    let alone = place.content("study-results/sweep");
+    fs::remove_dir_all(place.path().join("study-results/sweep")).expect("there");
+    place.calib(&["cluster", "plan", "study.toml", "--shards", "3", "-o", "plan"]).succeeds();
+    for shard in ["0", "1", "2"] {
+        place.calib(&["cluster", "run", "plan", "--shard", shard]).succeeds();
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    let merged = place.content("study-results/sweep");
+    assert!(alone.keys().eq(merged.keys()));
+    for (path, content) in alone.iter().filter(|(path, _)| !path.ends_with("timings.json")) {
+        assert!(*content == merged[path], "{} differs", path.display());
+    }
+}
+
+#[test]
+fn an_unknown_baseline_is_refused_with_the_known_ones() {
+    let place = Place::with_study();
+    let refused =
+        place.calib(&["sweep", "study.toml", "--set", "agent.baseline=\"last\""]).fails(2);
+    assert!(refused.contains("baseline") && refused.contains("persistence"), "{refused}");
+}
