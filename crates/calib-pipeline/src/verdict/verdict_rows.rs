@@ -224,12 +224,12 @@ pub(crate) fn sensitivity(
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
         errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
+        errors.extend(simple_line(verdict, candidates.len()));
     }
     if let Some(replay) = &verdict.log_replay {
         errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
     }
     errors.extend(evidence(verdict, model));
-    errors.extend(simple_line(verdict, candidates.len()));
     Sensitivity {
         sensor: verdict.sensor.clone(),
         field: field(candidates),

@@ -134,7 +134,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
 
 /// How many curves are on at first: all, unless they are dense and many; then the truth and one rollout.
 fn shown(chart: &Chart) -> usize {
-    let dense = chart.series.iter().any(|series| series.marker.is_none());
+    let dense = chart.series.iter().all(|series| series.marker.is_none());
     if dense && chart.series.len() > MANY_CURVES { 2 } else { chart.series.len() }
 }
 
