@@ -50,6 +50,27 @@ pub enum OptimiserKind {
     Adam,
     /// Gradient descent.
     Sgd,
+    /// True online TD(λ) of a linear agent along the stream.
+    TrueOnlineTd,
+    /// The same with a step size for each weight that adapts itself, and a bound on the rate of learning (`SwiftTD`).
+    SwiftTd,
+}
+
+impl OptimiserKind {
+    /// Its name in a study.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Adam => "adam",
+            Self::Sgd => "sgd",
+            Self::TrueOnlineTd => "true_online_td",
+            Self::SwiftTd => "swift_td",
+        }
+    }
+
+    /// Whether it learns from each transition once, in the order of time, with eligibility traces.
+    pub(crate) fn has_traces(self) -> bool {
+        matches!(self, Self::TrueOnlineTd | Self::SwiftTd)
+    }
 }
 
 /// Which transitions an update learns from.
@@ -112,7 +133,8 @@ pub struct AgentConfig {
     #[serde(skip_serializing_if = "Precision::is_single")]
     #[schemars(extend("default" = "f32"))]
     pub precision: Precision,
-    /// `"adam"` (default) or `"sgd"`.
+    /// `"adam"` (default), `"sgd"`, or for linear agents without replay `"true_online_td"` or `"swift_td"`, which need hardly any
+    /// tuning: with `"swift_td"` `learning_rate` is only where step sizes begin.
     pub optimiser: OptimiserKind,
     /// Step size, ≥ 0. Default 1e-3. What the paper sweeps. With 0 the agent predicts and does not learn.
     pub learning_rate: f64,
@@ -121,6 +143,23 @@ pub struct AgentConfig {
     #[serde(skip_serializing_if = "AgentConfig::is_constant_rate")]
     #[schemars(extend("default" = 0))]
     pub halve_after: u64,
+    /// Decay of the eligibility traces of `"true_online_td"` and `"swift_td"`, in [0, 1]. Default 0.9. Left out where it is the default,
+    /// as the three that follow.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_lambda")]
+    #[schemars(extend("default" = 0.9))]
+    pub lambda: f64,
+    /// How fast `"swift_td"` adapts its step sizes, ≥ 0. Default 1e-3.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_meta")]
+    #[schemars(extend("default" = 1e-3))]
+    pub meta_step_size: f64,
+    /// The largest share of the error at a state that an update of `"swift_td"` may take back, in (0, 1]. Default 0.1.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_bound")]
+    #[schemars(extend("default" = 0.1))]
+    pub rate_bound: f64,
+    /// What `"swift_td"` multiplies step sizes by where they exceed that, in (0, 1). Default 0.999.
+    #[serde(skip_serializing_if = "AgentConfig::is_default_decay")]
+    #[schemars(extend("default" = 0.999))]
+    pub rate_decay: f64,
     /// Adam's decay of the mean of gradients, in [0, 1). Default 0.9.
     pub beta1: f64,
     /// Adam's decay of the mean of squared gradients, in [0, 1). Default 0.999.
@@ -144,6 +183,11 @@ pub struct AgentConfig {
     pub target_network_period: usize,
 }
 
+const LAMBDA: f64 = 0.9;
+const META_STEP_SIZE: f64 = 1e-3;
+const RATE_BOUND: f64 = 0.1;
+const RATE_DECAY: f64 = 0.999;
+
 impl Default for AgentConfig {
     fn default() -> Self {
         Self {
@@ -161,6 +205,10 @@ impl Default for AgentConfig {
             optimiser: OptimiserKind::Adam,
             learning_rate: 1e-3,
             halve_after: 0,
+            lambda: LAMBDA,
+            meta_step_size: META_STEP_SIZE,
+            rate_bound: RATE_BOUND,
+            rate_decay: RATE_DECAY,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-8,
@@ -207,6 +255,7 @@ impl AgentConfig {
         let single = |value: f64| (1e-45..=1e38).contains(&value);
         let fraction = |value: f64| (0.0..1.0).contains(&value);
         self.check_traces()?;
+        self.check_online()?;
         require(
             !mlp || (1..=16).contains(&self.hidden_layers),
             "hidden_layers",
@@ -272,6 +321,13 @@ impl AgentConfig {
                 fields.insert("precision".to_owned(), precision);
                 fields.insert("baseline".to_owned(), baseline::name(self.baseline).into());
                 fields.insert("halve_after".to_owned(), self.halve_after.into());
+                let of_traces = [
+                    ("lambda", self.lambda),
+                    ("meta_step_size", self.meta_step_size),
+                    ("rate_bound", self.rate_bound),
+                    ("rate_decay", self.rate_decay),
+                ];
+                fields.extend(of_traces.map(|(name, value)| (name.to_owned(), value.into())));
                 fields
             }
             _ => unreachable!("an agent's configuration is a table"),
@@ -284,6 +340,67 @@ impl AgentConfig {
             0 => self.learning_rate,
             half => self.learning_rate / (1.0 + updates as f64 / half as f64),
         }
+    }
+
+    /// What eligibility traces go with, and their ranges.
+    fn check_online(&self) -> Result<(), ConfigError> {
+        require((0.0..=1.0).contains(&self.lambda), "lambda", &self.lambda, "a number in [0, 1]")?;
+        require(
+            (0.0..=1e3).contains(&self.meta_step_size),
+            "meta_step_size",
+            &self.meta_step_size,
+            "a number from 0 to 1000",
+        )?;
+        require(
+            self.rate_bound > 0.0 && self.rate_bound <= 1e6,
+            "rate_bound",
+            &self.rate_bound,
+            "a number above 0",
+        )?;
+        require(
+            self.rate_decay > 0.0 && self.rate_decay < 1.0,
+            "rate_decay",
+            &self.rate_decay,
+            "a number between 0 and 1",
+        )?;
+        if !self.optimiser.has_traces() {
+            return Ok(());
+        }
+        let name =
+            if self.optimiser == OptimiserKind::SwiftTd { "swift_td" } else { "true_online_td" };
+        let fits = self.value_function == ValueFunction::Linear
+            && self.replay == ReplayKind::None
+            && self.updates_per_step == 1
+            && self.target_network_period == 0
+            && self.weight_decay == 0.0
+            && self.halve_after == 0;
+        require(
+            fits,
+            "optimiser",
+            &self.optimiser.name(),
+            "adam or sgd, or value_function = \"linear\" and replay = \"none\" with one update a step, no target network, no weight \
+             decay and no halve_after: it learns from each transition once, in the order of time",
+        )
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_default_lambda(value: &f64) -> bool {
+        *value == LAMBDA
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_default_meta(value: &f64) -> bool {
+        *value == META_STEP_SIZE
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_default_bound(value: &f64) -> bool {
+        *value == RATE_BOUND
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_default_decay(value: &f64) -> bool {
+        *value == RATE_DECAY
     }
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]

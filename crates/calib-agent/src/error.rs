@@ -85,6 +85,12 @@ pub enum AgentError {
         /// Transitions of one mini-batch.
         expected: usize,
     },
+    /// Pre-training shuffles transitions, and traces need their order.
+    #[error(
+        "agents are pre-trained on mini-batches in random order, and agent.optimiser learns along the stream; use \"adam\" or \"sgd\", or \
+         start from a predictor that is fitted on the log (agent.baseline) instead of pre-training"
+    )]
+    TracesInBatches,
     /// Runs side by side see different numbers of values.
     #[error("runs that learn side by side see as many values a state: got {got} beside {expected}")]
     Widths {

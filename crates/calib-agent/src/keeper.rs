@@ -64,6 +64,8 @@ pub struct ValueState {
     pub checkpoint: Checkpoint,
     /// Parameters of the target network, where there is one.
     pub target: Option<Vec<f32>>,
+    /// Eligibility traces and what goes with them, where there are any.
+    pub traces: Option<Vec<f32>>,
     /// Updates so far; they decide when the target network is due for a copy.
     pub updates: usize,
 }
@@ -71,6 +73,6 @@ pub struct ValueState {
 impl From<&Checkpoint> for ValueState {
     /// Before the first update; the target network is the network itself.
     fn from(checkpoint: &Checkpoint) -> Self {
-        Self { checkpoint: checkpoint.clone(), target: None, updates: 0 }
+        Self { checkpoint: checkpoint.clone(), target: None, traces: None, updates: 0 }
     }
 }

@@ -57,6 +57,7 @@ mod linear;
 mod memory;
 mod mlp;
 mod network;
+mod online;
 mod outcome;
 mod population;
 mod predictions;

@@ -132,6 +132,7 @@ impl Values for LinearValues {
                 }),
             },
             target: agent.target.as_deref().map(cut),
+            traces: None,
             updates: agent.clock.updates(),
         }
     }

@@ -181,6 +181,7 @@ impl Values for MlpValues {
                 moments: agent.optimiser.moments(),
             },
             target: agent.target.as_ref().map(|target| target.parameters().to_vec()),
+            traces: None,
             updates: agent.clock.updates(),
         }
     }

@@ -5,6 +5,7 @@ use crate::{
     keeper::ValueState,
     linear::LinearValues,
     mlp::MlpValues,
+    online::OnlineValues,
     outcome::Tracker,
     replay::Replay,
     returns::discounted_returns,
@@ -19,6 +20,9 @@ pub(crate) fn values_of(
     batch: usize,
     seed: Seed,
 ) -> Box<dyn Values> {
+    if learners[0].config.optimiser.has_traces() {
+        return Box::new(OnlineValues::new(learners, stream));
+    }
     match learners[0].config.value_function {
         ValueFunction::Mlp => Box::new(MlpValues::new(learners, stream, batch, seed)),
         ValueFunction::Linear => Box::new(LinearValues::new(learners, stream, seed)),
@@ -37,6 +41,7 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
         ReplayKind::None => None,
     };
     a.traces == b.traces
+        && a.optimiser.has_traces() == b.optimiser.has_traces()
         && shape(a) == shape(b)
         && draws(a) == draws(b)
         && a.gamma == b.gamma

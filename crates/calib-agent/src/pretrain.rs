@@ -115,6 +115,9 @@ pub fn pretrain<'a>(
 ) -> Result<Vec<Result<Pretrained, PretrainingDiverged>>, AgentError> {
     let Pretraining { stream, settings, seed } = training;
     let Some(first) = learners.first() else { return Ok(vec![]) };
+    if first.config.optimiser.has_traces() {
+        return Err(AgentError::TracesInBatches);
+    }
     for learner in learners {
         learner.check(stream)?;
         crate::train::check_cumulant(stream, learner.cumulant)?;

@@ -21,7 +21,7 @@ struct Scalars {
     powers: Option<(f64, f64)>,
 }
 
-const PARTS: [&str; 4] = ["parameters", "mean", "square", "target"];
+const PARTS: [&str; 5] = ["parameters", "mean", "square", "target", "traces"];
 
 impl StateFile {
     /// The file at `path` of the training that `key` stands for.
@@ -43,14 +43,14 @@ impl StateFile {
         let mut arrays: BTreeMap<String, Vec<f32>> =
             file.tensors.drain(..).map(|tensor| (tensor.name, tensor.values)).collect();
         let values = scalars.into_iter().map(|Scalars { number, updates, powers }| {
-            let [parameters, mean, square, target] =
+            let [parameters, mean, square, target, traces] =
                 PARTS.map(|part| arrays.remove(&format!("{number}.{part}")));
             let moments = match powers {
                 Some(powers) => Some(Moments { mean: mean?, square: square?, powers }),
                 None => None,
             };
             let checkpoint = Checkpoint { parameters: parameters?, moments };
-            Some((number, ValueState { checkpoint, target, updates }))
+            Some((number, ValueState { checkpoint, target, traces, updates }))
         });
         Some((progress, values.collect::<Option<_>>()?))
     }
@@ -66,12 +66,13 @@ impl StateFile {
     ) -> Result<(), FileError> {
         let mut tensors = Vec::new();
         let mut scalars = Vec::new();
-        for (number, ValueState { checkpoint, target, updates }) in values {
+        for (number, ValueState { checkpoint, target, traces, updates }) in values {
             let Checkpoint { parameters, moments } = checkpoint;
             let powers = moments.as_ref().map(|moments| moments.powers);
             let (mean, square) = moments.map(|Moments { mean, square, .. }| (mean, square)).unzip();
             scalars.push(Scalars { number, updates, powers });
-            for (part, values) in PARTS.iter().zip([Some(parameters), mean, square, target]) {
+            for (part, values) in PARTS.iter().zip([Some(parameters), mean, square, target, traces])
+            {
                 let name = format!("{number}.{part}");
                 tensors.extend(values.map(|values| Tensor::flat(name, values)));
             }
@@ -107,6 +108,7 @@ mod tests {
                     powers,
                 }),
             },
+            traces: target.clone(),
             target,
             updates: 7,
         };

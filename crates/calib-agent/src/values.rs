@@ -76,10 +76,13 @@ pub(crate) fn optimiser(config: &AgentConfig, parameters: usize) -> Optimiser {
             },
             parameters,
         ),
-        OptimiserKind::Sgd => Optimiser::sgd(SgdRule {
-            learning_rate: config.learning_rate,
-            weight_decay: config.weight_decay,
-        }),
+        // Those with eligibility traces step by themselves.
+        OptimiserKind::Sgd | OptimiserKind::TrueOnlineTd | OptimiserKind::SwiftTd => {
+            Optimiser::sgd(SgdRule {
+                learning_rate: config.learning_rate,
+                weight_decay: config.weight_decay,
+            })
+        }
     }
 }
 

@@ -22,7 +22,11 @@ pub(super) const STATES_PER_MESSAGE: usize = 1024;
 pub(super) const TIMEOUT_SECS: f64 = 60.0;
 
 /// Hyperparameters that calib's own agents have alone.
-const OWN_FIELDS: [&str; 18] = [
+const OWN_FIELDS: [&str; 22] = [
+    "lambda",
+    "meta_step_size",
+    "rate_bound",
+    "rate_decay",
     "baseline",
     "halve_after",
     "traces",

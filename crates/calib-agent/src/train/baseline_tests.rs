@@ -98,3 +98,58 @@ fn a_baseline_of_another_stream_is_refused() {
     let refused = train_learners(run, &[learner], &NoKeeper, &Silent).expect_err("refused");
     assert_eq!(refused, AgentError::Baseline { got: 7, expected: 100 });
 }
+
+fn online(optimiser: OptimiserKind) -> AgentConfig {
+    AgentConfig {
+        optimiser,
+        replay: crate::ReplayKind::None,
+        learning_rate: 0.02,
+        lambda: 0.8,
+        ..linear()
+    }
+}
+
+/// In two pieces, so that traces end at a gap.
+#[test]
+fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
+    let whole = waves(4000);
+    let values: Vec<f32> = (0..4000).flat_map(|t| whole.state(t).to_vec()).collect();
+    let states = calib_core::States::new(values, 4000, 2).expect("valid");
+    let segments = calib_core::Segments::from_lengths([2500, 1500]).expect("valid");
+    let stream = calib_core::RowStream::replay(states, &segments);
+    let mean = {
+        let frozen = AgentConfig { learning_rate: 0.0, ..linear() };
+        let fitted = Fitter::new(&stream, frozen.gamma, &[]).fit(SimplePredictor::Mean, 0);
+        error(&trained(&stream, &frozen, Some(&fitted.predictions(&stream)), None))
+    };
+    for optimiser in [OptimiserKind::TrueOnlineTd, OptimiserKind::SwiftTd] {
+        let outcome = trained(&stream, &online(optimiser), None, None);
+        let settled = outcome.scores.of(Part::FinalQuarter).expect("steps").rmse;
+        assert!(settled < 0.3 * mean, "{optimiser:?}: {settled} {mean}");
+        assert_eq!(outcome.updates, 3998);
+    }
+}
+
+/// TD(λ) of a table with λ = 0 and TD(0) are the same updates, up to when the value of a state is computed.
+#[test]
+fn without_traces_true_online_td_is_td() {
+    let stream = waves(3000);
+    let descent = AgentConfig {
+        optimiser: OptimiserKind::Sgd,
+        replay: crate::ReplayKind::None,
+        learning_rate: 0.02,
+        ..linear()
+    };
+    let nothing = crate::Checkpoint { parameters: vec![0.0; 3], moments: None };
+    let td = trained(&stream, &descent, None, Some(&nothing));
+    let config = AgentConfig { lambda: 0.0, ..online(OptimiserKind::TrueOnlineTd) };
+    let online = trained(&stream, &config, None, None);
+    assert!((error(&online) / error(&td) - 1.0).abs() < 0.02, "{online:?} {td:?}");
+}
+
+#[test]
+fn agents_with_traces_need_a_stream() {
+    let config = AgentConfig { optimiser: OptimiserKind::SwiftTd, ..mlp() };
+    let refused = config.check().expect_err("a network");
+    assert!(refused.to_string().contains("value_function = \"linear\""), "{refused}");
+}

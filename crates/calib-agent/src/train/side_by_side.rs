@@ -37,6 +37,9 @@ fn agents() -> Vec<AgentConfig> {
         AgentConfig { target_network_period: 10, updates_per_step: 2, ..mlp() },
         AgentConfig { replay: ReplayKind::None, ..mlp() },
         AgentConfig { gamma: 0.5, learning_rate: 0.0, ..mlp() },
+        with_traces(OptimiserKind::TrueOnlineTd),
+        with_traces(OptimiserKind::SwiftTd),
+        AgentConfig { learning_rate: 0.0, ..with_traces(OptimiserKind::SwiftTd) },
         rounded(),
         AgentConfig { learning_rate: 1e-2, ..rounded() },
         AgentConfig { learning_rate: 0.0, ..rounded() },
@@ -44,6 +47,10 @@ fn agents() -> Vec<AgentConfig> {
         AgentConfig { target_network_period: 10, updates_per_step: 2, ..rounded() },
         AgentConfig { replay: ReplayKind::None, ..rounded() },
     ]
+}
+
+fn with_traces(optimiser: OptimiserKind) -> AgentConfig {
+    AgentConfig { optimiser, replay: ReplayKind::None, ..linear() }
 }
 
 fn rounded() -> AgentConfig {
@@ -72,7 +79,7 @@ fn sensors_side_by_side_are_what_they_are_alone() {
         assert_eq!(&alone[0], outcome, "{learner:?}");
     }
     assert_ne!(rmse(&all[0]), rmse(&all[agents.len()]), "sensors differ");
-    assert!(all[2].diverged.is_some() && all[12].diverged.is_some());
+    assert!(all[2].diverged.is_some() && all[15].diverged.is_some());
 }
 
 #[test]

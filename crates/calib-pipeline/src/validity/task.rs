@@ -23,10 +23,7 @@ impl Task {
     pub(super) fn of(study: &Study, steps: usize) -> Self {
         let agent = &study.agent;
         Self {
-            optimiser: match agent.optimiser {
-                OptimiserKind::Adam => "adam",
-                OptimiserKind::Sgd => "sgd",
-            },
+            optimiser: agent.optimiser.name(),
             gamma: agent.gamma,
             steps,
             batch_size: agent.batch_size,
