@@ -366,8 +366,6 @@ impl AgentConfig {
         if !self.optimiser.has_traces() {
             return Ok(());
         }
-        let name =
-            if self.optimiser == OptimiserKind::SwiftTd { "swift_td" } else { "true_online_td" };
         let fits = self.value_function == ValueFunction::Linear
             && self.replay == ReplayKind::None
             && self.updates_per_step == 1

@@ -100,7 +100,7 @@ impl Memory {
     /// All numbers, one after the other.
     fn flat(&self) -> Vec<f32> {
         let mut copy = self.clone();
-        let mut numbers = copy.parts().map(|part| std::mem::take(part)).concat();
+        let mut numbers = copy.parts().map(std::mem::take).concat();
         numbers.extend([self.value, self.value_step]);
         numbers
     }

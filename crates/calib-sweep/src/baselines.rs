@@ -144,10 +144,10 @@ impl<'a> Baselines<'a> {
             let fitted = self.fitted(&wanted, agent, rows);
             let values: Vec<Arc<[f32]>> =
                 fitted.iter().map(|fitted| fitted.predictions(&*seen).into()).collect();
-            for other in place..agents.len() {
+            for (other, made) in made.iter_mut().enumerate().skip(place) {
                 if let Some(own) = wants(other) {
                     let at = wanted.partition_point(|wanted| *wanted < own);
-                    made[other] = Some(Arc::clone(&values[at]));
+                    *made = Some(Arc::clone(&values[at]));
                 }
             }
         }

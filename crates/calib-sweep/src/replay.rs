@@ -56,11 +56,9 @@ impl Environment for ReplayEnvironment<'_> {
         let (rows, start) = (self.frames.rows(), self.start(run));
         let end = start + self.windows.states;
         // A window that is longer than what is left of the log goes on with its first rows.
-        let mut replayed = vec![start..end.min(rows)];
-        if end > rows {
-            replayed.push(0..(end - rows).min(start));
-        }
-        FittingRows::AllBut(replayed)
+        let wrapped = 0..end.saturating_sub(rows).min(start);
+        let replayed = [start..end.min(rows), wrapped];
+        FittingRows::AllBut(replayed.into_iter().filter(|range| !range.is_empty()).collect())
     }
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {

@@ -25,7 +25,11 @@ pub(super) fn name(baseline: Option<SimplePredictor>) -> &'static str {
     baseline.map_or(NONE, SimplePredictor::name)
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
+#[expect(
+    clippy::ref_option,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde prescribes the signature"
+)]
 pub(super) fn serialize<S: Serializer>(
     baseline: &Option<SimplePredictor>,
     serializer: S,

@@ -1,6 +1,6 @@
 //! What the agent of a plant is like.
 
-use calib_agent::{OptimiserKind, ValueFunction};
+use calib_agent::ValueFunction;
 use calib_study::Study;
 use calib_validity::TaskValue;
 use schemars::JsonSchema;

@@ -17,7 +17,7 @@ impl Verdict {
                 .to_owned();
         }
         if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
-            return self.simpler_plain(simpler);
+            return simpler.plain();
         }
         if self.grade == Grade::NotLearnt && !self.simple.is_empty() {
             return "On held-out data neither the chosen agent nor a simple predictor is shown to beat the mean return of the training \

@@ -40,6 +40,28 @@ impl Simpler {
             if ratio >= 1.0 { (1.0 - 1.0 / ratio, "less") } else { (1.0 / ratio - 1.0, "more") };
         Some(format!("{} {word} error", percent(share)))
     }
+
+    /// What that means, and what to try.
+    pub(super) fn plain(&self) -> String {
+        let name = self.predictor.label();
+        let interval = self.ratio.and_then(ratio_interval);
+        let interval =
+            interval.map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
+        let difference = self.difference().unwrap_or_else(|| "less error".to_owned());
+        let typical = self.typical_errors.map_or_else(String::new, |[predictor, agent]| {
+            format!(
+                " Typical error: {} against {}, in the sensor's unit.",
+                number(predictor),
+                number(agent)
+            )
+        });
+        let chance = if self.is_better { "" } else { ", which could be chance" };
+        format!(
+            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical} To improve on it, let the agent \
+             start from it: agent.baseline = \"{}\".",
+            self.predictor.name()
+        )
+    }
 }
 
 impl Verdict {
@@ -53,28 +75,6 @@ impl Verdict {
             _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent."),
             _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
         }
-    }
-
-    /// What that means, and what to try.
-    pub(super) fn simpler_plain(&self, simpler: &Simpler) -> String {
-        let name = simpler.predictor.label();
-        let interval = simpler.ratio.and_then(ratio_interval);
-        let interval =
-            interval.map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
-        let difference = simpler.difference().unwrap_or_else(|| "less error".to_owned());
-        let typical = simpler.typical_errors.map_or_else(String::new, |[predictor, agent]| {
-            format!(
-                " Typical error: {} against {}, in the sensor's unit.",
-                number(predictor),
-                number(agent)
-            )
-        });
-        let chance = if simpler.is_better { "" } else { ", which could be chance" };
-        format!(
-            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical} To improve on it, let the agent \
-             start from it: agent.baseline = \"{}\".",
-            simpler.predictor.name()
-        )
     }
 
     /// "persistence for PIT300".

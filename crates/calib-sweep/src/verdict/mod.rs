@@ -130,9 +130,8 @@ impl SensorVerdict {
         let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default);
         match self.grade {
             Grade::Simpler => Recommendation::UseSimplePredictor,
-            Grade::NotLearnt => Recommendation::DoNotDeploy,
             Grade::Poor if default_is_better => Recommendation::KeepDefault,
-            Grade::Poor => Recommendation::DoNotDeploy,
+            Grade::NotLearnt | Grade::Poor => Recommendation::DoNotDeploy,
             _ if !self.prefers_a_value() => Recommendation::KeepDefault,
             Grade::Good | Grade::Fair => Recommendation::Deploy,
             Grade::Unchecked => Recommendation::NotChecked,
