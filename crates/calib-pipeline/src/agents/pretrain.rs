@@ -282,8 +282,8 @@ pub(super) fn train(
     let seen = with_traces(&stream, &config.traces);
     // What agents are validated on is new to their baselines as well.
     let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
-    let fitter =
-        Fitter::new(&*seen, config.gamma, &[frames.rows() - validated.max(1)..frames.rows()]);
+    let validated = frames.rows() - validated.max(1)..frames.rows();
+    let fitter = Fitter::new(&*seen, config.gamma, std::slice::from_ref(&validated));
     let fitted: Vec<Option<FittedPredictor>> =
         missing.iter().map(|wanted| Some(fitter.fit(config.baseline?, wanted.column))).collect();
     let baselines: Vec<Option<Vec<f32>>> =
