@@ -103,9 +103,10 @@ fn what_is_excluded_has_no_influence() {
     values[3 * 1500..3 * 2000].fill(1e6);
     let states = States::new(values, 3000, 3).expect("valid");
     let changed = RowStream::replay(states, &Segments::from_lengths([1000, 2000]).expect("valid"));
+    let excluded = std::slice::from_ref(&(1500..2000));
     for predictor in SimplePredictor::ALL {
-        let fitted = Fitter::new(&train, GAMMA, &[1500..2000]).fit(predictor, 0);
-        let again = Fitter::new(&changed, GAMMA, &[1500..2000]).fit(predictor, 0);
+        let fitted = Fitter::new(&train, GAMMA, excluded).fit(predictor, 0);
+        let again = Fitter::new(&changed, GAMMA, excluded).fit(predictor, 0);
         assert_eq!(fitted, again, "{predictor:?}");
     }
 }
