@@ -159,8 +159,7 @@ fn what_wants_libtorch_says_how_to_get_it() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results");
     let script = ["--set", "dynamics.path=model.pt"];
-    let wanting: [&[&str]; 3] =
-        [&["--set", "model.kind=gru"], &["--set", "model.kind=torchscript"], &["--device", "auto"]];
+    let wanting: [&[&str]; 2] = [&["--set", "model.kind=torchscript"], &["--device", "auto"]];
     for args in wanting {
         let args = [&["build-model", "study.toml"], args, &script].concat();
         let error = place.calib(&args).fails(2);
@@ -176,7 +175,6 @@ fn what_wants_libtorch_says_how_to_get_it() {
     assert!(place.content("study-results") == before, "nothing was touched");
 }
 
-#[cfg(feature = "torch")]
 #[test]
 fn a_gru_goes_through_the_chain() {
     let place = place();
@@ -185,7 +183,6 @@ fn a_gru_goes_through_the_chain() {
     let run = |command: &str| place.calib(&[&[command, "study.toml"], &set[..]].concat());
     let built = run("build-model").succeeds();
     assert!(built.contains("of 4, one-step validation loss"), "{built}");
-    assert!(built.contains("libtorch on the"), "{built}");
     let rolled = run("rollout").succeeds();
     assert!(rolled.contains("member 0: predictions"), "{rolled}");
     run("sweep").succeeds();

@@ -116,16 +116,19 @@ fn a_model_that_needs_libtorch_is_left_out_aloud() {
         return;
     }
     let place = Place::with_plant();
-    place.edit_study("[rollout]", "[models.gru.model]\nkind = \"gru\"\n[models.knn]\n\n[rollout]");
+    let script = "[models.script.model]\nkind = \"torchscript\"\n[models.script.dynamics]\npath = \"model.pt\"\n[models.knn]\n\n[rollout]";
+    place.edit_study("[rollout]", script);
     let ran = place.calib(&["run", "study.toml"]);
     assert_eq!(ran.code(), 1, "{}", ran.stderr());
     assert!(
-        ran.stderr().contains("error: model gru is left out: model.kind = \"gru\" wants libtorch")
+        ran.stderr().contains(
+            "error: model script is left out: model.kind = \"torchscript\" wants libtorch"
+        )
     );
     assert!(ran.stdout().contains("knn"), "{}", ran.stdout());
     let report = place.path().join("study-results/report.html");
-    assert!(std::fs::read_to_string(report).expect("written").contains("model gru is left out"));
-    let only = place.calib(&["run", "study.toml", "--model", "gru"]).fails(2);
+    assert!(std::fs::read_to_string(report).expect("written").contains("model script is left out"));
+    let only = place.calib(&["run", "study.toml", "--model", "script"]).fails(2);
     assert!(only.contains("wants libtorch"), "{only}");
 }
 

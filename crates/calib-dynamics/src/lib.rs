@@ -7,7 +7,7 @@
 //! - [`Dynamics`], [`Walk`]: any such model: state in, next state out, perhaps with a hidden state.
 //!   [`FeedForward`] and [`Recurrent`] are in this crate; others may come from elsewhere.
 //! - [`Transitioning`]: the transitions that are learnt from and those that are held back, split in time.
-//! - [`Trainer`], [`FeedForwardTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs, which can be put aside and resumed
+//! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs, which can be put aside and resumed
 //!   to the same bytes.
 //! - [`predict`], [`Prediction`], [`Ended`]: rollouts in lockstep, one matrix product for many.
 //!
@@ -29,6 +29,7 @@
 //! assert_eq!(rollouts[0].steps(), 50);
 //! ```
 
+mod activation;
 mod config;
 mod data;
 mod error;
@@ -37,6 +38,8 @@ mod model;
 mod predict;
 mod record;
 mod recurrent;
+mod recurrent_pass;
+mod recurrent_train;
 mod state;
 mod train;
 mod weights;
@@ -49,5 +52,6 @@ pub use model::{Dynamics, LANES, Walk};
 pub use predict::{Ended, PredictedStream, Prediction, predict, predict_in_lockstep};
 pub use record::{EpochLoss, Trainer, TrainingRecord, seed_of_parameters};
 pub use recurrent::{GruLayer, Recurrent};
+pub use recurrent_train::{RecurrentTrainer, recurrent_training_bytes};
 pub use state::{TrainingState, pass};
-pub use train::FeedForwardTrainer;
+pub use train::{FeedForwardTrainer, Learnable, NativeTrainer};

@@ -1,7 +1,10 @@
 use calib_core::Seed;
 use calib_nn::{Matrix, multiply};
 
-use crate::{Dynamics, DynamicsError, LANES, Walk};
+use crate::{
+    Dynamics, DynamicsError, LANES, Walk,
+    recurrent_pass::{Activated, Products, activate},
+};
 
 /// One layer of a GRU, with PyTorch's layout: rows are the reset, update and new gates, each of `hidden` units.
 #[derive(Clone, Debug, PartialEq)]
@@ -164,6 +167,7 @@ impl Dynamics for Recurrent {
             hidden: vec![vec![0.0; LANES * self.hidden]; self.layers.len()],
             of_input: vec![0.0; LANES * 3 * self.hidden],
             of_hidden: vec![0.0; LANES * 3 * self.hidden],
+            gates: std::array::from_fn(|_| vec![0.0; self.hidden]),
         }))
     }
 }
@@ -174,6 +178,8 @@ struct RecurrentWalk<'a> {
     hidden: Vec<Vec<f32>>,
     of_input: Vec<f32>,
     of_hidden: Vec<f32>,
+    /// Of one lane: the gates, the hidden part of the new one, and the hidden state before.
+    gates: [Vec<f32>; 5],
 }
 
 impl Walk for RecurrentWalk<'_> {
@@ -196,8 +202,12 @@ impl Walk for RecurrentWalk<'_> {
             );
             let lanes = self.of_input.chunks_exact(3 * units);
             let lanes = lanes.zip(self.of_hidden.chunks_exact(3 * units));
-            for ((from_input, from_hidden), hidden) in lanes.zip(hidden.chunks_exact_mut(units)) {
-                update(layer, from_input, from_hidden, hidden);
+            let [reset, keep, new, new_hidden, past] = &mut self.gates;
+            for ((of_input, of_hidden), hidden) in lanes.zip(hidden.chunks_exact_mut(units)) {
+                past.copy_from_slice(hidden);
+                let (bias_ih, bias_hh) = (&layer.bias_ih, &layer.bias_hh);
+                let products = Products { of_input, of_hidden, bias_ih, bias_hh };
+                activate(products, past, Activated { reset, keep, new, new_hidden, hidden });
             }
         }
         let last = &self.hidden[self.model.layers.len() - 1];
@@ -220,28 +230,6 @@ impl Walk for RecurrentWalk<'_> {
             hidden[lane * units..(lane + 1) * units].fill(0.0);
         }
     }
-}
-
-/// The new hidden state of one lane, from the products of its gates.
-fn update(layer: &GruLayer, from_input: &[f32], from_hidden: &[f32], hidden: &mut [f32]) {
-    let units = hidden.len();
-    let sum = |gate: usize| {
-        let input = from_input[gate] + layer.bias_ih[gate];
-        (input, from_hidden[gate] + layer.bias_hh[gate])
-    };
-    for (unit, value) in hidden.iter_mut().enumerate() {
-        let (a, b) = sum(unit);
-        let reset = sigmoid(a + b);
-        let (a, b) = sum(units + unit);
-        let keep = sigmoid(a + b);
-        let (a, b) = sum(2 * units + unit);
-        let new = (a + reset * b).tanh();
-        *value = (1.0 - keep) * new + keep * *value;
-    }
-}
-
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
 }
 
 #[cfg(test)]

@@ -7,33 +7,262 @@ use crate::{
     Transitioning, pass, seed_of_parameters,
 };
 
-/// Fewest rows of a mini-batch of which two threads take a half each.
+/// Fewest items of a mini-batch of which two threads take a half each.
 const WORTH_SHARING: usize = 64;
 
-/// Trains a [`FeedForward`] network: mean squared error of the next state over transitions and columns, Adam, shuffled
-/// mini-batches (the last one of an epoch may be smaller).
+/// A network, and what it learns: items are transitions, or first transitions of sequences.
+pub trait Learnable: Sync {
+    /// Buffers of a pass, and the gradient that it leaves.
+    type Workspace: Send;
+
+    /// Buffers for up to so many items.
+    fn workspace(&self, items: usize) -> Self::Workspace;
+
+    /// Numbers that are predicted for an item.
+    fn outputs_per_item(&self) -> usize;
+
+    /// The sum of squared errors over the items. With a scale, the gradient of half of it times the scale is left.
+    fn squared_error(
+        &self,
+        parameters: &[f32],
+        items: &[u32],
+        scale: Option<f32>,
+        workspace: &mut Self::Workspace,
+    ) -> f64;
+
+    /// The gradient that the last pass left.
+    fn gradient<'w>(&self, workspace: &'w mut Self::Workspace) -> &'w mut [f32];
+
+    /// Parameters with their names.
+    fn weights(&self, parameters: &[f32]) -> Tensors;
+}
+
+/// What is learnt from and what validates.
+#[derive(Clone, Debug)]
+pub(crate) struct Parts {
+    pub(crate) training: Vec<u32>,
+    pub(crate) validation: Vec<u32>,
+}
+
+/// Trains a network on this machine's processor: Adam on the mean squared error, shuffled mini-batches (the last one of
+/// an epoch may be smaller).
 ///
 /// A mini-batch is cut into two halves whose gradients are added, always the same way, so that the result does not
 /// depend on the number of threads.
 #[derive(Debug)]
-pub struct FeedForwardTrainer<'a> {
-    data: Transitioning<'a>,
+pub struct NativeTrainer<L: Learnable> {
+    learnable: L,
     config: DynamicsConfig,
     seed: Seed,
-    network: Mlp,
+    parts: Parts,
+    parameters: Vec<f32>,
     adam: Adam,
     kept: Vec<f32>,
     record: TrainingRecord,
-    halves: [Half; 2],
+    halves: [L::Workspace; 2],
 }
 
-/// Buffers of half a mini-batch.
+impl<L: Learnable> NativeTrainer<L> {
+    /// Training from these parameters.
+    pub(crate) fn with(
+        learnable: L,
+        config: &DynamicsConfig,
+        seed: Seed,
+        parts: Parts,
+        parameters: Vec<f32>,
+    ) -> Self {
+        let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
+        let items = config.batch_size.div_ceil(2).max(WORTH_SHARING);
+        Self {
+            halves: [learnable.workspace(items), learnable.workspace(items)],
+            learnable,
+            config: config.clone(),
+            seed,
+            parts,
+            adam: Adam::new(rule, parameters.len()),
+            kept: parameters.clone(),
+            parameters,
+            record: TrainingRecord::default(),
+        }
+    }
+
+    /// The same training, as far as a checkpoint of it had come.
+    pub(crate) fn resumed(mut self, checkpoint: &Tensors) -> Result<Self, DynamicsError> {
+        let state = TrainingState::from_tensors(checkpoint, self.parameters.len())?;
+        self.parameters = state.parameters;
+        self.adam = Adam::from_moments(self.adam.rule(), state.moments);
+        self.kept = state.kept;
+        self.record = state.record;
+        Ok(self)
+    }
+
+    pub(crate) fn learnable(&self) -> &L {
+        &self.learnable
+    }
+
+    pub(crate) fn parameters(&self) -> &[f32] {
+        &self.parameters
+    }
+
+    /// One update on these items; the mean squared error before it.
+    pub fn update(&mut self, items: &[u32]) -> f64 {
+        let scale = 2.0 / (items.len() * self.learnable.outputs_per_item()) as f32;
+        let squares = self.squared_error(items, Some(scale));
+        let [first, second] = &mut self.halves;
+        let gradient = self.learnable.gradient(first);
+        if cut(items.len()) < items.len() {
+            for (sum, other) in gradient.iter_mut().zip(self.learnable.gradient(second)) {
+                *sum += *other;
+            }
+        }
+        self.adam.step(&mut self.parameters, gradient);
+        self.record.updates += 1;
+        squares / (items.len() * self.learnable.outputs_per_item()) as f64
+    }
+
+    /// The sum of squared errors; with a scale the halves hold the gradients of their share of it.
+    fn squared_error(&mut self, items: &[u32], scale: Option<f32>) -> f64 {
+        let (learnable, parameters) = (&self.learnable, &self.parameters[..]);
+        let (mine, theirs) = items.split_at(cut(items.len()));
+        let [first, second] = &mut self.halves;
+        if theirs.is_empty() {
+            return learnable.squared_error(parameters, mine, scale, first);
+        }
+        let (a, b) = rayon::join(
+            || learnable.squared_error(parameters, mine, scale, first),
+            || learnable.squared_error(parameters, theirs, scale, second),
+        );
+        a + b
+    }
+
+    /// Mean squared error over the validation part.
+    fn validate(&mut self) -> f64 {
+        let items = std::mem::take(&mut self.parts.validation);
+        let batch = self.config.batch_size.max(WORTH_SHARING);
+        let squares: f64 = items.chunks(batch).map(|batch| self.squared_error(batch, None)).sum();
+        let count = items.len() * self.learnable.outputs_per_item();
+        self.parts.validation = items;
+        squares / count as f64
+    }
+}
+
+/// Items of a mini-batch that the first half takes.
+fn cut(items: usize) -> usize {
+    if items < WORTH_SHARING { items } else { items.div_ceil(2) }
+}
+
+impl<L: Learnable> Trainer for NativeTrainer<L> {
+    fn updates_per_epoch(&self) -> usize {
+        self.parts.training.len().div_ceil(self.config.batch_size)
+    }
+
+    fn record(&self) -> &TrainingRecord {
+        &self.record
+    }
+
+    fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError> {
+        let items = self.parts.training.clone().into_iter();
+        let epoch = (self.seed, self.record.epochs.len());
+        let batch_size = self.config.batch_size;
+        let training = pass(items, epoch, batch_size, monitor, |batch| Ok(self.update(batch)))?;
+        let loss = EpochLoss { training, validation: self.validate() };
+        if self.record.push(loss, &self.config)? {
+            self.kept.copy_from_slice(&self.parameters);
+        }
+        Ok(loss)
+    }
+
+    fn checkpoint(&self) -> Result<Tensors, DynamicsError> {
+        let state = TrainingState {
+            parameters: self.parameters.clone(),
+            kept: self.kept.clone(),
+            moments: self.adam.moments(),
+            record: self.record.clone(),
+        };
+        Ok(state.into_tensors())
+    }
+
+    fn weights(&self) -> Result<Tensors, DynamicsError> {
+        Ok(self.learnable.weights(&self.kept))
+    }
+}
+
+/// Trains a [`FeedForward`] network: the mean squared error of the next state over transitions and columns.
+pub type FeedForwardTrainer<'a> = NativeTrainer<NextState<'a>>;
+
+/// A feed-forward network and the transitions that it learns.
 #[derive(Debug)]
-struct Half {
+pub struct NextState<'a> {
+    data: Transitioning<'a>,
+    /// The shape; its parameters are those that it began with.
+    network: Mlp,
+}
+
+/// Buffers of some transitions of a mini-batch.
+#[derive(Debug)]
+pub struct NextStateWorkspace {
     inputs: Vec<f32>,
     targets: Vec<f32>,
-    gradient: Vec<f32>,
+    errors: Vec<f32>,
+    network: Mlp,
     workspace: Workspace,
+}
+
+impl Learnable for NextState<'_> {
+    type Workspace = NextStateWorkspace;
+
+    fn workspace(&self, items: usize) -> NextStateWorkspace {
+        NextStateWorkspace {
+            inputs: Vec::new(),
+            targets: Vec::new(),
+            errors: Vec::new(),
+            network: self.network.clone(),
+            workspace: Workspace::new(&self.network, items),
+        }
+    }
+
+    fn outputs_per_item(&self) -> usize {
+        self.data.columns()
+    }
+
+    fn squared_error(
+        &self,
+        parameters: &[f32],
+        items: &[u32],
+        scale: Option<f32>,
+        workspace: &mut NextStateWorkspace,
+    ) -> f64 {
+        let NextStateWorkspace { inputs, targets, errors, network, workspace } = workspace;
+        network.parameters_mut().copy_from_slice(parameters);
+        self.data.gather(items, inputs, targets);
+        let outputs = network.forward(inputs, workspace);
+        errors.clear();
+        errors.extend(outputs.iter().zip(targets.iter()).map(|(output, target)| output - target));
+        let squares: f64 = errors.iter().map(|&error| f64::from(error).powi(2)).sum();
+        if let Some(scale) = scale {
+            for error in errors.iter_mut() {
+                *error *= scale;
+            }
+            network.backward(inputs, errors, workspace);
+        }
+        squares
+    }
+
+    fn gradient<'w>(&self, workspace: &'w mut NextStateWorkspace) -> &'w mut [f32] {
+        workspace.workspace.gradients_mut()
+    }
+
+    fn weights(&self, parameters: &[f32]) -> Tensors {
+        self.model(parameters).to_tensors()
+    }
+}
+
+impl NextState<'_> {
+    fn model(&self, parameters: &[f32]) -> FeedForward {
+        let mut network = self.network.clone();
+        network.parameters_mut().copy_from_slice(parameters);
+        FeedForward::new(network).unwrap_or_else(|_| unreachable!("made for states"))
+    }
 }
 
 impl<'a> FeedForwardTrainer<'a> {
@@ -43,29 +272,12 @@ impl<'a> FeedForwardTrainer<'a> {
         sizes[0] = data.columns();
         sizes[config.hidden_layers + 1] = data.columns();
         let network = Mlp::new(&sizes, seed_of_parameters(seed));
-        let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
-        let adam = Adam::new(rule, network.parameter_count());
-        Self::with(*data, config.clone(), seed, network, adam, TrainingRecord::default())
-    }
-
-    fn with(
-        data: Transitioning<'a>,
-        config: DynamicsConfig,
-        seed: Seed,
-        network: Mlp,
-        adam: Adam,
-        record: TrainingRecord,
-    ) -> Self {
-        let rows = config.batch_size.div_ceil(2).max(WORTH_SHARING);
-        let half = || Half {
-            inputs: Vec::new(),
-            targets: Vec::new(),
-            gradient: Vec::new(),
-            workspace: Workspace::new(&network, rows),
+        let parameters = network.parameters().to_vec();
+        let parts = Parts {
+            training: data.training().map(|transition| transition as u32).collect(),
+            validation: data.validation().map(|transition| transition as u32).collect(),
         };
-        let halves = [half(), half()];
-        let kept = network.parameters().to_vec();
-        Self { data, config, seed, network, adam, kept, record, halves }
+        Self::with(NextState { data: *data, network }, config, seed, parts, parameters)
     }
 
     /// Go on where [`checkpoint`](Trainer::checkpoint) was taken, with the same data, configuration and seed.
@@ -78,130 +290,17 @@ impl<'a> FeedForwardTrainer<'a> {
         seed: Seed,
         checkpoint: &Tensors,
     ) -> Result<Self, DynamicsError> {
-        let mut trainer = Self::new(data, config, seed);
-        let count = trainer.network.parameter_count();
-        let state = TrainingState::from_tensors(checkpoint, count)?;
-        trainer.network.parameters_mut().copy_from_slice(&state.parameters);
-        trainer.adam = Adam::from_moments(trainer.adam.rule(), state.moments);
-        trainer.kept = state.kept;
-        trainer.record = state.record;
-        Ok(trainer)
+        Self::new(data, config, seed).resumed(checkpoint)
     }
 
     /// The network as it is now.
-    pub fn network(&self) -> &Mlp {
-        &self.network
+    pub fn network(&self) -> Mlp {
+        self.learnable.model(&self.parameters).network().clone()
     }
 
     /// The model of the weights that are kept.
     pub fn model(&self) -> FeedForward {
-        let mut network = self.network.clone();
-        network.parameters_mut().copy_from_slice(&self.kept);
-        FeedForward::new(network).unwrap_or_else(|_| unreachable!("made for states"))
-    }
-
-    /// One update on these transitions; the mean squared error before it.
-    pub fn update(&mut self, transitions: &[u32]) -> f64 {
-        let squares = self.losses(transitions, Pass::Gradients);
-        let [first, second] = &mut self.halves;
-        let cut = cut(transitions.len());
-        let gradients = if cut < transitions.len() {
-            let (first, second) =
-                (first.workspace.gradients_mut(), second.workspace.gradients_mut());
-            for (sum, other) in first.iter_mut().zip(second) {
-                *sum += *other;
-            }
-            first
-        } else {
-            first.workspace.gradients_mut()
-        };
-        self.adam.step(self.network.parameters_mut(), gradients);
-        self.record.updates += 1;
-        squares / (transitions.len() * self.data.columns()) as f64
-    }
-
-    /// The sum of squared errors; with [`Pass::Gradients`] the halves hold the gradients of their share of the mean.
-    fn losses(&mut self, transitions: &[u32], pass: Pass) -> f64 {
-        let scale = 2.0 / (transitions.len() * self.data.columns()) as f32;
-        let (data, network) = (&self.data, &self.network);
-        let run = |half: &mut Half, transitions: &[u32]| {
-            let Half { inputs, targets, gradient, workspace } = half;
-            data.gather(transitions, inputs, targets);
-            let outputs = network.forward(inputs, workspace);
-            let errors = outputs.iter().zip(targets.iter()).map(|(output, target)| output - target);
-            gradient.clear();
-            gradient.extend(errors);
-            let squares: f64 = gradient.iter().map(|&error| f64::from(error).powi(2)).sum();
-            if pass == Pass::Gradients {
-                for error in gradient.iter_mut() {
-                    *error *= scale;
-                }
-                network.backward(inputs, gradient, workspace);
-            }
-            squares
-        };
-        let (mine, theirs) = transitions.split_at(cut(transitions.len()));
-        let [first, second] = &mut self.halves;
-        if theirs.is_empty() {
-            return run(first, mine);
-        }
-        let (a, b) = rayon::join(|| run(first, mine), || run(second, theirs));
-        a + b
-    }
-
-    /// Mean squared error over the validation part.
-    fn validate(&mut self) -> f64 {
-        let part: Vec<u32> = self.data.validation().map(|i| i as u32).collect();
-        let batch = self.config.batch_size.max(WORTH_SHARING);
-        let squares: f64 = part.chunks(batch).map(|batch| self.losses(batch, Pass::LossOnly)).sum();
-        squares / (part.len() * self.data.columns()) as f64
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pass {
-    LossOnly,
-    Gradients,
-}
-
-/// Rows of a mini-batch that the first half takes.
-fn cut(rows: usize) -> usize {
-    if rows < WORTH_SHARING { rows } else { rows.div_ceil(2) }
-}
-
-impl Trainer for FeedForwardTrainer<'_> {
-    fn updates_per_epoch(&self) -> usize {
-        self.data.training().len().div_ceil(self.config.batch_size)
-    }
-
-    fn record(&self) -> &TrainingRecord {
-        &self.record
-    }
-
-    fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError> {
-        let items = self.data.training().map(|transition| transition as u32);
-        let epoch = (self.seed, self.record.epochs.len());
-        let batch_size = self.config.batch_size;
-        let training = pass(items, epoch, batch_size, monitor, |batch| Ok(self.update(batch)))?;
-        let loss = EpochLoss { training, validation: self.validate() };
-        if self.record.push(loss, &self.config)? {
-            self.kept.copy_from_slice(self.network.parameters());
-        }
-        Ok(loss)
-    }
-
-    fn checkpoint(&self) -> Result<Tensors, DynamicsError> {
-        let state = TrainingState {
-            parameters: self.network.parameters().to_vec(),
-            kept: self.kept.clone(),
-            moments: self.adam.moments(),
-            record: self.record.clone(),
-        };
-        Ok(state.into_tensors())
-    }
-
-    fn weights(&self) -> Result<Tensors, DynamicsError> {
-        Ok(self.model().to_tensors())
+        self.learnable.model(&self.kept)
     }
 }
 

@@ -56,9 +56,9 @@ fn the_gradient_is_that_of_the_loss() {
     let batch: Vec<u32> = (0..70).collect();
     let mut trainer = FeedForwardTrainer::new(&data, &config, Seed::new(8));
     let loss = |trainer: &mut FeedForwardTrainer<'_>| {
-        trainer.losses(&batch, Pass::LossOnly) / (2 * batch.len()) as f64
+        trainer.squared_error(&batch, None) / (2 * batch.len()) as f64
     };
-    trainer.losses(&batch, Pass::Gradients);
+    trainer.squared_error(&batch, Some(2.0 / (2 * batch.len()) as f32));
     let [first, second] = &mut trainer.halves;
     let gradients: Vec<f32> = first
         .workspace
@@ -70,9 +70,9 @@ fn the_gradient_is_that_of_the_loss() {
     for parameter in [0, 13, 47, 80, 300, 650, gradients.len() - 1] {
         let step = 1e-2_f32;
         let mut at = |offset: f32| {
-            trainer.network.parameters_mut()[parameter] += offset;
+            trainer.parameters[parameter] += offset;
             let loss = loss(&mut trainer);
-            trainer.network.parameters_mut()[parameter] -= offset;
+            trainer.parameters[parameter] -= offset;
             loss
         };
         let slope = (at(step) - at(-step)) / f64::from(2.0 * step);

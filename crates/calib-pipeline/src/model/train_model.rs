@@ -11,8 +11,8 @@ use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Seed, Transitions};
 use calib_data::Dataset;
 use calib_dynamics::{
-    Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, Trainer, TrainingRecord,
-    Transitioning,
+    Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, RecurrentTrainer,
+    Trainer, TrainingRecord, Transitioning,
 };
 use calib_files::{
     Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
@@ -89,7 +89,6 @@ pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
 /// Check that this program can train such models on such a device, before anything is done.
 pub(crate) fn check_available(study: &Study, device: Option<Device>) -> anyhow::Result<()> {
     match study.model.kind {
-        ModelKind::Gru => torch::require("model.kind = \"gru\""),
         ModelKind::Torchscript => {
             ensure!(
                 study.dynamics.path.is_some(),
@@ -97,8 +96,8 @@ pub(crate) fn check_available(study: &Study, device: Option<Device>) -> anyhow::
             );
             torch::require("model.kind = \"torchscript\"")
         }
-        ModelKind::Knn | ModelKind::Nn if device.is_some() => torch::require("--device"),
-        ModelKind::Knn | ModelKind::Nn => Ok(()),
+        _ if device.is_some() => torch::require("--device"),
+        ModelKind::Knn | ModelKind::Nn | ModelKind::Gru => Ok(()),
     }
 }
 
@@ -160,12 +159,7 @@ fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
     let states = 8 * (dataset.train.rows() * columns) as u64;
     let network = match study.model.kind {
         ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
-        // Three gates, each with weights for the input and for the hidden state.
-        ModelKind::Gru => calib_nn::training_bytes(
-            &sizes,
-            config.batch_size.saturating_mul(config.sequence_length),
-        )
-        .saturating_mul(6),
+        ModelKind::Gru => calib_dynamics::recurrent_training_bytes(config, columns),
         ModelKind::Knn | ModelKind::Torchscript => 0,
     };
     states.saturating_add(network)
@@ -173,7 +167,8 @@ fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
 
 /// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
 fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> anyhow::Result<()> {
-    if study.model.kind != ModelKind::Nn || device.is_some() {
+    let is_native = matches!(study.model.kind, ModelKind::Nn | ModelKind::Gru) && device.is_none();
+    if !is_native {
         return Ok(());
     }
     memory::require(
@@ -205,6 +200,13 @@ pub(crate) fn train(
             let trainer = match &found {
                 Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
                 None => FeedForwardTrainer::new(&data, config, seed),
+            };
+            (Box::new(trainer), NATIVE.to_owned())
+        }
+        (ModelKind::Gru, None) => {
+            let trainer = match &found {
+                Some(found) => RecurrentTrainer::resume(&data, config, seed, found)?,
+                None => RecurrentTrainer::new(&data, config, seed)?,
             };
             (Box::new(trainer), NATIVE.to_owned())
         }
