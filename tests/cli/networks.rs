@@ -190,6 +190,28 @@ fn a_gru_goes_through_the_chain() {
     assert!(run("build-model").succeeds().contains("up to date"));
 }
 
+/// A network that is rolled out as means comes to rest; with recorded residuals it goes on.
+#[test]
+fn residuals_keep_rollouts_moving() {
+    let place = place();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let spread = |noise: &str| {
+        let set = format!("dynamics.noise={noise}");
+        let args = |command| place.calib(&[command, "study.toml", "--set", &set]);
+        // Weights do not follow from the noise.
+        assert!(args("build-model").succeeds().contains("up to date"));
+        args("rollout").succeeds();
+        let path = place.path().join("study-results/rollout/trajectories.parquet");
+        let table = fs::read(path).expect("written");
+        args("sweep").succeeds();
+        args("evaluate").succeeds();
+        table
+    };
+    let (still, moving, blocks) = (spread("none"), spread("residual"), spread("block"));
+    assert!(still != moving && moving != blocks);
+    assert!(spread("residual") == moving, "the same seeds");
+}
+
 #[cfg(feature = "torch")]
 #[test]
 fn native_and_libtorch_training_agree_about_the_model() {

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::DynamicsError;
+use crate::{DynamicsError, Noise};
 
 /// The `[dynamics]` section of a study: parametric models, of any kind but `"knn"`.
 ///
@@ -20,6 +20,7 @@ use crate::DynamicsError;
 /// | `sequence_stride` | 1 | transitions from one sequence's start to the next one's (our choice: every window) |
 /// | `validation_fraction` | 0.1 | last part of the training range that is not learnt from (our choice) |
 /// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
+/// | `noise` | `"none"` | what rollouts add to predictions: nothing (the paper), or recorded residuals |
 /// | `path` | none | a `TorchScript` file, for `"torchscript"` |
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -42,6 +43,10 @@ pub struct DynamicsConfig {
     pub validation_fraction: f64,
     /// Which epoch's weights are kept.
     pub keep: Keep,
+    /// What is added to the predictions of a rollout: `"none"` (the paper), `"residual"` or `"block"`. Left out where it is the default.
+    #[serde(skip_serializing_if = "DynamicsConfig::is_without_noise")]
+    #[schemars(extend("default" = "none"))]
+    pub noise: Noise,
     /// A `TorchScript` file.
     pub path: Option<PathBuf>,
 }
@@ -69,12 +74,18 @@ impl Default for DynamicsConfig {
             sequence_stride: 1,
             validation_fraction: 0.1,
             keep: Keep::Best,
+            noise: Noise::None,
             path: None,
         }
     }
 }
 
 impl DynamicsConfig {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
+    fn is_without_noise(noise: &Noise) -> bool {
+        *noise == Noise::None
+    }
+
     /// Check what can be checked before data is read. The upper ends turn slips of the finger into messages.
     ///
     /// # Errors

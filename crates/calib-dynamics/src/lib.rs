@@ -9,7 +9,8 @@
 //! - [`Transitioning`]: the transitions that are learnt from and those that are held back, split in time.
 //! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs, which can be put aside and resumed
 //!   to the same bytes.
-//! - [`predict`], [`Prediction`], [`Ended`]: rollouts in lockstep, one matrix product for many.
+//! - [`predict`], [`Rollouts`], [`Prediction`], [`Ended`]: rollouts in lockstep, one matrix product for many.
+//! - [`Residuals`], [`Noise`]: what a network leaves unexplained, put back into its rollouts.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Silent, States, Transitions};
@@ -35,6 +36,7 @@ mod data;
 mod error;
 mod feed_forward;
 mod model;
+mod noise;
 mod predict;
 mod record;
 mod recurrent;
@@ -49,7 +51,8 @@ pub use data::{Transitioning, sequences};
 pub use error::DynamicsError;
 pub use feed_forward::FeedForward;
 pub use model::{Dynamics, LANES, Walk};
-pub use predict::{Ended, PredictedStream, Prediction, predict, predict_in_lockstep};
+pub use noise::{Noise, Residuals, Rollouts};
+pub use predict::{Ended, PredictedStream, Prediction, Start, predict};
 pub use record::{EpochLoss, Trainer, TrainingRecord, seed_of_parameters};
 pub use recurrent::{GruLayer, Recurrent};
 pub use recurrent_train::{RecurrentTrainer, recurrent_training_bytes};

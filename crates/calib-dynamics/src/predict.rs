@@ -1,9 +1,9 @@
 use std::{ops::Range, sync::Arc};
 
-use calib_core::{Monitor, RowIndex, Segments, States, Stream};
+use calib_core::{Monitor, RowIndex, Seed, Segments, States, Stream};
 use rayon::prelude::*;
 
-use crate::{Dynamics, DynamicsError, LANES};
+use crate::{Dynamics, DynamicsError, LANES, Noise, Rollouts, noise::NoiseSource};
 
 /// Steps between two looks at the monitor.
 const STEPS_PER_LOOK: usize = 256;
@@ -99,17 +99,13 @@ impl Stream for PredictedStream {
     }
 }
 
-/// Roll `model` out from each of the recorded `starts` for `steps` steps, feeding predictions back.
-///
-/// A model with a hidden state first sees the recorded states before the start, as many as it wants and the segment
-/// has (our choice: the hidden state is then as in training). A rollout depends on its start alone, to the bit: not on
-/// the others, nor on the number of threads. Progress counts steps.
+/// Roll `model` out from each of the recorded `starts` for `steps` steps, feeding predictions back, with nothing added.
 ///
 /// # Errors
-/// If the model does not fit the states or cannot be run, or the monitor is interrupted.
+/// As [`Rollouts::predict`].
 ///
 /// # Panics
-/// If a start is not a row of the segments.
+/// As [`Rollouts::predict`].
 pub fn predict(
     model: &dyn Dynamics,
     states: &States,
@@ -118,89 +114,133 @@ pub fn predict(
     steps: usize,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Prediction>, DynamicsError> {
-    if model.columns() != states.columns() {
-        let (model, states) = (model.columns(), states.columns());
-        let reason = format!("the model has {model} columns, the states have {states}");
-        return Err(DynamicsError::Weights { reason });
-    }
-    monitor.begin("rollouts", starts.len() as u64 * steps as u64);
-    let lockstep: Result<Vec<Vec<Prediction>>, DynamicsError> = starts
-        .par_chunks(LANES)
-        .map(|starts| predict_in_lockstep(model, states, segments, starts, steps, monitor))
-        .collect();
-    Ok(lockstep?.into_iter().flatten().collect())
+    let rollouts = Rollouts { model, states, segments, noise: Noise::None, residuals: None };
+    let starts: Vec<Start> = starts.iter().map(|&row| Start { row, seed: Seed::new(0) }).collect();
+    rollouts.predict(&starts, steps, monitor)
 }
 
-/// As [`predict`], on the calling thread alone, of at most [`LANES`] starts. The caller begins the task.
-///
-/// # Errors
-/// If the model cannot be run, or the monitor is interrupted.
-///
-/// # Panics
-/// If there are more starts, or one is not a row of the segments, or the model does not fit the states.
-pub fn predict_in_lockstep(
-    model: &dyn Dynamics,
-    states: &States,
-    segments: &Segments,
-    starts: &[RowIndex],
-    steps: usize,
-    monitor: &dyn Monitor,
-) -> Result<Vec<Prediction>, DynamicsError> {
-    let columns = states.columns();
-    assert!(starts.len() <= LANES, "at most {LANES} rollouts step together");
-    assert_eq!(model.columns(), columns, "the model is one of these states");
-    let mut walk = model.walk()?;
-    let mut current = vec![0.0; LANES * columns];
-    let mut next = vec![0.0; LANES * columns];
-    let histories: Vec<usize> =
-        starts.iter().map(|&start| history(segments, start).min(model.history())).collect();
-    for back in (1..=histories.iter().copied().max().unwrap_or(0)).rev() {
-        for (lane, start) in starts.iter().enumerate().filter(|(lane, _)| histories[*lane] >= back)
-        {
-            let row = states.row(start.get() - back);
+/// Where a rollout begins, and by which numbers noise is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// The recorded row.
+    pub row: RowIndex,
+    /// Of the noise, if there is any.
+    pub seed: Seed,
+}
+
+impl Rollouts<'_> {
+    /// Roll the model out from each of `starts` for `steps` steps, feeding predictions back.
+    ///
+    /// A model with a hidden state first sees the recorded states before the start, as many as it wants and the segment
+    /// has (our choice: the hidden state is then as in training). A rollout depends on its start alone, to the bit: not on
+    /// the others, nor on the number of threads. Progress counts steps.
+    ///
+    /// # Errors
+    /// If the model does not fit the states or cannot be run, or the monitor is interrupted.
+    ///
+    /// # Panics
+    /// If a start is not a row of the segments.
+    pub fn predict(
+        &self,
+        starts: &[Start],
+        steps: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Prediction>, DynamicsError> {
+        let (model, states) = (self.model.columns(), self.states.columns());
+        if model != states {
+            let reason = format!("the model has {model} columns, the states have {states}");
+            return Err(DynamicsError::Weights { reason });
+        }
+        monitor.begin("rollouts", starts.len() as u64 * steps as u64);
+        let lockstep: Result<Vec<Vec<Prediction>>, DynamicsError> = starts
+            .par_chunks(LANES)
+            .map(|starts| self.predict_in_lockstep(starts, steps, monitor))
+            .collect();
+        Ok(lockstep?.into_iter().flatten().collect())
+    }
+
+    /// As [`predict`](Self::predict), on the calling thread alone, of at most [`LANES`] starts. The caller begins the task.
+    ///
+    /// # Errors
+    /// If the model cannot be run, or the monitor is interrupted.
+    ///
+    /// # Panics
+    /// If there are more starts, or one is not a row of the segments, or the model does not fit the states.
+    pub fn predict_in_lockstep(
+        &self,
+        starts: &[Start],
+        steps: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Prediction>, DynamicsError> {
+        let Rollouts { model, states, segments, noise, residuals } = *self;
+        let columns = states.columns();
+        assert!(starts.len() <= LANES, "at most {LANES} rollouts step together");
+        assert_eq!(model.columns(), columns, "the model is one of these states");
+        let mut walk = model.walk()?;
+        let mut current = vec![0.0; LANES * columns];
+        let mut next = vec![0.0; LANES * columns];
+        let mut noises: Vec<Option<NoiseSource<'_>>> = starts
+            .iter()
+            .map(|start| Some(NoiseSource::new(noise, residuals?, start.seed.child("noise").rng())))
+            .collect();
+        let histories: Vec<usize> =
+            starts.iter().map(|start| history(segments, start.row).min(model.history())).collect();
+        for back in (1..=histories.iter().copied().max().unwrap_or(0)).rev() {
+            for (lane, start) in starts.iter().enumerate() {
+                if histories[lane] < back {
+                    continue;
+                }
+                let row = states.row(start.row.get() - back);
+                current[lane * columns..][..columns].copy_from_slice(row);
+                if histories[lane] == back {
+                    walk.forget(lane);
+                }
+            }
+            walk.step(&current, &mut next)?;
+        }
+        let mut rollouts = Vec::with_capacity(starts.len());
+        for (lane, start) in starts.iter().enumerate() {
+            let row = states.row(start.row.get());
             current[lane * columns..][..columns].copy_from_slice(row);
-            if histories[lane] == back {
+            if histories[lane] == 0 {
                 walk.forget(lane);
             }
+            let mut all = Vec::with_capacity((steps + 1) * columns);
+            all.extend_from_slice(row);
+            let (start, ended) = (start.row, Ended::Complete);
+            rollouts.push(Prediction { start, columns, states: all, ended });
         }
-        walk.step(&current, &mut next)?;
-    }
-    let mut rollouts = Vec::with_capacity(starts.len());
-    for (lane, &start) in starts.iter().enumerate() {
-        let row = states.row(start.get());
-        current[lane * columns..][..columns].copy_from_slice(row);
-        if histories[lane] == 0 {
-            walk.forget(lane);
-        }
-        let mut all = Vec::with_capacity((steps + 1) * columns);
-        all.extend_from_slice(row);
-        rollouts.push(Prediction { start, columns, states: all, ended: Ended::Complete });
-    }
-    for step in 1..=steps {
-        walk.step(&current, &mut next)?;
-        for (lane, rollout) in rollouts.iter_mut().enumerate() {
-            let predicted = &mut next[lane * columns..][..columns];
-            if rollout.ended != Ended::Complete {
-                predicted.fill(0.0);
-            } else if let Some(column) = predicted.iter().position(|value| !value.is_finite()) {
-                rollout.ended = Ended::NotFinite { step, column };
-                predicted.fill(0.0);
-            } else {
-                rollout.states.extend_from_slice(predicted);
+        for step in 1..=steps {
+            walk.step(&current, &mut next)?;
+            for (lane, rollout) in rollouts.iter_mut().enumerate() {
+                let predicted = &mut next[lane * columns..][..columns];
+                if rollout.ended != Ended::Complete {
+                    predicted.fill(0.0);
+                    continue;
+                }
+                if let Some(noise) = &mut noises[lane] {
+                    noise.add_to(predicted);
+                }
+                if let Some(column) = predicted.iter().position(|value| !value.is_finite()) {
+                    rollout.ended = Ended::NotFinite { step, column };
+                    predicted.fill(0.0);
+                } else {
+                    rollout.states.extend_from_slice(predicted);
+                }
+            }
+            std::mem::swap(&mut current, &mut next);
+            // Lanes that nobody wants stay where they are.
+            current[rollouts.len() * columns..].fill(0.0);
+            if step % STEPS_PER_LOOK == 0 || step == steps {
+                if monitor.interrupted() {
+                    return Err(DynamicsError::Interrupted);
+                }
+                let done = (step - 1) % STEPS_PER_LOOK + 1;
+                monitor.advance((done * rollouts.len()) as u64);
             }
         }
-        std::mem::swap(&mut current, &mut next);
-        // Lanes that nobody wants stay where they are.
-        current[rollouts.len() * columns..].fill(0.0);
-        if step % STEPS_PER_LOOK == 0 || step == steps {
-            if monitor.interrupted() {
-                return Err(DynamicsError::Interrupted);
-            }
-            let done = (step - 1) % STEPS_PER_LOOK + 1;
-            monitor.advance((done * rollouts.len()) as u64);
-        }
+        Ok(rollouts)
     }
-    Ok(rollouts)
 }
 
 /// Rows of the start's segment before it.
@@ -211,7 +251,7 @@ fn history(segments: &Segments, start: RowIndex) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Seed, Silent};
+    use calib_core::Silent;
     use calib_nn::Mlp;
 
     use super::*;

@@ -1,12 +1,14 @@
 use std::{ops::Range, sync::Arc};
 
-use calib_core::{Frames, Monitor, RowIndex, Seed, Segments, Silent, States, Transitions};
-use calib_dynamics::{Dynamics, DynamicsError, LANES, Prediction, predict, predict_in_lockstep};
+use calib_core::{Frames, Monitor, Seed, Segments, Silent, States, Transitions};
+use calib_dynamics::{
+    Dynamics, DynamicsError, LANES, Noise, Prediction, Residuals, Rollouts, Start, predict,
+};
 use calib_knn::{KnnModel, Weights};
 
 use crate::{
     CalibrationModel, ModelError, ModelStart, Rolling, Search, StartRow, StartSource, Trajectory,
-    Unseen, start_rows,
+    Unseen, rollout_seed, start_rows,
 };
 
 /// One network: an ensemble of one, whose rollouts are predictions that may look like nothing that was recorded.
@@ -15,6 +17,8 @@ pub struct NetworkModel {
     dynamics: Box<dyn Dynamics>,
     states: States,
     segments: Segments,
+    noise: Noise,
+    residuals: Option<Residuals>,
 }
 
 impl NetworkModel {
@@ -29,7 +33,24 @@ impl NetworkModel {
             return Err(DynamicsError::Weights { reason }.into());
         }
         let (states, segments) = (frames.states().clone(), frames.segments().clone());
-        Ok(Self { dynamics, states, segments })
+        Ok(Self { dynamics, states, segments, noise: Noise::None, residuals: None })
+    }
+
+    /// The same model, whose rollouts add these residuals to each prediction.
+    #[must_use]
+    pub fn with_noise(mut self, noise: Noise, residuals: Residuals) -> Self {
+        (self.noise, self.residuals) = (noise, Some(residuals));
+        self
+    }
+
+    fn rollouts(&self) -> Rollouts<'_> {
+        Rollouts {
+            model: &*self.dynamics,
+            states: &self.states,
+            segments: &self.segments,
+            noise: self.noise,
+            residuals: self.residuals.as_ref(),
+        }
     }
 }
 
@@ -40,6 +61,15 @@ fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
         ModelStart::State(_) => Err(ModelError::OtherStart),
     };
     starts.iter().map(row).collect()
+}
+
+/// The starts of rollouts that are numbered from `first` on.
+fn seeded(starts: &[StartRow], first: usize, seed: Seed) -> Vec<Start> {
+    let start = |(place, start): (usize, &StartRow)| Start {
+        row: start.row,
+        seed: rollout_seed(seed, 0, first + place),
+    };
+    starts.iter().enumerate().map(start).collect()
 }
 
 fn trajectories(predictions: Vec<Prediction>, starts: Vec<StartRow>) -> Vec<Trajectory> {
@@ -74,9 +104,8 @@ impl CalibrationModel for NetworkModel {
         monitor: &dyn Monitor,
     ) -> Result<Vec<Trajectory>, ModelError> {
         let starts = rows_of(starts)?;
-        let rows: Vec<RowIndex> = starts.iter().map(|start| start.row).collect();
-        let (dynamics, states) = (&*self.dynamics, &self.states);
-        let all = predict(dynamics, states, &self.segments, &rows, rolling.steps, monitor)?;
+        let seeded = seeded(&starts, 0, rolling.seed);
+        let all = self.rollouts().predict(&seeded, rolling.steps, monitor)?;
         Ok(trajectories(all, starts))
     }
 
@@ -87,14 +116,13 @@ impl CalibrationModel for NetworkModel {
     fn lockstep(
         &self,
         _member: usize,
-        _numbers: Range<usize>,
+        numbers: Range<usize>,
         starts: &[ModelStart],
         rolling: &Rolling,
     ) -> Result<Vec<Trajectory>, ModelError> {
         let starts = rows_of(starts)?;
-        let rows: Vec<RowIndex> = starts.iter().map(|start| start.row).collect();
-        let (dynamics, states, steps) = (&*self.dynamics, &self.states, rolling.steps);
-        let all = predict_in_lockstep(dynamics, states, &self.segments, &rows, steps, &Silent)?;
+        let seeded = seeded(&starts, numbers.start, rolling.seed);
+        let all = self.rollouts().predict_in_lockstep(&seeded, rolling.steps, &Silent)?;
         Ok(trajectories(all, starts))
     }
 

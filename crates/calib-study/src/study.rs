@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 use calib_agent::{AgentConfig, Part};
 use calib_control::ControlConfig;
 use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
-use calib_dynamics::DynamicsConfig;
+use calib_dynamics::{DynamicsConfig, Noise};
 use calib_knn::ModelKind;
 use calib_model::{RolloutConfig, StartKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
@@ -68,6 +68,12 @@ pub struct Study {
 }
 
 impl Study {
+    /// What rollouts of the study's network add to its predictions, if they do.
+    pub fn rollout_noise(&self) -> Option<Noise> {
+        let noise = self.dynamics.noise;
+        (self.is_parametric() && noise != Noise::None).then_some(noise)
+    }
+
     /// Whether the model is a network, to which `[dynamics]` applies.
     pub fn is_parametric(&self) -> bool {
         self.model.kind != ModelKind::Knn

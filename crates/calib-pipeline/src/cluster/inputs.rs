@@ -258,6 +258,6 @@ impl Checked<'_> {
         let mut read = self.files.keys().filter(|name| is_read(name));
         read.try_for_each(|name| self.require(name))?;
         // A rollout reads tables and rows alone; distances were measured when the tables were made.
-        kinds::open(self.directory, settings, states, states.states().clone(), Some(members))
+        kinds::open(self.directory, &part.study, states, states.states().clone(), Some(members))
     }
 }

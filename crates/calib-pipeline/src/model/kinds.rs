@@ -6,6 +6,7 @@ use calib_core::{Frames, States, Transitions};
 use calib_files::ScratchPlace;
 use calib_knn::{KnnModel, ModelConfig, ModelKind};
 use calib_model::{CalibrationModel, NeighborModel, NetworkModel};
+use calib_study::Study;
 
 use crate::{base::memory, model::train_model};
 
@@ -13,15 +14,19 @@ use crate::{base::memory, model::train_model};
 /// or all.
 pub(crate) fn open(
     directory: &Path,
-    settings: &ModelConfig,
+    study: &Study,
     frames: &Frames,
     metric: States,
     members: Option<&[usize]>,
 ) -> anyhow::Result<Box<dyn CalibrationModel>> {
+    let settings: &ModelConfig = &study.model;
     let recorded = frames.states().clone();
     if settings.kind != ModelKind::Knn {
         let network = train_model::open(directory, settings.kind, recorded.columns())?;
-        return Ok(Box::new(NetworkModel::new(network, frames)?));
+        let model = NetworkModel::new(network, frames)?;
+        let Some(noise) = study.rollout_noise() else { return Ok(Box::new(model)) };
+        let residuals = train_model::open_residuals(directory, recorded.columns())?;
+        return Ok(Box::new(model.with_noise(noise, residuals)));
     }
     let transitions = Transitions::new(frames.segments().clone());
     let (count, exclusion) = (settings.members, settings.exclusion());

@@ -262,7 +262,7 @@ fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> anyhow::Res
         frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
     let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
     let metric = psi.unwrap_or(states);
-    let model = kinds::open(directory, &manifest.study.model, &frames, metric, None);
+    let model = kinds::open(directory, &manifest.study, &frames, metric, None);
     let model = model.with_context(again)?;
     Ok(OpenModel { manifest, frames, model, encoder })
 }

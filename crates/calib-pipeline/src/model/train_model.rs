@@ -12,7 +12,7 @@ use calib_core::{Monitor as _, Seed, Transitions};
 use calib_data::Dataset;
 use calib_dynamics::{
     Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, RecurrentTrainer,
-    Trainer, TrainingRecord, Transitioning,
+    Residuals, Trainer, TrainingRecord, Transitioning,
 };
 use calib_files::{
     Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
@@ -39,6 +39,8 @@ use crate::{
 const WEIGHTS: &str = "weights.safetensors";
 /// The user's own network.
 const SCRIPT: &str = "model.pt";
+/// What its predictions leave unexplained.
+const RESIDUALS: &str = "residuals.safetensors";
 /// Losses of every epoch.
 const TRAINING: &str = "training.json";
 /// Where interrupted training goes on; gone when it is complete.
@@ -81,8 +83,8 @@ impl fmt::Display for TrainingSummary {
 pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
     match kind {
         ModelKind::Knn => &[],
-        ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING],
-        ModelKind::Torchscript => &[SCRIPT],
+        ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING, RESIDUALS],
+        ModelKind::Torchscript => &[SCRIPT, RESIDUALS],
     }
 }
 
@@ -107,15 +109,15 @@ pub(crate) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
     let kind = study.model.kind;
     if kind == ModelKind::Torchscript {
         let script = fingerprint_file(&script_path(job)?)?;
-        return artefact::key(&(ModelManifest::FORMAT, data, kind, script));
+        return artefact::key(&(ModelManifest::FORMAT, data, kind, script, RESIDUALS));
     }
     let unused = DynamicsConfig::default();
-    let mut used = DynamicsConfig { path: None, ..study.dynamics.clone() };
+    let mut used = DynamicsConfig { path: None, noise: unused.noise, ..study.dynamics.clone() };
     if kind == ModelKind::Nn {
         used.sequence_length = unused.sequence_length;
         used.sequence_stride = unused.sequence_stride;
     }
-    artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed))
+    artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed, RESIDUALS))
 }
 
 /// Where the study's `TorchScript` file is; relative paths start from the study file.
@@ -129,7 +131,26 @@ pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::
     let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
     let content = read_regular(&path)?;
-    Ok(write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?)
+    write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?;
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let fraction = job.study().dynamics.validation_fraction;
+    let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
+    write_residuals(directory, ModelKind::Torchscript, &data)
+}
+
+/// Write what a network that was just written leaves unexplained.
+fn write_residuals(
+    directory: &Path,
+    kind: ModelKind,
+    data: &Transitioning<'_>,
+) -> anyhow::Result<()> {
+    let residuals = Residuals::of(&*open(directory, kind, data.columns())?, data)?;
+    Ok(write_tensors(&directory.join(RESIDUALS), &residuals.to_tensors())?)
+}
+
+/// Open what [`write_residuals`] wrote.
+pub(crate) fn open_residuals(directory: &Path, columns: usize) -> anyhow::Result<Residuals> {
+    Ok(Residuals::from_tensors(&read_tensors(&directory.join(RESIDUALS))?, columns)?)
 }
 
 /// Say what is going to be trained.
@@ -222,6 +243,7 @@ pub(crate) fn train(
     run_epochs(&mut *trainer, config, &checkpoint, printer)?;
     write_tensors(&directory.join(WEIGHTS), &trainer.weights()?)?;
     write_json(&directory.join(TRAINING), trainer.record())?;
+    write_residuals(directory, study.model.kind, &data)?;
     remove_checkpoint(directory)?;
     summary(trainer.record(), &data, backend)
 }

@@ -110,7 +110,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         .map(|(frames, fingerprint)| (frames, fingerprint))
         .unzip();
     let starts = Starts::new(&study.rollout, &study.data, &model, held_out, seed)?;
-    let key = artefact::key(&(
+    let inputs = (
         RolloutManifest::FORMAT,
         starts.origin(fingerprint)?,
         model.manifest.content()?,
@@ -119,7 +119,11 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         study.seed,
         &sensors,
         comparison::settings(),
-    ))?;
+    );
+    let key = match study.rollout_noise() {
+        Some(noise) => artefact::key(&(inputs, noise))?,
+        None => artefact::key(&inputs)?,
+    };
     let needed = announce(study, &model, sensors.len(), printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));

@@ -135,13 +135,18 @@ impl Environments {
         let rollout_seed = Seed::new(study.seed).child("rollout");
         let starts =
             Starts::new(&configured, &study.data, model, dataset.held_out.as_ref(), rollout_seed)?;
-        let inputs = Fingerprint::of(&serde_json::to_vec(&(
+        let inputs = (
             model.manifest.content()?,
             (study.model.weights, study.model.temperature),
             &configured,
             // Not the deployment itself: where start states are the same for several, so are the streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
-        ))?);
+        );
+        let inputs = match study.rollout_noise() {
+            Some(noise) => serde_json::to_vec(&(inputs, noise))?,
+            None => serde_json::to_vec(&inputs)?,
+        };
+        let inputs = Fingerprint::of(&inputs);
         // Beside the states that are searched: what the sweep writes need not be there yet.
         let place = search_place(&*model.model, &paths.model());
         let progress = printer.progress();

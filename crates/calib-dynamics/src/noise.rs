@@ -1,0 +1,243 @@
+//! What a network leaves unexplained, and rollouts that put it back.
+//!
+//! A network that is trained on squared errors predicts conditional means. Fed back, means come to rest: rollouts stand
+//! still where the plant does not. Recorded residuals added to each prediction keep the variance that one step has.
+
+use std::{collections::BTreeMap, ops::Range};
+
+use calib_core::{Rng, RowIndex, Segments, Silent, States};
+use calib_files::{Tensor, Tensors};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Dynamics, DynamicsError, Transitioning, predict};
+
+/// Steps of a block on average.
+const BLOCK: f64 = 36.0;
+
+/// What is added to the predictions of a rollout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Noise {
+    /// Nothing (the paper): rollouts of conditional means.
+    #[default]
+    None,
+    /// At each step the residual of a random validation transition, all columns together.
+    Residual,
+    /// Residuals in the order in which they were recorded, in blocks of 36 steps on average.
+    Block,
+}
+
+/// Recorded next states minus predicted ones, over the validation part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residuals {
+    columns: usize,
+    /// `[row, column]`.
+    values: Vec<f32>,
+    /// Rows that follow each other in time.
+    pieces: Vec<Range<usize>>,
+}
+
+impl Residuals {
+    /// Of the model's predictions of each validation transition, from the recorded state before it.
+    ///
+    /// # Errors
+    /// If the model cannot be run, or a prediction is not finite.
+    pub fn of(model: &dyn Dynamics, data: &Transitioning<'_>) -> Result<Self, DynamicsError> {
+        let (states, transitions) = (data.states(), data.transitions());
+        let sources: Vec<RowIndex> = transitions.sources()[data.validation()]
+            .iter()
+            .map(|&source| RowIndex(source))
+            .collect();
+        let segments = transitions.segments();
+        let predictions = predict(model, states, segments, &sources, 1, &Silent)?;
+        let mut values = Vec::with_capacity(sources.len() * data.columns());
+        for (source, prediction) in sources.iter().zip(&predictions) {
+            if prediction.steps() == 0 {
+                let reason = "a prediction of a recorded state is not finite".to_owned();
+                return Err(DynamicsError::Weights { reason });
+            }
+            let recorded = states.row(source.get() + 1).iter();
+            values.extend(recorded.zip(prediction.state(1)).map(|(next, own)| next - own));
+        }
+        let mut pieces = Vec::new();
+        let mut first = 0;
+        for run in sources.chunk_by(|now, then| then.get() == now.get() + 1) {
+            pieces.push(first..first + run.len());
+            first += run.len();
+        }
+        Ok(Self { columns: data.columns(), values, pieces })
+    }
+
+    /// Transitions that they are of.
+    pub fn rows(&self) -> usize {
+        self.values.len() / self.columns
+    }
+
+    fn row(&self, row: usize) -> &[f32] {
+        &self.values[row * self.columns..][..self.columns]
+    }
+
+    /// As tensors: `residuals` `[rows, columns]`, and the pieces in the metadata.
+    pub fn to_tensors(&self) -> Tensors {
+        let ends: Vec<usize> = self.pieces.iter().map(|piece| piece.end).collect();
+        Tensors {
+            tensors: vec![Tensor {
+                name: "residuals".to_owned(),
+                shape: vec![self.rows(), self.columns],
+                values: self.values.clone(),
+            }],
+            metadata: BTreeMap::from([("ends".to_owned(), serde_json::json!(ends).to_string())]),
+        }
+    }
+
+    /// What [`to_tensors`](Self::to_tensors) gave.
+    ///
+    /// # Errors
+    /// If they are not residuals of `columns` values.
+    pub fn from_tensors(tensors: &Tensors, columns: usize) -> Result<Self, DynamicsError> {
+        let wrong = || DynamicsError::Weights { reason: "they are no residuals of it".to_owned() };
+        let tensor = tensors.get("residuals").ok_or_else(wrong)?;
+        let ends = tensors.metadata.get("ends").ok_or_else(wrong)?;
+        let ends: Vec<usize> = serde_json::from_str(ends).map_err(|_| wrong())?;
+        let mut pieces = Vec::with_capacity(ends.len());
+        let mut start = 0;
+        for end in ends {
+            pieces.push(start..end);
+            start = end;
+        }
+        let is_whole = pieces.iter().all(|piece| !piece.is_empty());
+        if tensor.shape != [start, columns] || start == 0 || !is_whole {
+            return Err(wrong());
+        }
+        Ok(Self { columns, values: tensor.values.clone(), pieces })
+    }
+}
+
+/// Residuals on their way into one rollout.
+pub(crate) struct NoiseSource<'a> {
+    noise: Noise,
+    residuals: &'a Residuals,
+    rng: Rng,
+    /// The next row of a block, and where its piece ends.
+    next: Range<usize>,
+}
+
+impl<'a> NoiseSource<'a> {
+    pub(crate) fn new(noise: Noise, residuals: &'a Residuals, rng: Rng) -> Self {
+        Self { noise, residuals, rng, next: 0..0 }
+    }
+
+    /// Add the next residual to a predicted state.
+    pub(crate) fn add_to(&mut self, predicted: &mut [f32]) {
+        let row = match self.noise {
+            Noise::None => return,
+            Noise::Residual => self.rng.below(self.residuals.rows()),
+            Noise::Block => self.next_of_block(),
+        };
+        for (value, residual) in predicted.iter_mut().zip(self.residuals.row(row)) {
+            *value += residual;
+        }
+    }
+
+    fn next_of_block(&mut self) -> usize {
+        if self.next.is_empty() || self.rng.unit() < 1.0 / BLOCK {
+            let row = self.rng.below(self.residuals.rows());
+            let piece = self.residuals.pieces.partition_point(|piece| piece.end <= row);
+            self.next = row..self.residuals.pieces[piece].end;
+        }
+        let row = self.next.start;
+        self.next.start += 1;
+        row
+    }
+}
+
+/// How rollouts of a model of these states are made.
+#[derive(Clone, Copy, Debug)]
+pub struct Rollouts<'a> {
+    /// What predicts.
+    pub model: &'a dyn Dynamics,
+    /// The states that it starts from.
+    pub states: &'a States,
+    /// Which of them follow each other.
+    pub segments: &'a Segments,
+    /// What is added to predictions.
+    pub noise: Noise,
+    /// Where that is drawn from; without it nothing is added.
+    pub residuals: Option<&'a Residuals>,
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Seed, Transitions};
+    use calib_nn::Mlp;
+
+    use super::*;
+    use crate::{FeedForward, Start};
+
+    /// x' = x / 2 + noise, and the model that knows it.
+    fn plant(rows: usize) -> (States, Transitions, FeedForward) {
+        let mut rng = Seed::new(3).rng();
+        let mut values = vec![0.0_f32];
+        for row in 1..rows {
+            values.push(0.5 * values[row - 1] + rng.normal() as f32);
+        }
+        let states = States::new(values, rows, 1).expect("finite");
+        let segments = Segments::from_lengths([rows / 2, rows - rows / 2]).expect("valid");
+        let network = Mlp::from_parameters(&[1, 1], &[0.5, 0.0]).expect("two parameters");
+        (states, Transitions::new(segments), FeedForward::new(network).expect("square"))
+    }
+
+    fn spread(values: impl Iterator<Item = f32>) -> f64 {
+        let values: Vec<f64> = values.map(f64::from).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let squares: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
+        (squares / values.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn rollouts_with_residuals_move_as_much_as_the_record() {
+        let (states, transitions, model) = plant(4000);
+        let data = Transitioning::new(&states, &transitions, 0.8).expect("enough");
+        let residuals = Residuals::of(&model, &data).expect("finite");
+        assert_eq!((residuals.rows(), residuals.pieces.len()), (3198, 2));
+        let back = Residuals::from_tensors(&residuals.to_tensors(), 1).expect("ours");
+        assert_eq!(back, residuals);
+        let roll = |noise: Noise, seed: u64| {
+            let rollouts = Rollouts {
+                model: &model,
+                states: &states,
+                segments: transitions.segments(),
+                noise,
+                residuals: Some(&residuals),
+            };
+            let start = Start { row: RowIndex::new(7), seed: Seed::new(seed) };
+            rollouts.predict(&[start], 3000, &Silent).expect("it runs").remove(0)
+        };
+        let recorded = spread(states.as_slice().iter().copied());
+        assert!(spread(roll(Noise::None, 1).column(0).skip(100)) < 1e-6, "it stands still");
+        for noise in [Noise::Residual, Noise::Block] {
+            let rolled = roll(noise, 1);
+            assert!((spread(rolled.column(0)) / recorded - 1.0).abs() < 0.1, "{noise:?}");
+            assert_eq!(rolled, roll(noise, 1));
+            assert_ne!(rolled, roll(noise, 2));
+        }
+    }
+
+    #[test]
+    fn blocks_follow_the_record_and_end_with_it() {
+        let values: Vec<f32> = (0..200_u8).map(f32::from).collect();
+        let residuals = Residuals { columns: 1, values, pieces: vec![0..50, 50..200] };
+        let mut source = NoiseSource::new(Noise::Block, &residuals, Seed::new(5).rng());
+        let mut drawn = Vec::new();
+        for _ in 0..20_000 {
+            let mut state = [0.0];
+            source.add_to(&mut state);
+            drawn.push(state[0]);
+        }
+        let follows = |pair: &&[f32]| pair[1] == pair[0] + 1.0;
+        let share = drawn.windows(2).filter(follows).count() as f64 / 19_999.0;
+        assert!((0.94..0.99).contains(&share), "{share}");
+        assert!(!drawn.windows(2).any(|pair| pair[0] == 49.0 && pair[1] == 50.0), "a gap");
+    }
+}
