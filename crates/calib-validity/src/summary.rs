@@ -26,8 +26,8 @@ pub struct MethodSummary {
     pub capped: usize,
     /// Mean regret.
     pub mean: f64,
-    /// 95 % interval of the mean, over plants.
-    pub interval: Option<Interval>,
+    /// 95 % upper bound of the mean, over plants.
+    pub upper: Option<f64>,
     /// exp(mean of ln(1 + regret)) − 1: by what factor, typically, its errors exceed the best ones.
     pub typical: f64,
     /// 95 % interval of the typical regret, over plants.
@@ -75,10 +75,9 @@ impl MethodSummary {
             diverged: count(|regret| regret.is_infinite()),
             capped: count(|regret| **regret > CAP),
             mean: mean(&counted)?,
-            interval: plants.interval(has, |pairs| mean_of(pairs, value))?,
+            upper: plants.upper_bound(has, |pairs| mean_of(pairs, value)),
             typical: mean(&logarithms)?.exp_m1(),
-            typical_interval: plants
-                .interval(has, |pairs| Some(mean_of(pairs, logarithm)?.exp_m1()))?,
+            typical_interval: plants.typical_interval(has, logarithm),
             median: median(&counted)?,
             good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
         })
@@ -106,7 +105,7 @@ impl RankAgreement {
             model: model.to_owned(),
             pairs: known.len(),
             mean: mean(&known)?,
-            interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value))?,
+            interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value)),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
             saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,

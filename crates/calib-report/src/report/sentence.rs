@@ -1,6 +1,6 @@
 //! A verdict in sentences that need no statistics to be understood.
 
-use calib_stats::Estimate;
+use calib_stats::Bounded;
 
 use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
@@ -214,14 +214,17 @@ impl Verdict {
                     .to_owned()
             }
             _ => format!(
-                "{} other draws of members, runs and windows of the log would choose it as well{}: {}.",
+                "{} other draws of members, runs and windows of the log would choose it as well{}: {}{}.",
                 if share >= ALL {
                     "Nearly all".to_owned()
                 } else {
                     format!("{} of", percent(share))
                 },
                 if share < STABLE { ", so the choice is not certain" } else { "" },
-                listed(&others)
+                listed(&others),
+                self.stability_nearby.filter(|_| share < ALL).map_or_else(String::new, |share| {
+                    format!("; it or a value next to it in {}", percent(share))
+                })
             ),
         })
     }
@@ -295,15 +298,11 @@ impl Verdict {
     }
 }
 
-/// "2.5 % (95 %: 1 to 4 %)".
-pub(super) fn with_interval(estimate: Estimate) -> String {
-    let value = percent(estimate.value);
-    match estimate.interval {
-        Some(of) if of.low < of.high => {
-            format!("{value} (95 %: {} to {})", percent(of.low), percent(of.high))
-        }
-        _ => value,
-    }
+/// "2.5 % (95 %: at most 4 %)".
+pub(super) fn with_interval(regret: Bounded) -> String {
+    let value = percent(regret.value);
+    let bound = |upper| format!("{value} (95 %: at most {})", percent(upper));
+    regret.upper.map_or_else(|| value.clone(), bound)
 }
 
 fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> String {
