@@ -84,6 +84,11 @@ impl MethodSummary {
     }
 }
 
+/// An interval of what lies between −1 and 1.
+pub(crate) fn correlations(of: Option<Interval>) -> Option<Interval> {
+    of.map(|of| Interval { low: of.low.max(-1.0), high: of.high.min(1.0) })
+}
+
 impl RankAgreement {
     /// `None` if no pair has a correlation.
     pub(crate) fn of(
@@ -105,7 +110,9 @@ impl RankAgreement {
             model: model.to_owned(),
             pairs: known.len(),
             mean: mean(&known)?,
-            interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value)),
+            interval: correlations(
+                plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value)),
+            ),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
             saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
