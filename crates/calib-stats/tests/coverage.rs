@@ -158,10 +158,10 @@ fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
                 let Some(upper) = upper_bound(&losses).expect("losses") else { continue };
                 let t = summarise(&losses).unwrap().interval.expect("they differ");
                 given += 1;
-                held += usize::from(mean <= upper);
-                held_by_t += usize::from(mean <= t.high);
+                held += u32::from(mean <= upper);
+                held_by_t += u32::from(mean <= t.high);
             }
-            let [held, held_by_t] = [held, held_by_t].map(|of| of as f64 / given as f64);
+            let [held, held_by_t] = [held, held_by_t].map(|of| f64::from(of) / f64::from(given));
             println!("{name}, {windows} windows: {given} given, {held:.3}, by t {held_by_t:.3}");
             assert!(held >= least, "{name}, {windows} windows: {held}");
             worst_of_t = worst_of_t.min(held_by_t);
@@ -276,8 +276,8 @@ fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
 
 #[test]
 fn shares_of_resamples_are_not_what_another_log_chooses() {
-    let mut random = Random::new(9);
     const LOGS: usize = 300;
+    let mut random = Random::new(9);
     let (mut share, mut same, mut share_nearby, mut near) = (0.0, 0.0, 0.0, 0.0);
     for _ in 0..LOGS {
         let (one, own, nearby) = chosen_from_a_log(&mut random);

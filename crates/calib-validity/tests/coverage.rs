@@ -46,9 +46,9 @@ impl Plants {
 
     /// The truth: mean and typical regret of log replay, and the model's quotient, over many plants.
     fn truth(self) -> [f64; 3] {
+        const MANY: usize = 100_000;
         let mut rng = Seed::new(99).rng();
         let mut sums = [0.0; 3];
-        const MANY: usize = 100_000;
         for _ in 0..MANY {
             for [replay, model] in self.plant(&mut rng) {
                 let quotient = model.ln_1p() - replay.ln_1p();
