@@ -1,5 +1,5 @@
 """Reference values for crates/calib-stats/tests/choosing.rs, from NumPy and SciPy: choices by log errors, also under resampling of
-members and runs, and regrets over windows with their intervals. The draws are in the file, in the order in which they are asked for.
+members and runs, and regrets over windows with their bounds. The draws are in the file, in the order in which they are asked for.
 
     python3 -m pip install numpy==2.4.6 scipy
     python3 scripts/golden/choosing.py > crates/calib-stats/tests/choosing.json
@@ -11,7 +11,7 @@ import sys
 import numpy as np
 from scipy import stats
 
-MEMBERS, WINDOWS, RUNS, CANDIDATES, RESAMPLES = 4, 3, 3, 5, 200
+MEMBERS, WINDOWS, RUNS, CANDIDATES, RESAMPLES = 4, 6, 3, 5, 200
 rng = np.random.default_rng(20261)
 
 
@@ -56,10 +56,20 @@ def over_windows(logs):
     return mean, [mean - half, mean + half]
 
 
+def upper_bound(losses):
+    """95 % upper bound of the mean of losses that are taken to be gamma distributed, with a shape of at most a half."""
+    n, mean, std = len(losses), losses.mean(), losses.std(ddof=1)
+    if np.isinf(losses).any() or n < 4 or np.count_nonzero(losses) < 2 or std == 0:
+        return None
+    freedom = 2 * n * min(0.5, (n - 1) / n * (mean / std) ** 2)
+    return mean * freedom / stats.chi2.ppf(0.05, freedom)
+
+
 def regret(windows, choice):
     """windows: mean errors, `[window][candidate]`."""
-    mean, interval = over_windows(np.log(windows[:, choice] / windows.min(axis=1)))
-    return np.expm1(mean), interval and plain(np.expm1(np.maximum(interval, 0)))
+    losses = np.log(windows[:, choice] / windows.min(axis=1))
+    upper = upper_bound(losses)
+    return np.expm1(losses.mean()), upper and float(np.expm1(upper))
 
 
 def drawn(units, draws):
@@ -99,7 +109,7 @@ json.dump(
         "mean_logs": plain(mean_logs(streams)),
         "chosen": chosen,
         "regrets": plain([value for value, _ in regrets]),
-        "intervals": [interval for _, interval in regrets],
+        "bounds": [upper for _, upper in regrets],
         "quotient": plain(np.exp([mean, *interval])),
         "defaults": defaults,
         "resamples": RESAMPLES,

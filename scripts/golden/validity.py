@@ -6,8 +6,7 @@
 
 With a folder that `calib validity` wrote for a protocol (…/draw-1), everything begins with the runs of the sweeps
 (studies/PLANT-results/**/sweep/runs.parquet): errors, windows, regrets, the choice of every rule and baseline, and all that
-follows, are compared with pairs.parquet and validity.json. Intervals have other random numbers here: their ends are
-compared within a fifth of their width. Nothing of calib is used.
+follows, are compared with pairs.parquet and validity.json. Nothing of calib is used.
 """
 
 import json
@@ -18,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-CAP, MARGIN, GOOD = 10.0, 0.01, 0.05
+CAP, MARGIN, GOOD, FEWEST_PLANTS = 10.0, 0.01, 0.05, 8
 RULES = ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled", "one_standard_error"]
 
 
@@ -100,6 +99,7 @@ def pair_of(plant, sensor, tables, part, chosen_rule):
             each = each_loss(online)
             best = each.argmin(axis=1)
             others = [each[w, best[v]] for v in range(len(each)) for w in range(len(each)) if w != v]
+            others = [loss for loss in others if np.isfinite(loss)]
             pair |= {
                 "optimiser": own.optimiser.iloc[0],
                 "regrets": np.expm1(losses(online)),
@@ -163,6 +163,30 @@ def methods(pairs):
     return {name: of for name, of in found.items() if any(regret is not None for _, regret in of)}
 
 
+def jackknife(pairs, values):
+    """Mean of `values` (None where there is none) and its standard error, plants left out one by one; no error of few plants."""
+    known = [(pair["plant"], value) for pair, value in zip(pairs, values) if value is not None]
+    plants = sorted({plant for plant, _ in known})
+    mean = np.mean([value for _, value in known])
+    if len(plants) < FEWEST_PLANTS:
+        return mean, None, len(plants)
+    without = np.array([np.mean([value for plant, value in known if plant != left_out]) for left_out in plants])
+    squares = np.sum((without - without.mean()) ** 2)
+    return mean, np.sqrt((len(plants) - 1) / len(plants) * squares), len(plants)
+
+
+def bounds(pairs, of):
+    """Upper bound of the mean regret, and interval of the typical one."""
+    regrets = [None if regret is None else min(regret, CAP) for _, regret in of]
+    mean, error, plants = jackknife(pairs, regrets)
+    log_mean, log_error, _ = jackknife(pairs, [None if regret is None else np.log1p(regret) for regret in regrets])
+    if not error:
+        return {"upper": None, "typical_interval": None}
+    low = max(0.0, log_mean - stats.t.ppf(0.975, plants - 1) * log_error)
+    high = log_mean + np.sqrt(19) * log_error
+    return {"upper": mean + np.sqrt(19) * error, "typical_interval": [np.expm1(low), np.expm1(high)]}
+
+
 def summary(of):
     regrets = np.array([regret for _, regret in of if regret is not None], dtype=float)
     counted = np.minimum(regrets, CAP)
@@ -203,7 +227,15 @@ def comparison(pairs, own, other):
         "std": None,
         "visible": None,
         "needed": [None] * 3,
+        "error_ratio_interval": None,
     }
+    log_ratios = [
+        None if a is None or b is None else np.log1p(min(a, CAP)) - np.log1p(min(b, CAP)) for (_, a), (_, b) in zip(own, other)
+    ]
+    mean, error, plants = jackknife(pairs, log_ratios)
+    if error is not None:
+        half = stats.t.ppf(0.975, plants - 1) * error
+        found["error_ratio_interval"] = [np.exp(mean - half), np.exp(mean + half)]
     if len(means) > 1:
         std = means.std(ddof=1)
         found |= {"std": std, "visible": np.expm1(visible(std, len(means)))}
@@ -225,14 +257,6 @@ def needed(std, difference):
     return enough
 
 
-def interval(by_plant, rng, resamples=10_000):
-    """95 % interval of the quotient of errors: plants are drawn with replacement, with all their pairs."""
-    plants = [np.array(of) for of in by_plant.values()]
-    sums, sizes = np.array([of.sum() for of in plants]), np.array([len(of) for of in plants])
-    drawn = rng.integers(len(plants), size=(resamples, len(plants)))
-    return np.exp(np.quantile(sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1), [0.025, 0.975]))
-
-
 # Golden pairs, and comparisons with what calib wrote
 
 
@@ -249,7 +273,7 @@ def plain(value):
 def golden():
     rng = np.random.default_rng(20261)
     pairs = []
-    for plant in range(7):
+    for plant in range(9):
         for sensor in range(1 + plant % 3):
             regrets = np.round(rng.lognormal(-1, 1.5, 5), 3)
             regrets[rng.random(5) < 0.15] = np.inf
@@ -275,7 +299,7 @@ def golden():
     return {
         "pairs": pairs,
         "best_default": best_default(pairs),
-        "summaries": {name: summary(of) for name, of in found.items()},
+        "summaries": {name: summary(of) | bounds(pairs, of) for name, of in found.items()},
         "comparisons": [
             {"method": own, "against": other} | comparison(pairs, found[own], found[other])
             for own in models for other in others
@@ -287,7 +311,6 @@ def check(folder):
     judgement = json.loads(Path(folder, "validity.json").read_text())
     stored = pd.read_parquet(Path(folder, "pairs.parquet"))
     worst = {"regret": 0.0, "summary": 0.0, "quotient": 0.0, "power": 0.0, "interval": 0.0}
-    rng = np.random.default_rng(1)
 
     def close(what, ours, theirs, where):
         if ours is None or theirs is None:
@@ -295,7 +318,12 @@ def check(folder):
             return
         difference = 0.0 if ours == theirs else abs(ours - theirs) / max(1.0, abs(ours))
         worst[what] = max(worst[what], difference)
-        assert difference < 1e-9, (where, ours, theirs)
+        # Quantiles of t agree to eight digits.
+        assert difference < (1e-7 if what == "interval" else 1e-9), (where, ours, theirs)
+
+    def ends(what, ours, theirs, where):
+        for place, end in enumerate(("low", "high")):
+            close(what, ours and ours[place], theirs and theirs[end], (*where, end))
 
     for score in judgement["scores"]:
         part = score["part"]
@@ -330,6 +358,9 @@ def check(folder):
             if theirs["method"] in found:
                 for name, ours in summary(found[theirs["method"]]).items():
                     close("summary", ours, theirs[name], (part, theirs["method"], name))
+                ours = bounds(pairs, found[theirs["method"]])
+                close("interval", ours["upper"], theirs["upper"], (part, theirs["method"], "upper"))
+                ends("interval", ours["typical_interval"], theirs["typical_interval"], (part, theirs["method"]))
         for theirs, power in zip(score["comparisons"], score["power"]):
             names = theirs["method"], theirs["against"]
             if any(name not in found for name in names):
@@ -341,13 +372,7 @@ def check(folder):
                 close("power", ours[name], power[name], (part, *names, name))
             for ours_needed, theirs_needed in zip(ours["needed"], power["needed"]):
                 close("power", ours_needed, theirs_needed, (part, *names, "needed"))
-            if theirs["error_ratio_interval"] is not None:
-                ends = [theirs["error_ratio_interval"][end] for end in ("low", "high")]
-                ours = interval(quotients(pairs, *[found[name] for name in names]), rng)
-                width = max(ends[1] - ends[0], 1e-9)
-                off = max(abs(ours[0] - ends[0]), abs(ours[1] - ends[1])) / width
-                worst["interval"] = max(worst["interval"], off)
-                assert off < 0.2, (part, *names, ours, ends)
+            ends("interval", ours["error_ratio_interval"], theirs["error_ratio_interval"], (part, *names))
         print(f"{part}: {len(pairs)} pairs, {len(found)} methods, {len(score['comparisons'])} comparisons agree")
     print("largest differences:", {name: float(f"{value:.2g}") for name, value in worst.items()})
 

@@ -18,7 +18,7 @@ pub(crate) struct DtwArgs {
     /// rabinerJuang:3c:smoothed; may be given several times
     #[arg(long, value_name = "PATTERN", default_values = STEP_PATTERNS)]
     pub(crate) step_pattern: Vec<StepPattern>,
-    /// Which pairs of samples may be matched: none, sakoe-chiba:W, slanted:W or itakura
+    /// Which pairs of samples may be matched: none, sakoeChiba:RADIUS, slanted:RADIUS or itakura
     #[arg(long, value_name = "WINDOW", default_value = "none")]
     pub(crate) window: Window,
     /// The query may begin anywhere in the reference (patterns normalised by the query's length)

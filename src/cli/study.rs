@@ -97,12 +97,6 @@ pub(crate) struct ValidityArgs {
     /// Where the judgement goes, and what a protocol draws (default: validity-results beside the protocol or the first study)
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// How often plants are drawn again for each interval
-    #[arg(long, value_name = "N", default_value_t = 10_000)]
-    pub(crate) resamples: usize,
-    /// Root of these draws
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
     /// Judge the sweeps that there are; run nothing
     #[arg(long)]
     pub(crate) judge_only: bool,
@@ -119,13 +113,13 @@ pub(crate) struct ValidityArgs {
 
 impl From<ValidityArgs> for ValidityOptions {
     fn from(args: ValidityArgs) -> Self {
-        let ValidityArgs { studies, set, draw, output, resamples, seed, .. } = args;
+        let ValidityArgs { studies, set, draw, output, .. } = args;
         let extent = match (args.dry_run, args.judge_only) {
             (true, _) => ValidityExtent::Plan,
             (false, true) => ValidityExtent::Judge,
             (false, false) => ValidityExtent::Run,
         };
-        Self { studies, set, draw, output, resamples, seed, extent, share: None }
+        Self { studies, set, draw, output, extent, share: None }
     }
 }
 

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-use calib_pipeline::{Outcome, Printer, output::table};
+use calib_pipeline::{Outcome, Printer};
 
 /// Keys that are suggested for one that is not there.
 const SUGGESTED: usize = 6;
@@ -104,22 +104,30 @@ fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
 /// The keys of a section, each with the first sentence about it.
 fn list(schema: &Value, at: &Value, above: &str) -> String {
     let keys = target(schema, at)["properties"].as_object();
-    let rows: Vec<Vec<String>> = keys
+    let rows: Vec<[String; 2]> = keys
         .into_iter()
         .flatten()
         .map(|(name, of)| {
             let about = about(schema, of);
             let first = about.split_inclusive(". ").next().unwrap_or_default().trim().to_owned();
             let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
-            vec![path, first]
+            [path, first]
         })
         .collect();
-    table(&["key", "meaning"], &rows)
+    let width = rows.iter().map(|[key, _]| key.chars().count()).max().unwrap_or(0);
+    let lines = rows.iter().map(|[key, meaning]| format!(" {key:width$}  {meaning}"));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
+/// What is said of a key: paragraphs, of one line each but for tables.
 fn about(schema: &Value, of: &Value) -> String {
     let own = of["description"].as_str();
-    own.or_else(|| target(schema, of)["description"].as_str()).unwrap_or_default().to_owned()
+    let text = own.or_else(|| target(schema, of)["description"].as_str()).unwrap_or_default();
+    let paragraph = |text: &str| match text {
+        table if table.starts_with('|') => table.to_owned(),
+        wrapped => wrapped.replace('\n', " "),
+    };
+    text.split("\n\n").map(paragraph).collect::<Vec<_>>().join("\n\n")
 }
 
 fn describe(schema: &Value, of: &Value, path: &str) -> String {
@@ -204,6 +212,23 @@ mod tests {
             let text = of(&key);
             assert!(text.len() > key.len() + 12, "{key}: {text}");
         }
+    }
+
+    #[test]
+    fn what_is_said_is_for_people() {
+        let schema = calib_study::schema();
+        for key in keys(&schema, &schema, "") {
+            let text = of(&key);
+            assert!(!text.contains("[`") && !text.contains("::"), "a link of the code: {text}");
+        }
+        let sections = list(&schema, &schema, "");
+        assert!(sections.lines().all(|line| !line.contains("\\n")), "{sections}");
+        let column = |line: &str, meaning: &str| line.find(meaning);
+        let [data, output] = ["Where the log is", "Where results go"].map(|meaning| {
+            sections.lines().find_map(|line| column(line, meaning)).expect("it is there")
+        });
+        assert_eq!(data, output, "meanings begin below each other: {sections}");
+        assert!(sections.contains("without `.toml`, followed by `-results`"), "{sections}");
     }
 
     #[test]

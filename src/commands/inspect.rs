@@ -213,13 +213,13 @@ fn show_parts(
 
 fn part(name: &str, part: &PartProfile) -> String {
     format!(
-        "{name}: {} to {}; {} rows of the log, {} dropped for missing values; {} states in {} segments, {} transitions",
+        "{name}: {} to {}; {} of the log, {} dropped for missing values; {} in {}, {}",
         format_time(part.start),
         format_time(part.end),
-        count(part.log_rows as usize),
+        counted(part.log_rows as usize, "row"),
         count(part.dropped_rows as usize),
-        count(part.rows as usize),
-        count(part.segments as usize),
-        count(part.transitions as usize),
+        counted(part.rows as usize, "state"),
+        counted(part.segments as usize, "segment"),
+        counted(part.transitions as usize, "transition"),
     )
 }

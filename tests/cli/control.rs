@@ -22,25 +22,29 @@ fn place() -> Place {
 fn a_log_of_decisions_becomes_a_verdict() {
     let place = place();
     let study = "pole/study.toml";
-    let told = place.calib(&["control", study]).succeeds();
-    for part in ["action=0", "action=1", "step_size=0.3", "deploy: step_size=", "over the default"]
-    {
+    let ran = place.calib(&["control", study]);
+    let told = ran.ends(&[1]);
+    for part in ["action=0", "action=1", "it would be: step_size=0.3", "over the default"] {
         assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    // No random episode shows what the model promises, nor how one ends there.
+    for part in ["no recorded episode got more than", "steps in the model end an episode"] {
+        assert!(ran.stderr().contains(part), "{part} is missing in {}", ran.stderr());
     }
     let results = "pole/study-results/control";
     let first = place.content(results);
     let again = place.calib(&["control", study]);
     assert!(again.stderr().contains("up to date"), "{}", again.stderr());
-    assert_eq!(again.succeeds(), told, "what is there is told as it was");
-    place.calib(&["control", study, "--force", "--threads", "1"]).succeeds();
+    assert_eq!(again.ends(&[1]), told, "what is there is told as it was");
+    place.calib(&["control", study, "--force", "--threads", "1"]).ends(&[1]);
     assert!(place.content(results) == first, "the same bytes on one thread");
     // What shows the verdict is made again from it.
     let report = place.path().join(results).join("report.html");
     fs::remove_file(&report).expect("a report");
-    place.calib(&["control", study]).succeeds();
+    place.calib(&["control", study]).ends(&[1]);
     assert!(place.content(results) == first, "the report is back");
     let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&["control", study, "--json"]).succeeds()).expect("JSON");
+        serde_json::from_str(&place.calib(&["control", study, "--json"]).ends(&[1])).expect("JSON");
     assert_eq!(json["transitions"], 1500);
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
@@ -83,14 +87,41 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     told.ends(&[0, 1]);
     let json: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
     assert_eq!(json["transitions"], 39);
-    // In the steps from rows 0, 2, …, 38, in one episode.
-    assert_eq!(json["verdict"]["behaviour"]["mean"], -20.0);
+    // In the steps from rows 0, 2, …, 38: 39 of the 50 steps that agents live.
+    let mean = &json["verdict"]["behaviour"]["mean"];
+    assert!((mean.as_f64().expect("a number") + 20.0 / 0.78).abs() < 1e-9, "{mean}");
     // What leaving the log is worth is what an episode of agents can have got, not what the whole log did.
-    assert_eq!(json["worst_return"], -20.0);
+    assert_eq!(json["worst_return"], *mean);
     let short = ["control", "study.toml", "--json", "--set", "control.timeout=2"];
     let json: serde_json::Value =
         serde_json::from_str(&place.calib(&short).stdout()).expect("JSON");
     assert_eq!(json["worst_return"], -1.0);
+}
+
+#[test]
+fn what_is_not_told_apart_from_the_default_is_not_deployed() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let set =
+        ["control.timeout=20", "control.steps=200", "control.grid={ step_size = [0.03, 0.3] }"];
+    let args: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+    let ran = place.calib(&[&["control", "study.toml"][..], &args].concat());
+    let told = ran.ends(&[1]);
+    assert!(
+        told.contains("keep the default: step_size=0.03; step_size=0.3 may be no better"),
+        "{told}"
+    );
+    assert!(ran.stderr().contains("not told apart from the default"), "{}", ran.stderr());
+    let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
+    assert!(page.expect("a page").contains("keep the default: step_size=0.03"));
+}
+
+#[test]
+fn an_inspected_log_counts_one_of_a_thing_as_one() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let told = place.calib(&["inspect", "study.toml"]).succeeds();
+    assert!(told.contains("40 states in 1 segment, 39 transitions"), "{told}");
+    assert!(told.contains("for agents that act: 39 transitions in 1 episode"), "{told}");
+    assert!(told.contains("states of 1 column, without"), "{told}");
 }
 
 #[test]
@@ -208,7 +239,13 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     place.calib(&[&args[..], &["--transitions", "1500"]].concat()).succeeds();
     let study = "plant/study.toml";
     let told = place.calib(&["inspect", study]).succeeds();
-    for part in ["DOSE_MG_L=2", "known in states", "taken where", "1,500 transitions"] {
+    for part in [
+        "DOSE_MG_L=2",
+        "known in states",
+        "taken where",
+        "for agents that act: 1,500 transitions",
+        "; states of 4 columns, without what they do and get",
+    ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
     let json: serde_json::Value =

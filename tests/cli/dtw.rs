@@ -163,6 +163,12 @@ fn mistakes_are_explained() {
     assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");
     let window = message(&["q.csv:flow", "long.csv", "--window", "sakoe-chiba:2"]);
     assert!(window.contains("widen it"), "{window}");
+    // Windows are called alike where they are explained and where one is refused.
+    let unknown = message(&["q.csv:flow", "long.csv", "--window", "wide"]);
+    let help = place.calib(&["dtw", "--help"]).succeeds();
+    for text in [unknown, help].map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")) {
+        assert!(text.contains("none, sakoeChiba:RADIUS, slanted:RADIUS or itakura"), "{text}");
+    }
 }
 
 #[test]

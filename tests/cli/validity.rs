@@ -87,7 +87,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     assert!(dry.contains("1 of 2 plants are to be run"), "{dry}");
     assert!(!place.path().join("plants/validity-results").exists());
 
-    let judged = place.calib(&["validity", "plants", "--resamples", "200", "--json", "-q"]);
+    let judged = place.calib(&["validity", "plants", "--json", "-q"]);
     let json = parsed(&judged.succeeds());
     let score = &json["scores"][0];
     assert_eq!((&score["part"], &score["pairs"]), (&"whole_run".into(), &4.into()));
@@ -135,7 +135,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     assert!(page.contains("Regret in every pair") && !page.contains("src=\"http"));
 
     // Again, nothing is run, and on one thread it is the same.
-    let again = place.calib(&["validity", "plants", "--resamples", "200", "--threads", "1"]);
+    let again = place.calib(&["validity", "plants", "--threads", "1"]);
     let shown = again.succeeds();
     assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
     assert!(place.content("plants/validity-results") == results);
@@ -206,7 +206,7 @@ fn protocol() -> Place {
     place
 }
 
-const VALIDITY: [&str; 6] = ["validity", "protocol.toml", "--resamples", "100", "--json", "-q"];
+const VALIDITY: [&str; 4] = ["validity", "protocol.toml", "--json", "-q"];
 
 #[test]
 fn a_protocol_draws_plants_and_goes_on_where_it_was() {
@@ -245,7 +245,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
 
     // Again nothing is run; what is lost of a plant is run again, to the same bytes.
     let results = place.content("validity-results/draw-5");
-    let again = place.calib(&VALIDITY[..4]);
+    let again = place.calib(&VALIDITY[..2]);
     again.succeeds();
     assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
     let sweep = "validity-results/draw-5/studies/plant-02-results/models/near/sweep";
@@ -254,7 +254,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     }
     std::fs::remove_dir_all(place.path().join(sweep.replace("near", "even")))
         .expect("it was there");
-    let resumed = place.calib(&VALIDITY[..4]);
+    let resumed = place.calib(&VALIDITY[..2]);
     resumed.succeeds();
     assert!(resumed.stderr().contains("units run in"), "{}", resumed.stderr());
     assert!(place.content("validity-results/draw-5") == results);

@@ -196,8 +196,9 @@ impl Study<'_> {
         let log = recorded.decisions(world.actions())?;
         let starts = starts(&mut world, seed.child("starts"))?;
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
-        let verdict =
-            judge(&runs, candidates.len(), None, (&log, timeout), Support::default(), 200, seed)?;
+        let default = candidates.iter().position(|of| *of == AgentConfig::default());
+        let (all, support) = (candidates.len(), Support::default());
+        let verdict = judge(&runs, all, default, (&log, timeout), support, 200, seed)?;
         let fitted = if let Some(fitted) = fitted {
             Some(fitted as usize)
         } else {

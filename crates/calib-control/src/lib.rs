@@ -16,6 +16,7 @@ mod levels;
 mod life;
 mod log;
 mod model;
+mod recorded;
 mod reward;
 mod settings;
 mod sweep;
@@ -38,6 +39,7 @@ pub use model::{
     ActionModel, ActionModelConfig, Coverage, Distance, Ensemble, NetworkConfig, NetworkModel,
     NetworkWalk, Pessimism, Starts, Walk, Walked,
 };
+pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
 pub use settings::Settings;
 pub use sweep::{Extent, Run, sweep, truth};

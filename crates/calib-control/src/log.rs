@@ -210,15 +210,6 @@ impl Decisions {
             .map(|segment| RowIndex(segment.start))
             .collect()
     }
-
-    /// The return of each episode, cut after every `timeout` steps as episodes of agents are: the sum of its rewards, as far as the log
-    /// has it.
-    pub fn returns(&self, timeout: usize) -> Vec<f64> {
-        let sum = |rewards: &[f32]| rewards.iter().copied().map(f64::from).sum::<f64>();
-        self.episodes()
-            .flat_map(|steps| self.rewards[steps].chunks(timeout.max(1)).map(sum))
-            .collect()
-    }
 }
 
 /// Segments cut after terminals and after rows without an action, as lengths in rows.
@@ -268,9 +259,6 @@ mod tests {
         assert_eq!(log.endings(), [ON, END, ON, ON]);
         assert_eq!((log.terminals(), log.counts()), (1, vec![2, 2]));
         assert_eq!(log.starts(), [0, 4, 6].map(RowIndex));
-        assert_eq!(log.returns(500), [3.0, 5.0, 7.0]);
-        assert_eq!(log.returns(1).iter().sum::<f64>(), 15.0, "pieces of the same");
-        assert_eq!(log.returns(1).len(), log.len());
         assert_eq!(log.with_action(1), [1, 2]);
     }
 

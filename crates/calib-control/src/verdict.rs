@@ -2,13 +2,13 @@
 
 use calib_core::Seed;
 use calib_stats::{
-    Difference, Direction, Drawn, Nested, Selection, StatsError, Summary, hierarchical,
-    paired_difference, select, summarise,
+    Difference, Direction, Drawn, Nested, Selection, StatsError, hierarchical, jackknife,
+    paired_difference, select,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ControlError, Coverage, Decisions, Run};
+use crate::{ControlError, Coverage, Decisions, RecordedReturn, Run};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
@@ -49,6 +49,29 @@ pub enum Doubt {
     },
     /// The members rank all candidates alike.
     NotToldApart,
+    /// The chosen candidate may be no better than the default.
+    NotBetterThanDefault,
+    /// The chosen candidate gets less in the model than the recorded behaviour got.
+    BelowRecorded {
+        /// Its mean return an episode in the model.
+        promised: f64,
+        /// That of the log.
+        recorded: f64,
+    },
+    /// The model promises more on average than any recorded episode got.
+    AboveRecorded {
+        /// Its mean return an episode in the model.
+        promised: f64,
+        /// The highest return of a recorded episode.
+        best: f64,
+    },
+    /// Episodes end in a terminal less than a tenth as often as in the log.
+    RareTerminals {
+        /// Terminals a step of the chosen candidate in the model.
+        in_model: f64,
+        /// Terminals a step of the log.
+        in_log: f64,
+    },
     /// The chosen candidate diverged in a member.
     Diverged,
 }
@@ -68,14 +91,14 @@ pub struct ReturnVerdict {
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
-    /// Mean return of the chosen one minus that of the default, in the model, over members.
+    /// Mean return of the chosen one minus that of the default, in the model, with the jackknife's interval over members.
     pub over_default: Option<Difference>,
-    /// Mean return of the chosen one minus the mean of all candidates, in the model, over members.
+    /// Mean return of the chosen one minus the mean of all candidates, likewise.
     pub over_random: Difference,
     /// How often each candidate is chosen when members and runs are drawn anew.
     pub chosen_of_resamples: Vec<usize>,
-    /// Mean return of the recorded episodes: what the behaviour got. None without a whole episode.
-    pub behaviour: Option<Summary>,
+    /// What the recorded behaviour got.
+    pub behaviour: RecordedReturn,
     /// What the steps of each candidate rested on, over members and runs.
     pub coverage: Vec<Coverage>,
     /// Why the log does not support the choice; empty if it does.
@@ -112,8 +135,6 @@ pub fn judge(
     let of = |candidate: usize| -> Vec<f64> { members.iter().map(|of| of[candidate]).collect() };
     let all: Vec<f64> =
         members.iter().map(|of| of.iter().sum::<f64>() / candidates as f64).collect();
-    let clusters: Vec<usize> = (0..members.len()).collect();
-    let beside = |other: &[f64]| paired_difference(&clusters, &of(chosen), other);
     let choose = |drawn: &[Drawn<'_>]| Ok(Some(select(&drawn[0].means(), HIGHER)?.chosen));
     let mut rng = seed.child("resamples").rng();
     let shares = hierarchical(&[&nested], resamples, |n| rng.below(n), choose)?;
@@ -121,19 +142,32 @@ pub fn judge(
     for run in runs {
         coverage[run.candidate] = coverage[run.candidate].and(run.coverage);
     }
-    let doubts = doubts(&selection, &coverage[chosen], log, support);
+    let over_default = match default {
+        Some(default) => beyond(&of(chosen), &of(default))?,
+        None => None,
+    };
+    let behaviour = log.recorded_return(timeout)?;
+    let own = runs.iter().filter(|run| run.candidate == chosen);
+    let evidence = Evidence {
+        selection: &selection,
+        coverage: coverage[chosen],
+        terminals: own.map(|run| run.terminals).sum(),
+        over_default: over_default.filter(|_| default != Some(chosen)),
+        behaviour,
+    };
+    let doubts = evidence.doubts(log, support);
     Ok(ReturnVerdict {
         chosen,
         default,
-        over_default: default.map(|default| told(beside(&of(default)))).transpose()?.flatten(),
-        over_random: told(beside(&all))?.unwrap_or(Difference {
+        over_default,
+        over_random: beyond(&of(chosen), &all)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
             clusters: [members.len(); 2],
             smaller: None,
         }),
         chosen_of_resamples: shares.counts,
-        behaviour: summarise(&log.returns(timeout)).ok(),
+        behaviour,
         coverage,
         doubts,
         selection,
@@ -141,13 +175,19 @@ pub fn judge(
     })
 }
 
-/// None where both diverged, so that there is no difference.
-fn told(of: Result<Difference, StatsError>) -> Result<Option<Difference>, StatsError> {
-    match of {
-        Ok(difference) => Ok(Some(difference)),
-        Err(StatsError::OpposedInfinities { .. }) => Ok(None),
-        Err(error) => Err(error),
-    }
+/// What `own` is more than `other`, `[members]` each; none where both diverged, so that there is no difference.
+///
+/// Members lack one block of the log each and share all others, so that their interval is the jackknife's over blocks: as if they
+/// were independent it would hold another log's difference the less often, the more runs there are.
+fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> {
+    let members: Vec<usize> = (0..own.len()).collect();
+    let difference = match paired_difference(&members, own, other) {
+        Ok(difference) => difference,
+        Err(StatsError::OpposedInfinities { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let each: Vec<f64> = own.iter().zip(other).map(|(own, other)| own - other).collect();
+    Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
 }
 
 /// Mean returns `[member][run][candidate]`.
@@ -166,34 +206,76 @@ fn by_member(runs: &[Run], candidates: usize) -> Vec<Vec<Vec<f64>>> {
     members
 }
 
-fn doubts(
-    selection: &Selection,
-    coverage: &Coverage,
-    log: &Decisions,
-    support: Support,
-) -> Vec<Doubt> {
-    let mut doubts = Vec::new();
-    // Near settings stand for a level that was never set: there coverage tells.
-    let has_levels = log.settings().is_none();
-    let never = log.counts().into_iter().enumerate().filter(|of| of.1 == 0 && has_levels);
-    doubts.extend(never.map(|(action, _)| Doubt::ActionNeverTaken { action }));
-    let share = coverage.uncovered();
-    if share > support.most_uncovered {
-        doubts.push(Doubt::Uncovered { share });
+/// What a choice rests on.
+struct Evidence<'a> {
+    selection: &'a Selection,
+    /// Of the chosen candidate.
+    coverage: Coverage,
+    /// Of the chosen candidate, over members and runs.
+    terminals: usize,
+    /// None where the default is chosen, not in the grid, or diverged as well.
+    over_default: Option<Difference>,
+    behaviour: RecordedReturn,
+}
+
+impl Evidence<'_> {
+    fn doubts(&self, log: &Decisions, support: Support) -> Vec<Doubt> {
+        let Self { selection, coverage, .. } = self;
+        let mut doubts = Vec::new();
+        // Near settings stand for a level that was never set: there coverage tells.
+        let has_levels = log.settings().is_none();
+        let never = log.counts().into_iter().enumerate().filter(|of| of.1 == 0 && has_levels);
+        doubts.extend(never.map(|(action, _)| Doubt::ActionNeverTaken { action }));
+        let share = coverage.uncovered();
+        if share > support.most_uncovered {
+            doubts.push(Doubt::Uncovered { share });
+        }
+        let terminals = log.terminals();
+        if terminals < support.fewest_terminals {
+            doubts.push(Doubt::FewTerminals { terminals });
+        }
+        let alike = selection.tie_set.len() == selection.worst_ranks.len();
+        let several = selection.worst_ranks.len() > 1;
+        if several && alike && selection.mean_ranks.windows(2).all(|pair| pair[0] == pair[1]) {
+            doubts.push(Doubt::NotToldApart);
+        }
+        let promised = selection.mean_errors[selection.chosen];
+        if !promised.is_finite() {
+            doubts.push(Doubt::Diverged);
+            return doubts;
+        }
+        if self.over_default.is_some_and(|over| !is_more(over)) {
+            doubts.push(Doubt::NotBetterThanDefault);
+        }
+        doubts.extend(self.beside_the_log(promised, log));
+        doubts
     }
-    let terminals = log.terminals();
-    if terminals < support.fewest_terminals {
-        doubts.push(Doubt::FewTerminals { terminals });
+
+    /// Whether what happens in the model is unlike what was recorded.
+    fn beside_the_log(&self, promised: f64, log: &Decisions) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        let recorded = self.behaviour.mean;
+        if promised < recorded {
+            doubts.push(Doubt::BelowRecorded { promised, recorded });
+        }
+        if let Some(best) = self.behaviour.best.filter(|&best| promised > best) {
+            doubts.push(Doubt::AboveRecorded { promised, best });
+        }
+        let in_model = self.terminals as f64 / self.coverage.steps.max(1) as f64;
+        let in_log = log.terminals() as f64 / log.len() as f64;
+        if in_model < in_log / RARER {
+            doubts.push(Doubt::RareTerminals { in_model, in_log });
+        }
+        doubts
     }
-    let alike = selection.tie_set.len() == selection.worst_ranks.len();
-    let several = selection.worst_ranks.len() > 1;
-    if several && alike && selection.mean_ranks.windows(2).all(|pair| pair[0] == pair[1]) {
-        doubts.push(Doubt::NotToldApart);
-    }
-    if !selection.mean_errors[selection.chosen].is_finite() {
-        doubts.push(Doubt::Diverged);
-    }
-    doubts
+}
+
+/// Terminals that are so many times rarer than in the log are worth a doubt: an order of magnitude.
+const RARER: f64 = 10.0;
+
+/// Whether a difference is surely above 0: by its interval, or because the other diverged.
+fn is_more(of: Difference) -> bool {
+    of.mean == f64::INFINITY || of.interval.is_some_and(|interval| interval.low > 0.0)
 }
 
 /// What a choice costs, where the truth is known.

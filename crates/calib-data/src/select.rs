@@ -67,12 +67,24 @@ impl fmt::Display for DropReason {
                 "{:.1} % missing in the training range, more than preprocess.max_missing = {limit}",
                 fraction * 100.0
             ),
-            Self::Constant { value } => write!(f, "constant at {value} in the training range"),
+            Self::Constant { value } => {
+                write!(f, "constant at {} in the training range", Short(*value))
+            }
             Self::NoSpread { low, high } => {
-                write!(f, "its normalisation range is from {low} to {high}")
+                write!(f, "its normalisation range is from {} to {}", Short(*low), Short(*high))
             }
             Self::OneHot => f.write_str("replaced by its one-hot columns"),
         }
+    }
+}
+
+/// A value as it was recorded: of one that single precision holds, as most logs have it, the digits of that.
+struct Short(f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let single = self.0 as f32;
+        if f64::from(single) == self.0 { write!(f, "{single}") } else { write!(f, "{}", self.0) }
     }
 }
 
@@ -147,6 +159,16 @@ mod tests {
         };
         let bounds = fitted(&values, 1..4, &quantile).expect("kept");
         assert_eq!(bounds, Bounds { offset: 2.0, scale: 2.0 });
+    }
+
+    #[test]
+    fn values_of_single_precision_are_told_with_its_digits() {
+        let told = |value: f64| DropReason::Constant { value }.to_string();
+        assert_eq!(told(f64::from(0.85_f32)), "constant at 0.85 in the training range");
+        assert_eq!(told(0.85), "constant at 0.85 in the training range");
+        assert_eq!(told(1.0 / 3.0), "constant at 0.3333333333333333 in the training range");
+        let spread = DropReason::NoSpread { low: f64::from(0.1_f32), high: f64::from(0.1_f32) };
+        assert_eq!(spread.to_string(), "its normalisation range is from 0.1 to 0.1");
     }
 
     #[test]

@@ -86,18 +86,18 @@ pub enum ModelKind {
     Torchscript,
 }
 
-/// Names of the ways to draw a neighbour; see [`Weights`].
+/// How one of the neighbours is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WeightsKind {
-    /// [`Weights::Linear`].
+    /// Its weight falls linearly with its share of the distances.
     #[default]
     Linear,
-    /// [`Weights::Uniform`].
+    /// All have the same.
     Uniform,
-    /// [`Weights::Softmax`].
+    /// Boltzmann weights of the distances, by `temperature`.
     Softmax,
-    /// [`Weights::Inverse`].
+    /// One over its distance.
     Inverse,
 }
 
@@ -108,11 +108,11 @@ pub enum IndexKind {
     /// Whichever suits the data.
     #[default]
     Auto,
-    /// A k-d tree, for few columns: [`KdTree`](crate::KdTree).
+    /// A k-d tree, for few columns.
     KdTree,
-    /// Leaves and boxes, for data with structure: [`Join`](crate::Join).
+    /// Leaves and boxes, for data with structure.
     Join,
-    /// Every pair, for data without structure: [`Scan`](crate::Scan).
+    /// Every pair, for data without structure.
     Scan,
 }
 

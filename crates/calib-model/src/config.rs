@@ -66,7 +66,7 @@ impl RolloutConfig {
     }
 }
 
-/// Names of the sources of start states; see [`StartSource`](crate::StartSource).
+/// Where rollouts start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartKind {

@@ -220,8 +220,7 @@ fn several_models_stand_beside_each_other() {
     let mut report = report();
     let mut other = report.verdicts[0].clone();
     other.model = "other".to_owned();
-    other.online.as_mut().unwrap().regret =
-        Some(calib_stats::Estimate { value: 0.9, interval: None });
+    other.online.as_mut().unwrap().regret = Some(calib_stats::Bounded { value: 0.9, upper: None });
     other.chosen = 1e-3.into();
     // The order of models is no preference.
     report.verdicts.insert(0, other);

@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Which of the two published ways to write the loss is meant; see [`laplacian_loss`](crate::laplacian_loss).
+/// Which of the two published ways to write the loss is meant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum LossForm {
     /// β weighs the whole repulsion: β · mean [(ψᵢ·ψⱼ)² − ζ‖ψᵢ‖² − ζ‖ψⱼ‖²].

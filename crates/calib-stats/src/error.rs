@@ -93,6 +93,12 @@ pub enum StatsError {
         /// The number.
         got: f64,
     },
+    /// Parts that weigh nothing together.
+    #[error("the parts of a mean weigh {got} together; expected more than 0")]
+    NoWeight {
+        /// Their weight.
+        got: f64,
+    },
     /// A race that no sequential test is for.
     #[error("{what} of a sequential test is {got}; expected {expected}")]
     Race {

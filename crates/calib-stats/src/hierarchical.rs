@@ -19,7 +19,8 @@ pub struct ChoiceOfResamples {
 /// Source: Davison & Hinkley (1997, section 3.8), who show that resampling both levels with replacement gives the variance
 /// of means between units, and a little more (by the part of the variance within units). With few units the shares say
 /// less than they seem to: of three units a resample is one of ten sets. Runs are taken as drawn within their unit:
-/// what runs of different units share is not resampled.
+/// what runs of different units share is not resampled. Members of an ensemble share most of their log, so that the
+/// shares say what other draws from this log choose; another log of the same plant agrees less often.
 ///
 /// `draw(n)` returns a number below `n`, evenly; it is called in the order of the inputs, and within one unit by unit: the unit (where there are
 /// several), then its runs (where there are several). `choose` returns one of the candidates of the first input, or none.

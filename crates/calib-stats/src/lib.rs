@@ -11,12 +11,14 @@
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`]: the worst-rank rule, with its tie set.
 //! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
-//! - [`Losses`]: what candidates cost over several windows, with intervals, and what choosing by another window does.
+//! - [`Losses`]: what candidates cost over several windows, with bounds, and what choosing by another window does.
+//! - [`upper_bound`], [`cantelli_bound`]: how large a mean may be of what cannot be negative; [`jackknife`]: intervals of what was made again without
+//!   each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]: windows that share rows.
 //! - [`hierarchical`]: how often each candidate is chosen when members, windows of the log and their runs are drawn anew.
 //! - [`importance`]: which share of the differences of a grid one hyperparameter explains.
 //! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
 //! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with Online.
-//! - [`pooled_spearman`]: rank correlation within groups; [`cluster_interval`]: intervals where observations come in clusters.
+//! - [`pooled_spearman`]: rank correlation within groups.
 //! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
 //! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
 //! - [`quantile`], [`median`]: order statistics.
@@ -43,7 +45,7 @@
 //! ```
 
 mod agreement;
-mod bootstrap;
+mod bounded;
 mod clustered;
 mod correlation;
 mod default_choice;
@@ -55,6 +57,7 @@ mod error_ratio;
 mod estimate;
 mod hierarchical;
 mod importance;
+mod jackknife;
 mod log_choice;
 mod losses;
 mod nested;
@@ -63,13 +66,14 @@ mod pooled;
 mod power;
 mod quantile;
 mod ranks;
+mod ratio;
 mod selection;
 mod sequential;
 mod summary;
 mod trajectory;
 
 pub use agreement::top_k_hit;
-pub use bootstrap::cluster_interval;
+pub use bounded::{Bounded, cantelli_bound, upper_bound};
 pub use clustered::{ClusterSummary, cluster_means, summarise_clusters};
 pub use correlation::{kendall_tau_b, spearman};
 pub use default_choice::{Advantage, DefaultChoice, choose_around_default};
@@ -80,6 +84,7 @@ pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
 pub use hierarchical::{ChoiceOfResamples, hierarchical};
 pub use importance::importance;
+pub use jackknife::{jackknife, jackknife_error};
 pub use log_choice::{LogChoice, choose_by_mean_log};
 pub use losses::Losses;
 pub use nested::{Drawn, Nested};
@@ -88,9 +93,10 @@ pub use pooled::pooled_spearman;
 pub use power::{observations_needed, smallest_difference};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
+pub use ratio::ratio_of_sums;
 pub use selection::{Selection, select};
 pub use sequential::{Look, SequentialTest};
-pub use summary::{Interval, Summary, mean, sample_std, summarise};
+pub use summary::{Interval, Summary, mean, sample_std, summarise, summarise_overlapping};
 pub use trajectory::{
     SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, collapse_step, increments,
     spectral_distance, spectrum, usual_lags, usual_segment, wasserstein,

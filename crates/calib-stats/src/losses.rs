@@ -2,7 +2,7 @@
 
 use crate::error::check;
 use crate::summary::{sample_std, t_interval};
-use crate::{Estimate, Interval, StatsError};
+use crate::{Bounded, Estimate, Interval, StatsError, upper_bound};
 
 /// Logarithms of errors by the smallest of their window: 0 is the best of a window, ln 2 twice its error.
 ///
@@ -60,26 +60,28 @@ impl Losses {
         Some((0..candidates).map(|candidate| mean(&self.of(candidate))).collect())
     }
 
-    /// Regret of a candidate: exp(mean over windows of its losses) − 1, with an interval over windows; `None` where no
+    /// Regret of a candidate: exp(mean over windows of its losses) − 1, with a bound over windows; `None` where no
     /// window counts.
     ///
     /// 0: it is best in every window; 0.05: its errors are typically 5 % larger than the best. The best of a window is
-    /// the smallest of means over few runs: the noise of runs can make a regret larger, and not smaller. The interval
-    /// is exp(mean ± t₀.₉₇₅(W − 1) · s / √W) − 1, with the standard deviation s of the losses over the W windows, and
-    /// nothing below 0. There is none for one window, whose runs say nothing of another window, and none where a loss
-    /// is infinite. Source: the geometric mean is that of quotients (Fleming & Wallace 1986), its use for regret over
-    /// windows is our choice; t rather than percentiles of resampled windows, which are too narrow for few of them
-    /// (Hesterberg 2015, section 5): two windows and two runs made a difference of nothing "surely" worse in 23 % of
-    /// cases instead of 2.5.
-    pub fn regret(&self, candidate: usize) -> Option<Estimate> {
-        let (mean, interval) = over(&self.of(candidate))?;
-        let regret =
-            |of: Interval| Interval { low: of.low.max(0.0).exp_m1(), high: of.high.exp_m1() };
-        Some(Estimate { value: mean.exp_m1(), interval: interval.map(regret) })
+    /// the smallest of means over few runs: the noise of runs can make a regret larger, and not smaller. The bound is
+    /// exp([`upper_bound`] of the losses) − 1: none for fewer than four windows, where the losses of all windows are
+    /// equal or all but one are nought, and where one is infinite. Source: the geometric mean is that of quotients (Fleming & Wallace 1986), its
+    /// use for regret over windows is our choice.
+    pub fn regret(&self, candidate: usize) -> Option<Bounded> {
+        let losses = self.of(candidate);
+        let upper = upper_bound(&losses).ok()?;
+        Some(Bounded { value: mean(&losses).exp_m1(), upper: upper.map(f64::exp_m1) })
     }
 
-    /// Geometric mean over windows of the error of `candidate` by that of `other`, with an interval as
-    /// [`Self::regret`]; `None` where no window counts, or both diverged in one.
+    /// Geometric mean over windows of the error of `candidate` by that of `other`; `None` where no window counts, or
+    /// both diverged in one.
+    ///
+    /// The interval is exp(mean ± t₀.₉₇₅(W − 1) · s / √W), with the standard deviation s of the differences of the losses
+    /// over the W windows. There is none for one window, whose runs say nothing of another window, and none where a
+    /// difference is infinite. t rather than percentiles of resampled windows, which are too narrow for few of them
+    /// (Hesterberg 2015, section 5): two windows and two runs made a difference of nothing "surely" worse in 23 % of
+    /// cases instead of 2.5.
     pub fn quotient(&self, candidate: usize, other: usize) -> Option<Estimate> {
         let differences: Vec<f64> =
             self.windows.iter().map(|of| of[candidate] - of[other]).collect();
@@ -150,16 +152,26 @@ mod tests {
     }
 
     #[test]
-    fn intervals_are_those_of_students_t_over_windows() {
-        // Losses ln 2, 0, 0: mean 0.2310, standard deviation 0.4002, t(2) = 4.3027.
-        let losses = Losses::new(&[[0.2, 0.1], [1.0, 9.0], [1.0, 9.0]]).unwrap();
-        let interval = losses.regret(0).unwrap().interval.unwrap();
+    fn intervals_of_quotients_are_those_of_students_t_over_windows() {
+        // Differences ln 2, 0, 0 of losses: mean 0.2310, standard deviation 0.4002, t(2) = 4.3027.
+        let losses = Losses::new(&[[0.2, 0.1], [1.0, 1.0], [1.0, 1.0]]).unwrap();
+        let interval = losses.quotient(0, 1).unwrap().interval.unwrap();
         let half = 4.302_652_73 * (2_f64.ln() / 3_f64.sqrt()) / 3_f64.sqrt();
-        assert_eq!(interval.low, 0.0, "no regret is below it");
-        assert!((interval.high - (2_f64.ln() / 3.0 + half).exp_m1()).abs() < 1e-6, "{interval:?}");
+        assert!((interval.high - (2_f64.ln() / 3.0 + half).exp()).abs() < 1e-6, "{interval:?}");
         let one = Losses::new(&[[0.2, 0.1]]).unwrap();
-        assert_eq!(one.regret(0).unwrap().interval, None, "one window knows of no other");
         assert_eq!((one.quotient(0, 1).unwrap().interval, one.another_window()), (None, None));
+    }
+
+    #[test]
+    fn a_regret_is_bounded_where_windows_differ() {
+        let upper = |errors: &[[f64; 2]]| Losses::new(errors).unwrap().regret(0).unwrap().upper;
+        let best = [0.1, 0.2];
+        assert_eq!(upper(&[best; 8]), None, "best in every window is no certainty");
+        assert_eq!(upper(&[[0.2, 0.1], best, best]), None, "three windows");
+        let bound = upper(&[[0.2, 0.1], best, [0.3, 0.2], best]).unwrap();
+        let of_losses = upper_bound(&[2_f64.ln(), 0.0, 1.5_f64.ln(), 0.0]).unwrap().unwrap();
+        assert!((bound / of_losses.exp_m1() - 1.0).abs() < 1e-9);
+        assert_eq!(upper(&[[INF, 0.1], best, best, best]), None);
     }
 
     #[test]

@@ -11,6 +11,8 @@ use crate::error::check;
 pub struct Nested {
     units: Vec<Vec<Vec<f64>>>,
     candidates: usize,
+    /// How many units are drawn, each to stand for as many as there are to one.
+    independent: usize,
 }
 
 impl Nested {
@@ -36,7 +38,16 @@ impl Nested {
                 }
             }
         }
-        Ok(Self { units, candidates })
+        let independent = units.len();
+        Ok(Self { units, candidates, independent })
+    }
+
+    /// The same where so many units alone are independent, such as windows that share rows: fewer are drawn, each in the place of
+    /// several, so that means vary as those of so many do.
+    #[must_use]
+    pub fn with_independent(self, independent: usize) -> Self {
+        let independent = independent.clamp(1, self.units.len());
+        Self { independent, ..self }
     }
 
     /// Number of candidates.
@@ -55,13 +66,19 @@ impl Nested {
 
     /// As many units as there are, and in each as many runs as it has, with replacement.
     pub(crate) fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
-        let one = |_| {
-            let unit = if self.units.len() > 1 { draw(self.units.len()) } else { 0 };
+        let all = self.units.len();
+        let (mut unit, mut last) = (0, None);
+        let mut units = Vec::with_capacity(all);
+        for place in 0..all {
+            let number = place * self.independent / all;
+            if last != Some(number) && all > 1 {
+                unit = draw(all);
+            }
+            last = Some(number);
             let runs = self.units[unit].len();
-            let of_unit = (0..runs).map(|_| if runs > 1 { draw(runs) } else { 0 });
-            (unit, of_unit.collect())
-        };
-        Drawn { of: self, units: (0..self.units.len()).map(one).collect() }
+            units.push((unit, (0..runs).map(|_| if runs > 1 { draw(runs) } else { 0 }).collect()));
+        }
+        Drawn { of: self, units }
     }
 }
 
@@ -126,6 +143,26 @@ pub(crate) mod tests {
         let ragged = Nested::new(vec![vec![vec![1.0]], vec![vec![1.0], vec![1.0, 2.0]]]);
         assert!(matches!(ragged, Err(StatsError::Ragged { row: 1, expected: 1, got: 2, .. })));
         assert!(Nested::new(vec![vec![vec![f64::NAN]]]).is_err());
+    }
+
+    #[test]
+    fn units_that_are_not_independent_are_drawn_together() {
+        let units = (0..6).map(|unit| vec![vec![f64::from(unit)]]).collect();
+        let nested = Nested::new(units).unwrap().with_independent(2);
+        let mut draw = draws(1);
+        let mut means = Vec::new();
+        for _ in 0..20_000 {
+            let drawn: Vec<f64> = nested.draw(&mut draw).means().iter().map(|of| of[0]).collect();
+            assert!(
+                drawn[..3].iter().all(|of| *of == drawn[0])
+                    && drawn[3..].iter().all(|of| *of == drawn[3])
+            );
+            means.push((drawn[0] + drawn[3]) / 2.0);
+        }
+        // The variance of 0 … 5 is 35 / 12; that of the mean of two of them is half of it.
+        let mean = means.iter().sum::<f64>() / means.len() as f64;
+        let variance = means.iter().map(|of| (of - mean).powi(2)).sum::<f64>() / means.len() as f64;
+        assert!((variance / (35.0 / 24.0) - 1.0).abs() < 0.05, "{variance}");
     }
 
     proptest! {

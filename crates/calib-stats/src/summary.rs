@@ -60,6 +60,31 @@ pub fn summarise(runs: &[f64]) -> Result<Summary, StatsError> {
     Ok(Summary { runs: runs.len(), diverged, mean, std, interval })
 }
 
+/// Summarises `windows` `[n]` of one series, of which only `independent` would fit beside each other into what all of them cover.
+///
+/// The mean counts every window alike. With n of them that cover as much as I windows beside each other would, its variance is
+/// that of I means of rows: the interval is mean ± t₀.₉₇₅(I − 1) · c · std / √I, with c² = (1 − 1/n) / (1 − 1/I) because windows that
+/// share rows differ less than others. Without overlap it is that of [`summarise`]. None for one independent window.
+/// Derived for windows whose errors are means over rows; docs/metrics.md has its coverage.
+///
+/// # Errors
+///
+/// As [`summarise`].
+pub fn summarise_overlapping(windows: &[f64], independent: usize) -> Result<Summary, StatsError> {
+    let summary = summarise(windows)?;
+    let n = windows.len();
+    if independent >= n {
+        return Ok(summary);
+    }
+    let freedom = independent.saturating_sub(1) as f64;
+    let all = n as f64;
+    let interval = summary.std.filter(|_| freedom > 0.0).and_then(|std| {
+        let factor = ((1.0 - 1.0 / all) / freedom).sqrt();
+        around(summary.mean, factor * std, freedom)
+    });
+    Ok(Summary { interval, ..summary })
+}
+
 /// Arithmetic mean of `values` `[n]`; infinite if any of them is.
 ///
 /// # Errors
@@ -114,6 +139,17 @@ mod tests {
     fn equal_runs_have_an_interval_of_no_width() {
         let interval = summarise(&[0.5; 4]).unwrap().interval.unwrap();
         assert_eq!((interval.low, interval.high), (0.5, 0.5));
+    }
+
+    #[test]
+    fn windows_that_overlap_count_as_often_as_they_fit() {
+        let windows = [1.0, 3.0, 2.0, 4.0, 5.0];
+        assert_eq!(summarise_overlapping(&windows, 5), summarise(&windows));
+        assert_eq!(summarise_overlapping(&windows, 1).unwrap().interval, None);
+        // s² = 5/2 and I = 3: (4/5) · (5/2) / 2 = 1, t(2) = 4.302652730.
+        let summary = summarise_overlapping(&windows, 3).unwrap();
+        assert_eq!((summary.mean, summary.runs), (3.0, 5));
+        assert!((summary.interval.unwrap().high - 7.302_652_73).abs() < 1e-7);
     }
 
     #[test]

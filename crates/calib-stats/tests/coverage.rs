@@ -3,7 +3,9 @@
 mod random;
 
 use calib_stats::{
-    Interval, Losses, error_ratio, paired_difference, summarise, summarise_clusters,
+    Interval, Losses, Nested, choose_by_mean_log, error_ratio, hierarchical, jackknife,
+    paired_difference, ratio_of_sums, summarise, summarise_clusters, summarise_overlapping,
+    upper_bound,
 };
 use random::Random;
 
@@ -97,4 +99,195 @@ fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
         });
         assert!((coverage - 0.95).abs() < 0.02, "{windows} windows: {coverage}");
     }
+}
+
+/// A loss that cannot be negative, and its mean.
+struct Loss {
+    name: &'static str,
+    mean: f64,
+    draw: fn(&mut Random) -> f64,
+    /// Least coverage that is asked for, of bounds over 4, 8 and 16 windows.
+    least: f64,
+}
+
+fn exponential(random: &mut Random) -> f64 {
+    -random.unit().ln()
+}
+
+/// What a choice may cost in a window: nearly symmetric at the top, with a long tail or mostly nought at the bottom.
+const LOSSES: [Loss; 8] = [
+    Loss { name: "half normal", mean: 0.797_884_6, draw: |of| of.normal().abs(), least: 0.99 },
+    Loss {
+        name: "square, off by one",
+        mean: 2.0,
+        draw: |of| (1.0 + of.normal()).powi(2),
+        least: 0.95,
+    },
+    Loss { name: "square", mean: 1.0, draw: |of| of.normal().powi(2), least: 0.94 },
+    Loss { name: "exponential", mean: 1.0, draw: exponential, least: 0.98 },
+    Loss { name: "log-normal, 1", mean: 1.648_721_3, draw: |of| of.normal().exp(), least: 0.98 },
+    Loss {
+        name: "log-normal, 1.5",
+        mean: 3.080_216_8,
+        draw: |of| (1.5 * of.normal()).exp(),
+        least: 0.85,
+    },
+    Loss {
+        name: "half are nought",
+        mean: 0.5,
+        draw: |of| if of.unit() < 0.5 { 0.0 } else { exponential(of) },
+        least: 0.94,
+    },
+    Loss {
+        name: "three quarters are nought",
+        mean: 0.25,
+        draw: |of| if of.unit() < 0.75 { 0.0 } else { exponential(of) },
+        least: 0.94,
+    },
+];
+
+#[test]
+fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
+    let mut random = Random::new(5);
+    let mut worst_of_t = 1.0_f64;
+    for Loss { name, mean, draw, least } in LOSSES {
+        for windows in [4, 8, 16] {
+            let (mut given, mut held, mut held_by_t) = (0, 0, 0);
+            for _ in 0..STUDIES {
+                let losses: Vec<f64> = (0..windows).map(|_| draw(&mut random)).collect();
+                let Some(upper) = upper_bound(&losses).expect("losses") else { continue };
+                let t = summarise(&losses).unwrap().interval.expect("they differ");
+                given += 1;
+                held += u32::from(mean <= upper);
+                held_by_t += u32::from(mean <= t.high);
+            }
+            let [held, held_by_t] = [held, held_by_t].map(|of| f64::from(of) / f64::from(given));
+            println!("{name}, {windows} windows: {given} given, {held:.3}, by t {held_by_t:.3}");
+            assert!(held >= least, "{name}, {windows} windows: {held}");
+            worst_of_t = worst_of_t.min(held_by_t);
+        }
+    }
+    assert!(worst_of_t < 0.85, "{worst_of_t}");
+}
+
+/// What an estimate from a log of five blocks is in each member, which lacks one of them: the mean of the other blocks and noise
+/// of so many runs.
+fn members(random: &mut Random, noise: f64, runs: usize) -> Vec<f64> {
+    let blocks: Vec<f64> = (0..5).map(|_| random.normal()).collect();
+    let sum: f64 = blocks.iter().sum();
+    let mut noise = || noise * random.normal() / (runs as f64).sqrt();
+    blocks.iter().map(|block| (sum - block) / 4.0 + noise()).collect()
+}
+
+#[test]
+fn intervals_over_members_hold_what_other_logs_say() {
+    let mut random = Random::new(6);
+    let mean = |members: &[f64]| members.iter().sum::<f64>() / 5.0;
+    // A run varies as much as members do, or nine times as much.
+    for noise in [0.25, 2.25] {
+        let mut all = Vec::new();
+        for runs in [1, 3, 20] {
+            let own = coverage(0.0, || {
+                let members = members(&mut random, noise, runs);
+                jackknife(mean(&members), &members).expect("five members")
+            });
+            let as_if_independent = coverage(0.0, || {
+                summarise(&members(&mut random, noise, runs)).unwrap().interval.expect("five")
+            });
+            println!(
+                "noise {noise}, {runs} runs: {own:.3}, as if independent {as_if_independent:.3}"
+            );
+            assert!(own > 0.94, "{own} with {runs} runs");
+            all.push(as_if_independent);
+        }
+        assert!(all[2] < 0.8 && all[0] > all[2], "shrinks with runs: {all:?}");
+    }
+}
+
+/// The mean error over each of `count` windows of 100 rows, evenly spread over `rows` rows of errors that do not depend on each other.
+fn windows(random: &mut Random, rows: usize, count: usize) -> Vec<f64> {
+    let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+    let start = |window: usize| window * (rows - 100) / (count - 1);
+    (0..count).map(|window| errors[start(window)..][..100].iter().sum::<f64>() / 100.0).collect()
+}
+
+#[test]
+fn windows_that_overlap_in_a_chain_hold_the_mean_where_they_count_as_often_as_they_fit() {
+    let mut random = Random::new(7);
+    // Fifteen windows that share a third, and three quarters, of their rows with the next.
+    for (rows, independent) in [(1040, 10), (450, 4)] {
+        let own = coverage(0.0, || {
+            let windows = windows(&mut random, rows, 15);
+            summarise_overlapping(&windows, independent).unwrap().interval.expect("several")
+        });
+        println!("{rows} rows: {own:.3}");
+        assert!(own > 0.94, "{rows} rows: {own}");
+        let each = coverage(0.0, || {
+            summarise(&windows(&mut random, rows, 15)).unwrap().interval.expect("fifteen")
+        });
+        assert!(each < 0.9, "{rows} rows: {each}");
+    }
+}
+
+#[test]
+fn recorded_returns_hold_the_mean_where_episodes_are_cut() {
+    let mut random = Random::new(8);
+    // An episode is 100 steps of −1 ± 1 each; two of seven are cut somewhere.
+    let own = coverage(-100.0, || {
+        let mut episode = |share: f64| -100.0 * share + 10.0 * share.sqrt() * random.normal();
+        let shares = [1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.6];
+        let rewards: Vec<f64> = shares.iter().map(|&share| episode(share)).collect();
+        ratio_of_sums(&rewards, &shares).unwrap().interval.expect("seven")
+    });
+    println!("{own:.3}");
+    assert!((own - 0.95).abs() < 0.02, "{own}");
+}
+
+/// What is chosen of seven values on a grid from a log of five blocks, and the share of 200 resamples that choose it, and it or a
+/// value beside it.
+fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
+    // The best is in the middle; blocks differ in which is best, by a place and a half.
+    let optima: Vec<f64> = (0..5).map(|_| 3.0 + 1.5 * random.normal()).collect();
+    let log_error = |optimum: f64, value: usize| 0.03 * (value as f64 - optimum).powi(2);
+    let mut run = |blocks: &[f64]| -> Vec<f64> {
+        let of_value = |value| {
+            let errors = blocks.iter().map(|&optimum| log_error(optimum, value));
+            (errors.sum::<f64>() / blocks.len() as f64 + 0.05 * random.normal()).exp()
+        };
+        (0..7).map(of_value).collect()
+    };
+    let members = (0..5).map(|left_out| {
+        let rest: Vec<f64> = (0..5).filter(|of| *of != left_out).map(|of| optima[of]).collect();
+        (0..3).map(|_| run(&rest)).collect()
+    });
+    let members = Nested::new(members.collect()).expect("members");
+    let windows = (0..15).map(|window| vec![run(&optima[window % 5..][..1])]);
+    let windows = Nested::new(windows.collect()).expect("windows");
+    let chosen = choose_by_mean_log(&[members.whole().runs(), windows.whole().runs()]);
+    let chosen = chosen.expect("finite").chosen.expect("one");
+    let draw = |below: usize| ((random.unit() * below as f64) as usize).min(below - 1);
+    let choices = hierarchical(&[&members, &windows], 200, draw, |drawn| {
+        Ok(choose_by_mean_log(&[drawn[0].runs(), drawn[1].runs()])?.chosen)
+    });
+    let counts = choices.expect("chosen").counts;
+    let share = |from: usize, to: usize| counts[from..=to].iter().sum::<usize>() as f64 / 200.0;
+    (chosen, share(chosen, chosen), share(chosen.saturating_sub(1), (chosen + 1).min(6)))
+}
+
+#[test]
+fn shares_of_resamples_are_not_what_another_log_chooses() {
+    const LOGS: usize = 300;
+    let mut random = Random::new(9);
+    let (mut share, mut same, mut share_nearby, mut near) = (0.0, 0.0, 0.0, 0.0);
+    for _ in 0..LOGS {
+        let (one, own, nearby) = chosen_from_a_log(&mut random);
+        let (other, _, _) = chosen_from_a_log(&mut random);
+        share += own / LOGS as f64;
+        share_nearby += nearby / LOGS as f64;
+        same += f64::from(u8::from(one == other)) / LOGS as f64;
+        near += f64::from(u8::from(one.abs_diff(other) < 2)) / LOGS as f64;
+    }
+    println!("{share:.2} {same:.2}, nearby {share_nearby:.2} {near:.2}");
+    assert!(share > same + 0.1 && share_nearby > near, "{share} {same}, {share_nearby} {near}");
+    assert!(share_nearby - near < share - same, "with what is beside it the two are nearer");
 }

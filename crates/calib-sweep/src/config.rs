@@ -33,7 +33,7 @@ pub struct SweepConfig {
     /// Where the rollouts start that agents are trained in (default: as those of `[rollout]`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<StartKind>,
-    /// Which steps count (default: [`SweepConfig::part`]).
+    /// Which steps count (default: the whole run, or the final quarter of agents that were pre-trained).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scored: Option<Part>,
     /// Points of the learning curve that each run stores (default 50; 0 stores none).
@@ -51,7 +51,7 @@ pub struct SweepConfig {
     pub grid: BTreeMap<String, Axis>,
 }
 
-/// Whether values that are behind make no more runs, and when; see [`RaceRule`].
+/// Whether values that are behind make no more runs, and when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RaceKind {

@@ -191,7 +191,7 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     );
     assert_eq!((truth.best, truth.choice.chosen), (Some(2), 2));
     let regret = truth.choice.regret.expect("known");
-    assert_eq!((regret.value, regret.interval.expect("finite").high), (0.0, 0.0));
+    assert_eq!((regret.value, regret.upper), (0.0, None));
     assert!(truth.choice.spearman.expect("four values") > 0.9);
     assert!(truth.scores.skill[2].expect("learnt") > 0.0);
     let cost = |baseline| {
@@ -207,6 +207,7 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert!(truth.choice.against_default.expect("another").value < 1.0);
     assert_eq!(verdict.grade, Grade::Good);
     assert_eq!((verdict.stability[0].candidate, verdict.stability[0].share), (2, 1.0));
+    assert_eq!(verdict.stability_nearby, Some(1.0));
     assert!(verdict.warnings.iter().any(|warning| warning.contains("diverged")));
 }
 

@@ -4,7 +4,7 @@ use calib_stats::{Interval, StatsError, pooled_spearman};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{ModelPair, Pair, over_plants::OverPlants};
+use crate::{ModelPair, Pair, over_plants::OverPlants, summary::correlations};
 
 /// What is known of a model without running agents Online: how it predicts what is held out, or how its rollouts look.
 /// Lower is better.
@@ -100,7 +100,7 @@ pub(crate) fn accuracies(
                 models: known.iter().map(|&pair| groups[pair].0.len()).sum(),
                 correlation: correlation(&known)?,
                 // What was NaN was refused above.
-                interval: plants.interval(has, |of| correlation(of).ok().flatten())?,
+                interval: correlations(plants.interval(has, |of| correlation(of).ok().flatten())),
             });
         }
     }

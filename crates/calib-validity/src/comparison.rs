@@ -57,8 +57,6 @@ pub struct Comparison {
     pub losses: usize,
     /// Mean of the method's regret minus the other's; below 0 the method is better.
     pub difference: f64,
-    /// 95 % interval of it, over plants.
-    pub interval: Option<Interval>,
     /// Geometric mean of the method's Online error divided by the other's; below 1 the method is better.
     pub error_ratio: f64,
     /// 95 % interval of it, over plants.
@@ -94,7 +92,7 @@ impl Comparison {
         };
         let has = |pair: usize| both(pair).is_some();
         let error_ratio_interval =
-            plants.interval(has, |pairs| Some(mean_of(pairs, ratio)?.exp()))?;
+            quotient_interval(plants.interval(has, |pairs| mean_of(pairs, ratio)));
         let of_plants = plants.each(has);
         Ok(Some(Self {
             method: method.method.clone(),
@@ -104,7 +102,6 @@ impl Comparison {
             ties: count(|a, b| a == b),
             losses: count(|a, b| a > b),
             difference: each(&difference)?,
-            interval: plants.interval(has, |pairs| mean_of(pairs, difference))?,
             error_ratio: each(&ratio)?.exp(),
             error_ratio_interval,
             finding: Finding::of(error_ratio_interval),
@@ -116,6 +113,11 @@ impl Comparison {
 /// ln of the quotient of two errors from their regrets, which are relative to the same best one: ln((1 + a) / (1 + b)).
 pub(crate) fn quotient(a: f64, b: f64) -> f64 {
     a.ln_1p() - b.ln_1p()
+}
+
+/// The interval of a quotient from that of its logarithm.
+pub(crate) fn quotient_interval(of: Option<Interval>) -> Option<Interval> {
+    of.map(|of| Interval { low: of.low.exp(), high: of.high.exp() })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::{
     Method, Pair, TaskValue,
     chosen::Chosen,
-    comparison::quotient,
+    comparison::{quotient, quotient_interval},
     over_plants::{OverPlants, mean_of},
 };
 
@@ -90,10 +90,11 @@ fn summary(
         pairs: own.len(),
         plants: plants.each(has).len(),
         typical: mean(&logarithms)?.exp_m1(),
-        interval: plants.interval(has, |pairs| Some(mean_of(pairs, logarithm)?.exp_m1()))?,
+        interval: plants.typical_interval(has, logarithm),
         against_default: mean_of(&compared, ratio).map(f64::exp),
-        against_default_interval: plants
-            .interval(both, |pairs| Some(mean_of(pairs, ratio)?.exp()))?,
+        against_default_interval: quotient_interval(
+            plants.interval(both, |pairs| mean_of(pairs, ratio)),
+        ),
     }))
 }
 

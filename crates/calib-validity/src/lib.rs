@@ -8,7 +8,7 @@
 //! Sensors of one plant are not independent, so the plant is the unit of every interval.
 //!
 //! ```
-//! use calib_validity::{Options, Pair, judge};
+//! use calib_validity::{Pair, judge};
 //!
 //! // Two plants with one sensor each; no model, so the defaults are compared with chance.
 //! let pair = |plant: &str, regrets: [f64; 3]| Pair {
@@ -27,7 +27,7 @@
 //! };
 //! let values = ["1e-4", "1e-3", "1e-2"].map(str::to_owned).to_vec();
 //! let pairs = vec![pair("a", [1.0, 0.0, 2.0]), pair("b", [0.0, 0.25, 0.5])];
-//! let validity = judge(values, pairs, &Options::default())?;
+//! let validity = judge(values, pairs, &[])?;
 //! assert_eq!(validity.best_default, 1); // regrets 0 and 25 %: typically less than the others
 //! # Ok::<(), calib_validity::ValidityError>(())
 //! ```
@@ -53,7 +53,8 @@ pub use defaults::OptimiserDefault;
 pub use error::ValidityError;
 pub use groups::GroupSummary;
 pub use method::Method;
+pub use over_plants::FEWEST_PLANTS;
 pub use pair::{CAP, ModelPair, Pair, RuleChoice, TaskValue};
 pub use power::{DIFFERENCES, Power};
 pub use summary::{GOOD, MethodSummary, RankAgreement};
-pub use validity::{Options, PairRegret, Validity, judge};
+pub use validity::{PairRegret, Validity, judge};

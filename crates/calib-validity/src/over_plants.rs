@@ -1,24 +1,20 @@
 //! Statistics with intervals over plants.
 
-use calib_core::{Rng, Seed};
-use calib_stats::{Interval, StatsError, cluster_interval};
+use calib_stats::{Interval, cantelli_bound, jackknife, jackknife_error};
 
-/// The pairs of each plant, and how often plants are drawn again.
+/// Fewer plants say too little of how plants differ: there are no intervals over them.
+pub const FEWEST_PLANTS: usize = 8;
+
+/// The pairs of each plant.
 #[derive(Clone, Debug)]
 pub(crate) struct OverPlants {
     /// Numbers of the pairs, plant by plant.
     pairs: Vec<Vec<usize>>,
-    resamples: usize,
-    seed: Seed,
 }
 
 impl OverPlants {
     /// `plants` is the plant of each pair.
-    pub(crate) fn new<'a>(
-        plants: impl Iterator<Item = &'a str>,
-        resamples: usize,
-        seed: Seed,
-    ) -> Self {
+    pub(crate) fn new<'a>(plants: impl Iterator<Item = &'a str>) -> Self {
         let mut names: Vec<&str> = Vec::new();
         let mut pairs: Vec<Vec<usize>> = Vec::new();
         for (number, plant) in plants.enumerate() {
@@ -29,7 +25,7 @@ impl OverPlants {
                 pairs.push(vec![number]);
             }
         }
-        Self { pairs, resamples, seed }
+        Self { pairs }
     }
 
     /// The pairs of each plant for which `has` holds, without plants that have none.
@@ -40,24 +36,53 @@ impl OverPlants {
         self.pairs.iter().map(of_plant).filter(|pairs| !pairs.is_empty()).collect()
     }
 
-    /// 95 % interval of `statistic`, which is given numbers of pairs, some of them several times.
+    /// 95 % t-interval of `statistic`, which is given numbers of pairs, by the jackknife over plants.
     ///
-    /// Every interval has the same draws, so that methods are compared on the same plants. Plants that `has` says
-    /// have nothing to say are left out.
+    /// None for fewer than eight plants that have something to say, and where the statistic is not defined without one of them.
+    /// Statistics should be symmetrically distributed: logarithms of quotients, not quotients.
     pub(crate) fn interval(
         &self,
         has: impl Fn(usize) -> bool,
         statistic: impl Fn(&[usize]) -> Option<f64>,
-    ) -> Result<Option<Interval>, StatsError> {
+    ) -> Option<Interval> {
         let plants = self.each(has);
-        let mut rng: Rng = self.seed.rng();
-        let draw = |below| rng.below(below);
-        cluster_interval(plants.len(), self.resamples, draw, |drawn| {
-            let pairs: Vec<usize> =
-                drawn.iter().flat_map(|&plant| &plants[plant]).copied().collect();
-            statistic(&pairs)
-        })
+        jackknife(statistic(&plants.concat())?, &without_each(&plants, statistic)?)
     }
+
+    /// 95 % interval of the typical regret exp(mean) − 1 from the `logarithm` of 1 + regret in each pair: its lower end is that of Student's t,
+    /// its upper end [`Self::upper_bound`], because the logarithms of small regrets are as skewed as they are.
+    pub(crate) fn typical_interval(
+        &self,
+        has: impl Fn(usize) -> bool + Copy,
+        logarithm: impl Fn(usize) -> f64 + Copy,
+    ) -> Option<Interval> {
+        let mean = |pairs: &[usize]| mean_of(pairs, logarithm);
+        let (low, high) = (self.interval(has, mean)?.low, self.upper_bound(has, mean)?);
+        Some(Interval { low: low.max(0.0).exp_m1(), high: high.exp_m1() })
+    }
+
+    /// 95 % upper bound of a mean that is skewed; none as for [`Self::interval`], and where plants do not differ.
+    pub(crate) fn upper_bound(
+        &self,
+        has: impl Fn(usize) -> bool,
+        mean: impl Fn(&[usize]) -> Option<f64>,
+    ) -> Option<f64> {
+        let plants = self.each(has);
+        cantelli_bound(mean(&plants.concat())?, jackknife_error(&without_each(&plants, mean)?)?)
+    }
+}
+
+/// The statistic of all plants but each.
+fn without_each(
+    plants: &[Vec<usize>],
+    statistic: impl Fn(&[usize]) -> Option<f64>,
+) -> Option<Vec<f64>> {
+    let without = |left_out: usize| {
+        let others = plants.iter().enumerate().filter(|(plant, _)| *plant != left_out);
+        let pairs: Vec<usize> = others.flat_map(|(_, pairs)| pairs).copied().collect();
+        statistic(&pairs)
+    };
+    if plants.len() < FEWEST_PLANTS { None } else { (0..plants.len()).map(without).collect() }
 }
 
 /// The mean of `value` over `pairs`; `None` for none.

@@ -26,8 +26,8 @@ pub struct MethodSummary {
     pub capped: usize,
     /// Mean regret.
     pub mean: f64,
-    /// 95 % interval of the mean, over plants.
-    pub interval: Option<Interval>,
+    /// 95 % upper bound of the mean, over plants.
+    pub upper: Option<f64>,
     /// exp(mean of ln(1 + regret)) − 1: by what factor, typically, its errors exceed the best ones.
     pub typical: f64,
     /// 95 % interval of the typical regret, over plants.
@@ -75,14 +75,18 @@ impl MethodSummary {
             diverged: count(|regret| regret.is_infinite()),
             capped: count(|regret| **regret > CAP),
             mean: mean(&counted)?,
-            interval: plants.interval(has, |pairs| mean_of(pairs, value))?,
+            upper: plants.upper_bound(has, |pairs| mean_of(pairs, value)),
             typical: mean(&logarithms)?.exp_m1(),
-            typical_interval: plants
-                .interval(has, |pairs| Some(mean_of(pairs, logarithm)?.exp_m1()))?,
+            typical_interval: plants.typical_interval(has, logarithm),
             median: median(&counted)?,
             good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
         })
     }
+}
+
+/// An interval of what lies between −1 and 1.
+pub(crate) fn correlations(of: Option<Interval>) -> Option<Interval> {
+    of.map(|of| Interval { low: of.low.max(-1.0), high: of.high.min(1.0) })
 }
 
 impl RankAgreement {
@@ -106,7 +110,9 @@ impl RankAgreement {
             model: model.to_owned(),
             pairs: known.len(),
             mean: mean(&known)?,
-            interval: plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value))?,
+            interval: correlations(
+                plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value)),
+            ),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
             saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,

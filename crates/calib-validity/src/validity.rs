@@ -1,6 +1,5 @@
 //! All pairs together.
 
-use calib_core::Seed;
 use calib_stats::StatsError;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -14,23 +13,6 @@ use crate::{
     groups::groups,
     over_plants::OverPlants,
 };
-
-/// How to judge.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
-    /// How often plants are drawn again for an interval.
-    pub resamples: usize,
-    /// Seed of these draws.
-    pub seed: Seed,
-    /// Models that are networks: the others are claimed to choose better.
-    pub networks: Vec<String>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { resamples: 10_000, seed: Seed::new(0), networks: Vec::new() }
-    }
-}
 
 /// How well each method chooses over all pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -47,8 +29,6 @@ pub struct Validity {
     pub left_out: Vec<String>,
     /// Pairs in which even the best value predicts no better than the mean.
     pub not_learnt: usize,
-    /// How often plants were drawn again for an interval.
-    pub resamples: usize,
     /// The value with the smallest typical regret over all pairs.
     pub best_default: usize,
     /// The same for each optimiser.
@@ -92,14 +72,14 @@ pub struct PairRegret {
     pub regret: f64,
 }
 
-/// Judge `pairs`, whose values are called `values`.
+/// Judge `pairs`, whose values are called `values`. Models that are none of the `networks` are claimed to choose better than these.
 ///
 /// # Errors
 /// If there is no pair that can be judged, pairs do not have those values, or a number is NaN.
 pub fn judge(
     values: Vec<String>,
     pairs: Vec<Pair>,
-    options: &Options,
+    networks: &[String],
 ) -> Result<Validity, ValidityError> {
     let (mut judged, mut regrets, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
     for pair in pairs {
@@ -118,9 +98,7 @@ pub fn judge(
     let (models, rules) = (models(&judged), rules(&judged));
     let all = Judged { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
     let over = |copies: usize| {
-        let seed = options.seed.child("validity");
-        let plants = (0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant));
-        OverPlants::new(plants, options.resamples, seed)
+        OverPlants::new((0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant)))
     };
     let plants = over(1);
     let methods = all.methods()?;
@@ -134,10 +112,9 @@ pub fn judge(
         pairs: judged.len(),
         left_out,
         not_learnt: judged.iter().filter(|of| of.skill.is_none_or(|skill| skill <= 0.0)).count(),
-        resamples: options.resamples,
         best_default,
         best_defaults_of_optimisers: of_optimisers(&judged, &regrets),
-        tests: claims::all(&summaries, &comparisons, &options.networks),
+        tests: claims::all(&summaries, &comparisons, networks),
         power: comparisons.iter().map(Power::of).collect::<Result<_, _>>()?,
         agreement: agreement.into_iter().flatten().collect(),
         rules: self::summaries(&of_models, &plants)?,

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use calib_validity::{ModelPair, Options, Pair, RuleChoice, Validity, judge};
+use calib_stats::Interval;
+use calib_validity::{ModelPair, Pair, RuleChoice, Validity, judge};
 use serde::{Deserialize, Deserializer};
 
 #[derive(Deserialize)]
@@ -42,6 +43,8 @@ struct Summary {
     typical: f64,
     median: f64,
     good: f64,
+    upper: Option<f64>,
+    typical_interval: Option<[f64; 2]>,
 }
 
 #[derive(Deserialize)]
@@ -58,6 +61,7 @@ struct Comparison {
     std: Option<f64>,
     visible: Option<f64>,
     needed: [Option<usize>; 3],
+    error_ratio_interval: Option<[f64; 2]>,
 }
 
 /// JSON has no infinities, so they are written as text.
@@ -112,13 +116,23 @@ fn pair(of: GoldenPair) -> Pair {
 
 fn judged(pairs: Vec<GoldenPair>) -> Validity {
     let values = ["a", "b", "c", "d", "e"].map(str::to_owned).to_vec();
-    let options = Options { resamples: 10, ..Options::default() };
-    judge(values, pairs.into_iter().map(pair).collect(), &options).expect("valid")
+    judge(values, pairs.into_iter().map(pair).collect(), &[]).expect("valid")
 }
 
 fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
     let alike = match (ours, theirs) {
         (Some(ours), Some(theirs)) => (ours - theirs).abs() <= 1e-9 * theirs.abs().max(1.0),
+        (ours, theirs) => ours.is_none() && theirs.is_none(),
+    };
+    assert!(alike, "{what}: {ours:?} instead of {theirs:?}");
+}
+
+/// Ends of intervals: quantiles of t agree to eight digits.
+fn near_ends(ours: Option<Interval>, theirs: Option<[f64; 2]>, what: &str) {
+    let ours = ours.map(|of| [of.low, of.high]);
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-7 * b.abs().max(1.0);
+    let alike = match (ours, theirs) {
+        (Some(ours), Some(theirs)) => ours.iter().zip(&theirs).all(near),
         (ours, theirs) => ours.is_none() && theirs.is_none(),
     };
     assert!(alike, "{what}: {ours:?} instead of {theirs:?}");
@@ -140,6 +154,8 @@ fn regrets_of_methods_are_those_of_numpy() {
         near(Some(of.typical), Some(theirs.typical), &name);
         near(Some(of.median), Some(theirs.median), &name);
         near(Some(of.good), Some(theirs.good), &name);
+        near(of.upper, theirs.upper, &name);
+        near_ends(of.typical_interval, theirs.typical_interval, &name);
     }
 }
 
@@ -171,6 +187,7 @@ fn quotients_and_power_are_those_of_numpy_and_scipy() {
         }
         near(power.std, theirs.std, &what);
         near(power.visible, theirs.visible, &what);
+        near_ends(of.error_ratio_interval, theirs.error_ratio_interval, &what);
     }
     assert_eq!(compared, golden.comparisons.len());
 }

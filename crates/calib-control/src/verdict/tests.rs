@@ -1,55 +1,129 @@
 use super::*;
-use crate::sweep::tests::small_model;
+use crate::{Ending, recorded::tests::log};
 
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     let coverage = Coverage { steps: 100, missing: 0, far: 10 };
-    let (episodes, terminals, curve) = (5, 5, Vec::new());
+    let (episodes, terminals, curve) = (10, 10, Vec::new());
     Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve }
 }
 
-fn judged(returns: &[[f64; 3]], support: Support) -> ReturnVerdict {
-    let runs: Vec<Run> = returns
-        .iter()
-        .enumerate()
-        .flat_map(|(member, of)| (0..3).map(move |candidate| run(member, candidate, of[candidate])))
-        .collect();
-    let model = small_model();
-    judge(&runs, 3, Some(0), (model.log(), 500), support, 200, Seed::new(1)).expect("judged")
+/// Twenty episodes of −8 to −12, −10 on average, a terminal in ten steps.
+fn plain() -> Decisions {
+    let lengths = [8, 9, 10, 11, 12].into_iter().cycle().take(20);
+    log(&lengths.map(|steps| (steps, Ending::Terminal)).collect::<Vec<_>>())
 }
+
+fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
+    let of_member = |(member, of): (usize, &[f64; 3])| {
+        let of = *of;
+        (0..3).map(move |candidate| run(member, candidate, of[candidate]))
+    };
+    returns.iter().enumerate().flat_map(of_member).collect()
+}
+
+fn judged_of(log: &Decisions, runs: &[Run], support: Support) -> ReturnVerdict {
+    judge(runs, 3, Some(0), (log, 500), support, 200, Seed::new(1)).expect("judged")
+}
+
+fn judged(returns: &[[f64; 3]], support: Support) -> ReturnVerdict {
+    judged_of(&plain(), &runs(returns), support)
+}
+
+/// Candidate 1 is better than the default, 0, and within what was recorded.
+const GOOD: [[f64; 3]; 3] = [[-15.0, -9.0, -12.0], [-15.5, -11.0, -10.0], [-14.0, -8.0, -12.0]];
 
 #[test]
 fn the_highest_return_is_the_best_rank() {
-    let returns = [[-9.0, -2.0, -5.0], [-9.5, -4.0, -3.0], [-8.0, -1.0, -5.0]];
-    let verdict = judged(&returns, Support::default());
+    let verdict = judged(&GOOD, Support::default());
     assert_eq!(verdict.chosen, 1);
     assert_eq!(verdict.selection.worst_ranks, [3, 2, 2]);
-    assert!(verdict.is_supported(), "{:?}", verdict.doubts);
-    let over = verdict.over_default.expect("a default");
-    assert!((over.mean - 6.5).abs() < 1e-12 && over.is_told(), "{over:?}");
+    assert_eq!(verdict.doubts, []);
+    assert!((verdict.behaviour.mean + 10.0).abs() < 1e-9 && verdict.behaviour.best == Some(-8.0));
     assert_eq!(verdict.chosen_of_resamples.iter().sum::<usize>(), 200);
     assert!(verdict.chosen_of_resamples[1] > 100 && verdict.chosen_of_resamples[0] == 0);
-    assert!(verdict.behaviour.is_some_and(|of| of.mean > 5.0));
     assert_eq!(verdict.coverage[2], Coverage { steps: 300, missing: 0, far: 30 });
+}
+
+#[test]
+fn intervals_over_members_are_the_jackknifes() {
+    let over = judged(&GOOD, Support::default()).over_default.expect("a default");
+    // Differences 6, 4.5 and 6 around 5.5: √(2/3 · 1.5) = 1, t(2) = 4.302652730.
+    let interval = over.interval.expect("three members");
+    assert!((over.mean - 5.5).abs() < 1e-12);
+    assert!((interval.low - 5.5 + 4.302_652_73).abs() < 1e-7, "{interval:?}");
+    assert_eq!((over.clusters, over.smaller), ([3, 3], Some([0, 3])));
 }
 
 #[test]
 fn a_candidate_that_diverges_is_not_chosen() {
     let gone = f64::NEG_INFINITY;
-    let verdict = judged(&[[gone, -2.0, -5.0], [gone, -4.0, -3.0]], Support::default());
+    let verdict = judged(&[[gone, -9.0, -12.0], [gone, -11.0, -10.0]], Support::default());
     assert_eq!(verdict.selection.worst_ranks[0], 3);
     assert_ne!(verdict.chosen, 0);
+    assert_eq!(verdict.doubts, [], "a default that diverges is surely worse");
 }
 
 #[test]
 fn a_choice_without_support_says_why() {
-    let alike = [[1.0; 3]; 3];
+    let alike = [[-9.0; 3]; 3];
     let strict = Support { most_uncovered: 0.05, fewest_terminals: 100_000 };
     let doubts = judged(&alike, strict).doubts;
     assert!(doubts.contains(&Doubt::NotToldApart));
     assert!(doubts.contains(&Doubt::Uncovered { share: 0.1 }));
     assert!(matches!(doubts[1], Doubt::FewTerminals { .. }), "{doubts:?}");
     let gone = [[f64::NEG_INFINITY; 3]; 2];
-    assert!(judged(&gone, Support::default()).doubts.contains(&Doubt::Diverged));
+    assert_eq!(judged(&gone, Support::default()).doubts, [Doubt::NotToldApart, Doubt::Diverged]);
+}
+
+#[test]
+fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
+    let noise = [[-10.0, -9.0, -12.0], [-9.0, -9.5, -12.0], [-9.5, -9.0, -12.0]];
+    let verdict = judged(&noise, Support::default());
+    assert_eq!((verdict.chosen, verdict.doubts), (1, vec![Doubt::NotBetterThanDefault]));
+    let default = [[-9.0, -10.0, -12.0]; 3];
+    assert_eq!(judged(&default, Support::default()).doubts, [], "the default is chosen");
+    let alone = judge(&runs(&noise), 3, None, (&plain(), 500), Support::default(), 9, Seed::new(1));
+    assert_eq!(alone.expect("judged").doubts, [], "there is no default");
+}
+
+#[test]
+fn a_choice_that_gets_less_than_was_recorded_is_doubted() {
+    let worse = GOOD.map(|of| of.map(|of| of - 3.0));
+    let doubts = judged(&worse, Support::default()).doubts;
+    assert_eq!(doubts.len(), 1, "{doubts:?}");
+    assert!(
+        matches!(doubts[0], Doubt::BelowRecorded { promised, recorded } if promised < recorded)
+    );
+}
+
+#[test]
+fn a_promise_above_the_best_recorded_episode_is_doubted() {
+    let better = GOOD.map(|of| of.map(|of| of + 3.0));
+    let doubts = judged(&better, Support::default()).doubts;
+    assert_eq!(doubts.len(), 1, "{doubts:?}");
+    assert!(matches!(doubts[0], Doubt::AboveRecorded { promised, best: -8.0 } if promised > -8.0));
+    // A log that has no whole episode says of none what it got.
+    let cut = log(&[(400, Ending::Continues)]);
+    let support = Support { fewest_terminals: 0, ..Support::default() };
+    let returns = runs(&GOOD.map(|of| of.map(|of| of * 20.0)));
+    assert_eq!(judged_of(&cut, &returns, support).doubts, []);
+}
+
+#[test]
+fn terminals_that_are_rarer_by_an_order_than_in_the_log_are_doubted() {
+    let with = |terminals: usize| -> Vec<Run> {
+        let runs = runs(&GOOD).into_iter();
+        runs.map(|run| Run { terminals, ..run }).collect()
+    };
+    let rare = judged_of(&plain(), &with(0), Support::default()).doubts;
+    assert!(matches!(rare[..], [Doubt::RareTerminals { in_model: 0.0, in_log }] if in_log > 0.09));
+    assert_eq!(judged_of(&plain(), &with(1), Support::default()).doubts, [], "a tenth");
+    let support = Support { fewest_terminals: 0, ..Support::default() };
+    let endless = log(&[(500, Ending::Continues); 2]);
+    let returns = runs(&GOOD.map(|of| of.map(|of| of * 50.0)));
+    let none: Vec<Run> = returns.into_iter().map(|run| Run { terminals: 0, ..run }).collect();
+    let doubts = judged_of(&endless, &none, support).doubts;
+    assert!(!doubts.iter().any(|of| matches!(of, Doubt::RareTerminals { .. })), "{doubts:?}");
 }
 
 #[test]

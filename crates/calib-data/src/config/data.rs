@@ -137,7 +137,7 @@ pub enum Resample {
     Last,
     /// The mean over the period that ends there of the value that was recorded last.
     Mean,
-    /// On the straight line from the value before to the value after.
+    /// On the straight line from the value before to the value after, which an agent in the plant does not have yet.
     Linear,
 }
 

@@ -46,8 +46,8 @@ pub enum Missing {
     /// the rows after them are dropped.
     #[default]
     ForwardFill,
-    /// Runs of at most `fill_limit` rows are interpolated in time between their ends;
-    /// the rows of longer runs are dropped.
+    /// Runs of at most `fill_limit` rows are interpolated in time between their ends, the later of which an agent in the
+    /// plant does not have yet; the rows of longer runs are dropped.
     Linear,
 }
 

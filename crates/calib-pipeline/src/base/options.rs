@@ -63,10 +63,6 @@ pub struct ValidityOptions {
     pub draw: Option<u64>,
     /// Where the judgement goes; otherwise beside the protocol or the first study.
     pub output: Option<PathBuf>,
-    /// How often plants are drawn again for each interval.
-    pub resamples: usize,
-    /// Root of these draws.
-    pub seed: u64,
     /// Whether what is missing is run.
     pub extent: ValidityExtent,
     /// Which of the plants are run here, where others run the rest; nothing is judged then.

@@ -4,7 +4,7 @@ use calib_report::{
     Axis, Cell, Chart, Colour, Dash, Marker, OverviewFigure, Point, Rule, Scale, Series, Side,
     Table,
 };
-use calib_stats::{Summary, summarise};
+use calib_stats::{Estimate, jackknife};
 
 use super::{described::ColumnMap, files::Told, show};
 
@@ -86,18 +86,20 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
             values.push(value(candidate));
         }
     }
-    let summary = |own: &str, pooled: Pooled| -> Option<Summary> {
+    let estimate = |own: &str, pooled: Pooled| -> Option<Estimate> {
         let of_member = |returns: &Vec<f64>| {
             let with = (0..returns.len()).filter(|&of| value(of) == own);
             pooled(&with.map(|of| returns[of]).collect::<Vec<f64>>())
         };
-        summarise(&told.verdict.members.iter().map(of_member).collect::<Vec<f64>>()).ok()
+        let returns: Vec<f64> = told.verdict.members.iter().map(of_member).collect();
+        let mean = calib_stats::mean(&returns).ok()?;
+        Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
     };
     let ways = [("mean of the candidates", mean as Pooled), ("best of the candidates", highest)];
     let point = |(place, own): (usize, &&str), pooled: Pooled| {
-        let summary = summary(own, pooled);
-        let interval = summary.and_then(|of| of.interval).map(|of| (of.low, of.high));
-        let y = summary.map_or(f64::NAN, |of| of.mean);
+        let estimate = estimate(own, pooled);
+        let interval = estimate.and_then(|of| of.interval).map(|of| (of.low, of.high));
+        let y = estimate.map_or(f64::NAN, |of| of.value);
         Point { x: place as f64, y, interval }
     };
     let drawn: Vec<Series> = ways

@@ -31,7 +31,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 4;
+    const FORMAT: u32 = 5;
 
     fn format(&self) -> u32 {
         self.format

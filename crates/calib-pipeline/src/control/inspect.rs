@@ -5,7 +5,10 @@ use super::{
     described::{LogTold, described},
     log, show,
 };
-use crate::{output::Printer, represent::decisions};
+use crate::{
+    output::{Printer, counted},
+    represent::decisions,
+};
 
 /// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.
 pub(crate) fn inspect(job: &Job, printer: &Printer) -> anyhow::Result<Option<LogTold>> {
@@ -36,7 +39,12 @@ impl LogTold {
     /// # Errors
     /// If nothing can be printed.
     pub fn show(&self, printer: &Printer) -> anyhow::Result<()> {
-        printer.result(&show::line(self))?;
+        let columns = counted(self.columns.len(), "column");
+        printer.result("")?;
+        printer.result(&format!(
+            "for agents that act: {}; states of {columns}, without what they do and get",
+            show::line(self)
+        ))?;
         printer.lines(&show::actions(self))?;
         printer.lines(&show::states(self))?;
         Ok(())

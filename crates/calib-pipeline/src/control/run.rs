@@ -126,8 +126,10 @@ fn judged(
     let ActionLog { decisions, names, fingerprint } = log;
     let starts = log::starts(&decisions, &metric, config.start)?;
     let observed = starts.observed.clone();
-    let worst = decisions.returns(config.timeout).into_iter().fold(f64::INFINITY, f64::min);
-    let worst = config.worst_return.unwrap_or(worst);
+    // Agents that live for less than an episode have no longer ones.
+    let timeout = config.timeout.min(config.steps);
+    let recorded = decisions.recorded_return(timeout)?;
+    let worst = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
     let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
     let extent =
         Extent { runs: config.runs, span: Span { steps: config.steps, timeout: config.timeout } };
@@ -139,15 +141,8 @@ fn judged(
     };
     let default = candidates.iter().position(|of| *of == config.agent);
     let resamples = study.evaluate.resamples;
-    let verdict = judge(
-        &runs,
-        candidates.len(),
-        default,
-        (decisions, config.timeout),
-        support,
-        resamples,
-        seed,
-    )?;
+    let verdict =
+        judge(&runs, candidates.len(), default, (decisions, timeout), support, resamples, seed)?;
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
     let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;

@@ -164,12 +164,7 @@ pub(super) fn name(told: &Told, candidate: usize) -> String {
 
 pub(super) fn sentences(told: &Told) -> Vec<String> {
     let verdict = &told.verdict;
-    let verb = if verdict.is_supported() {
-        "deploy"
-    } else {
-        "the log does not support a choice; it would be"
-    };
-    let mut lines = vec![format!("{verb}: {}", name(told, verdict.chosen))];
+    let mut lines = vec![advice(told)];
     match &verdict.over_default {
         _ if verdict.default == Some(verdict.chosen) => {
             lines.push("that is the default".to_owned());
@@ -186,17 +181,32 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
     } else {
         "a random candidate may diverge in the model".to_owned()
     });
-    if let Some(behaviour) = verdict.behaviour {
-        lines.push(format!(
-            "recorded episodes: mean return {}{}",
-            significant(behaviour.mean),
-            behaviour.interval.map_or_else(String::new, interval)
-        ));
-    }
+    let recorded = verdict.behaviour;
+    lines.push(format!(
+        "recorded episodes: mean return {}{}{}",
+        significant(recorded.mean),
+        recorded.interval.map_or_else(String::new, interval),
+        recorded.best.map_or_else(String::new, |best| format!(", at most {}", significant(best)))
+    ));
     lines.push(
         "returns in the model rank candidates; they do not say what the plant will give".to_owned(),
     );
     lines
+}
+
+/// What to do.
+fn advice(told: &Told) -> String {
+    let verdict = &told.verdict;
+    let chosen = name(told, verdict.chosen);
+    let is_about_the_default =
+        |doubt: &Doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart);
+    match verdict.default.filter(|&default| default != verdict.chosen) {
+        _ if verdict.is_supported() => format!("deploy: {chosen}"),
+        Some(default) if verdict.doubts.iter().all(is_about_the_default) => {
+            format!("keep the default: {}; {chosen} may be no better", name(told, default))
+        }
+        _ => format!("the log does not support a choice; it would be: {chosen}"),
+    }
 }
 
 fn difference(of: &Difference) -> String {
@@ -231,6 +241,29 @@ pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
             "the members together rank no candidate before another; sweep values that differ more, or longer (control.steps)"
                 .to_owned()
         }
+        Doubt::NotBetterThanDefault => {
+            "the chosen candidate is not told apart from the default over the members: keep the default, or sweep with more runs (control.runs) \
+             or longer (control.steps)"
+                .to_owned()
+        }
+        Doubt::BelowRecorded { promised, recorded } => format!(
+            "the chosen candidate gets {} an episode in the model, learning included, and the recorded behaviour got {}: keep that, or let \
+             agents learn for longer (control.steps)",
+            significant(*promised),
+            significant(*recorded)
+        ),
+        Doubt::AboveRecorded { promised, best } => format!(
+            "the model promises {} an episode, and no recorded episode got more than {}: nothing that was recorded shows that it can be had; \
+             record better episodes, or try the choice where it can do no harm",
+            significant(*promised),
+            significant(*best)
+        ),
+        Doubt::RareTerminals { in_model, in_log } => format!(
+            "{} of the chosen candidate's steps in the model end an episode in a terminal, and {} of the recorded ones: the log hardly shows \
+             what ends an episode where it goes; record steps there",
+            percent(*in_model),
+            percent(*in_log)
+        ),
         Doubt::Diverged => "the chosen candidate diverged in a member; sweep smaller step sizes".to_owned(),
     }
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     model::model_files::{MemberSummary, ModelManifest},
-    output::{count, percent, significant},
+    output::{about, count, percent, rounded},
 };
 
 /// Stretches of time that are told.
@@ -114,7 +114,14 @@ fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
 /// What was done so that walks are not trapped, and how far they get.
 pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
     let MemberRecurrence { classes, walks, .. } = of;
-    let spread = of.covered(transitions).map_or("an unknown share".to_owned(), percent);
+    let spread = match of.covered(transitions) {
+        None => "an unknown share of the rows".to_owned(),
+        // How many of the walks end in which class is chance: twice as many, or half of them, are as likely.
+        Some(share) if classes.after.count > 1 => {
+            format!("a share of the rows of the order of {}", percent(rounded(share, 1)))
+        }
+        Some(share) => format!("{} of the rows", percent(share)),
+    };
     let mix = match walks.mixing_steps {
         // Walks of a trap are soon anywhere in it.
         _ if classes.after.traps > 0 => String::new(),
@@ -123,18 +130,18 @@ pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
     };
     let end = match walks.steps_to_end {
         Some(steps) if classes.after.traps > 0 => {
-            format!(", are trapped after about {} steps", significant(steps))
+            format!(", are trapped after about {} steps", about(steps))
         }
         // Nearly every start lies there.
         Some(steps) if steps < 1.0 => String::new(),
         Some(steps) => {
-            format!(", come to a closed class after about {} steps", significant(steps))
+            format!(", come to a closed class after about {} steps", about(steps))
         }
         None => ", came to no closed class in 30,000 steps".to_owned(),
     };
     [
         format!("{}{}", closed(&classes.after), done(of)),
-        format!("walks are spread over {spread} of the rows{mix}{end}"),
+        format!("walks are spread over {spread}{mix}{end}"),
     ]
 }
 
@@ -269,7 +276,10 @@ pub(crate) fn report_table(model: &ModelManifest) -> Option<Table> {
             text(after),
             Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
             Cell::Count(*exits as u64),
-            number_or(of.covered(member.transitions).map(|share| 100.0 * share)),
+            number_or(of.covered(member.transitions).map(|share| match after.count {
+                0 | 1 => 100.0 * share,
+                _ => rounded(100.0 * share, 1),
+            })),
             number_or(of.walks.mixing_steps.map(|steps| steps as f64)),
             number_or(of.walks.steps_to_end),
             Cell::Count(of.walks.trapped as u64),
@@ -295,7 +305,8 @@ pub(crate) fn report_table(model: &ModelManifest) -> Option<Table> {
         caption: format!(
             "{}: a closed class is a set of transitions that a walk never leaves: how many there are and, in brackets, how large the \
              largest five are. One of less than a tenth of the candidates is a trap, \
-             and is left out, or given an exit. The rest is judged by 32 walks of 30,000 steps from random states.",
+             and is left out, or given an exit. The rest is judged by 32 walks of 30,000 steps from random states; with several closed classes \
+             the rows that they are spread over are told to one digit, and may be half as many, or twice.",
             model.study.model_name()
         ),
         columns: columns.map(str::to_owned).to_vec(),
@@ -313,6 +324,31 @@ mod tests {
         assert_eq!(named([2].into_iter()).as_deref(), Some("member 2"));
         assert_eq!(named([0, 3].into_iter()).as_deref(), Some("members 0, 3"));
         assert_eq!(named([].into_iter()), None);
+    }
+
+    #[test]
+    fn what_several_closed_classes_say_is_told_to_one_digit() {
+        let told = |classes: usize| {
+            let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
+            let of = MemberRecurrence {
+                classes: Recurrence { after, ..Recurrence::default() },
+                left_out_times: Vec::new(),
+                exit_times: Vec::new(),
+                walks: WalkStatistics {
+                    distinct_rows: 2000,
+                    trapped: 0,
+                    effective_rows: Some(2530.0),
+                    steps_to_end: Some(12_518.3),
+                    mixing_steps: None,
+                },
+            };
+            lines(&of, 10_000)[1].clone()
+        };
+        let one = told(1);
+        assert!(one.starts_with("walks are spread over 25 % of the rows"), "{one}");
+        assert!(one.ends_with("come to a closed class after about 13,000 steps"), "{one}");
+        let two = told(2);
+        assert!(two.contains("over a share of the rows of the order of 30 %"), "{two}");
     }
 
     #[test]

@@ -100,6 +100,20 @@ pub fn significant(number: f64) -> String {
     format!("{number:.decimals$}")
 }
 
+/// `number` to so many significant digits, at least one.
+pub fn rounded(number: f64, digits: usize) -> f64 {
+    format!("{number:.*e}", digits - 1).parse().unwrap_or(number)
+}
+
+/// A number of which only the first two digits are known: `12518` as `13,000`.
+pub fn about(number: f64) -> String {
+    if number < 100.0 {
+        significant(rounded(number, 2))
+    } else {
+        count(rounded(number, 2) as usize)
+    }
+}
+
 /// A table for a terminal: the first column is text, the others are numbers.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
@@ -137,6 +151,8 @@ mod tests {
         assert_eq!(significant(123.4), "123");
         assert_eq!(significant(1.0e-5), "1.00e-5");
         assert_eq!(significant(f64::INFINITY), "diverged");
+        assert_eq!([12_518.3, 4096.0, 99.6, 0.0].map(about), ["13,000", "4,100", "100", "0"]);
+        assert_eq!((rounded(0.253, 1), rounded(2_600.0, 1)), (0.3, 3000.0));
     }
 
     #[test]

@@ -5,7 +5,9 @@ mod harmless;
 mod observer;
 mod printer;
 
-pub use format::{bytes, count, counted, duration, percent, significant, span, table};
+pub use format::{
+    about, bytes, count, counted, duration, percent, rounded, significant, span, table,
+};
 pub use harmless::{Lines, harmless, harmless_json};
 pub use observer::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
 pub use printer::Printer;

@@ -20,9 +20,8 @@ use std::{
 
 use anyhow::bail;
 use calib_agent::Part;
-use calib_core::Seed;
 use calib_study::{Share, shell_words};
-use calib_validity::{Options, Pair, Validity, judge};
+use calib_validity::{Pair, Validity, judge};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -45,8 +44,6 @@ use task::Task;
 pub(crate) struct Summary<'a> {
     format: u32,
     tool: &'static str,
-    /// Of the draws of intervals.
-    seed: u64,
     /// What drew plants and tasks.
     #[serde(skip_serializing_if = "Option::is_none")]
     protocol: Option<&'a Drew>,
@@ -99,7 +96,6 @@ struct Judgement {
     missing: Vec<String>,
     /// At least one.
     scores: Vec<Score>,
-    seed: u64,
     command: String,
 }
 
@@ -150,9 +146,8 @@ fn run_share(
 impl Judgement {
     fn summary(&self) -> Summary<'_> {
         Summary {
-            format: 2,
+            format: 3,
             tool: TOOL,
-            seed: self.seed,
             protocol: self.protocol.as_ref(),
             plants: &self.plants,
             left_out: &self.left_out,
@@ -282,9 +277,8 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> anyhow::Res
             }
         }
     }
-    let options = Options { resamples: args.resamples, seed: Seed::new(args.seed), networks };
     let score =
-        |(part, pairs)| Ok(Score { part, validity: judge(values.clone(), pairs, &options)? });
+        |(part, pairs)| Ok(Score { part, validity: judge(values.clone(), pairs, &networks)? });
     Ok(Judgement {
         protocol: listing.protocol.as_ref().map(|protocol| Drew {
             file: protocol.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -294,7 +288,6 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> anyhow::Res
         left_out,
         missing,
         scores: by_score.into_iter().map(score).collect::<anyhow::Result<_>>()?,
-        seed: args.seed,
         command: command(listing, args),
     })
 }
@@ -320,7 +313,6 @@ fn command(listing: &Listing, args: &ValidityOptions) -> String {
     let paths = args.studies.iter().map(|path| path.display().to_string());
     let overrides = args.set.iter().map(|text| shell_words(["--set", text]));
     let draw = listing.protocol.as_ref().map(|protocol| format!("--draw {}", protocol.seed()));
-    let draws = format!("--resamples {} --seed {}", args.resamples, args.seed);
     let words = ["calib validity".to_owned()].into_iter().chain(paths).chain(overrides);
-    words.chain(draw).chain([draws]).collect::<Vec<_>>().join(" ")
+    words.chain(draw).collect::<Vec<_>>().join(" ")
 }

@@ -35,10 +35,7 @@ impl Named {
             );
         }
         let Some((file, mut protocol)) = found.pop() else {
-            ensure!(
-                args.draw.is_none(),
-                "--draw is for protocols, and none is named; for the draws of intervals say --seed"
-            );
+            ensure!(args.draw.is_none(), "--draw is for protocols, and none is named");
             return Ok(None);
         };
         protocol.seed = args.draw.unwrap_or(protocol.seed);

@@ -2,7 +2,7 @@
 
 use calib_agent::Part;
 use calib_report::{Cell, Table};
-use calib_validity::{CAP, Validity};
+use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
 use super::{Judgement, Score, claims::findings, tables};
 use crate::output::{Printer, count, counted, percent, significant, table};
@@ -56,11 +56,10 @@ pub(super) fn subtitle(judgement: &Judgement) -> String {
         format!("{}, plants and tasks drawn with the seed {}: ", protocol.file, protocol.seed)
     });
     format!(
-        "{drawn}{} of {}, {} of the grid; intervals over plants, {} resamples",
+        "{drawn}{} of {}, {} of the grid; intervals over plants",
         counted(validity.pairs, "plant–sensor pair"),
         counted(validity.plants.len(), "plant"),
         counted(validity.values.len(), "value"),
-        count(validity.resamples)
     )
 }
 
@@ -111,8 +110,8 @@ pub(super) fn notes(judgement: &Judgement) -> Vec<String> {
         ));
     }
     notes.extend(capped(validity));
-    if validity.plants.len() < 2 {
-        notes.push("one plant alone: there are no intervals over plants".to_owned());
+    if validity.plants.len() < FEWEST_PLANTS {
+        notes.push(format!("intervals over plants want at least {FEWEST_PLANTS} of them"));
     }
     notes
 }

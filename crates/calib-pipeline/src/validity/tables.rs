@@ -32,7 +32,7 @@ fn methods(title: &str, methods: &[MethodSummary]) -> Table {
             Cell::Text(of.method.to_string()),
             count(of.pairs),
             Cell::Percent(of.mean),
-            shares(of.interval),
+            at_most(of.upper),
             Cell::Percent(of.typical),
             shares(of.typical_interval),
             Cell::Percent(of.good),
@@ -43,8 +43,8 @@ fn methods(title: &str, methods: &[MethodSummary]) -> Table {
         title,
         &format!(
             "Regret is how much larger the Online error of the choice is than that of the best value, geometrically over held-out \
-             windows. Typical: the geometric mean of the errors over the best ones, minus one, which no single pair can dominate. \
-             In both, regrets above {} count as that, those of choices that diverged among them.",
+             windows; of the mean there is an upper bound alone. Typical: the geometric mean of the errors over the best ones, minus one, \
+             which no single pair can dominate. In both, regrets above {} count as that, those of choices that diverged among them.",
             percent(CAP)
         ),
         &["choice of", "pairs", "mean", "95 %", "typical", "95 %", "≤ 5 %", "diverged"],
@@ -72,27 +72,23 @@ fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
     )
 }
 
-/// Fewer plants than this give no interval that means anything (our choice).
-const FEWEST: usize = 3;
-
 fn groups(groups: &[GroupSummary]) -> Table {
     let rows = groups.iter().map(|of| {
-        let told = |interval: Option<Interval>| interval.filter(|_| of.plants >= FEWEST);
         vec![
             Cell::Text(format!("{} {}", of.feature, of.group)),
             Cell::Text(of.method.to_string()),
             count(of.plants),
             count(of.pairs),
             Cell::Percent(of.typical),
-            shares(told(of.interval)),
+            shares(of.interval),
             quotient(of.against_default),
-            quotients(told(of.against_default_interval)),
+            quotients(of.against_default_interval),
         ]
     });
     table(
         "Does choosing well depend on the task?",
         "Typical regret over the pairs whose tasks have something in common, and the quotient of errors against the study's default \
-         there. Two plants are too few for an interval over plants.",
+         there. Intervals want eight plants.",
         &["task", "choice of", "plants", "pairs", "typical", "95 %", "/ default", "95 %"],
         rows.collect(),
     )
@@ -232,13 +228,16 @@ pub(super) fn short(method: &Method) -> String {
 }
 
 /// An interval of shares, the unit once.
-pub(super) fn shares(interval: Option<Interval>) -> Cell {
-    interval.map_or(Cell::Missing, |of| Cell::Text(range(of)))
+fn shares(interval: Option<Interval>) -> Cell {
+    interval.map_or(Cell::Missing, |Interval { low, high }| {
+        let (low, high) = (percent(low), percent(high));
+        Cell::Text(format!("{} to {high}", low.trim_end_matches(" %")))
+    })
 }
 
-pub(super) fn range(Interval { low, high }: Interval) -> String {
-    let (low, high) = (percent(low), percent(high));
-    format!("{} to {high}", low.trim_end_matches(" %"))
+/// An upper bound of a share.
+pub(super) fn at_most(upper: Option<f64>) -> Cell {
+    upper.map_or(Cell::Missing, |upper| Cell::Text(format!("up to {}", percent(upper))))
 }
 
 pub(super) fn quotient(value: Option<f64>) -> Cell {

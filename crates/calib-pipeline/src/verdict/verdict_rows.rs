@@ -73,6 +73,7 @@ pub(crate) fn verdict_row(
             .iter()
             .map(|of| (setting(&candidates[of.candidate]), of.share))
             .collect(),
+        stability_nearby: verdict.stability_nearby,
         online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
         alternatives: verdict
             .truth

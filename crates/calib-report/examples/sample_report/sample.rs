@@ -154,6 +154,7 @@ impl Sensor {
                     values: RATES.len(),
                     members: MEMBERS,
                     stability: vec![(RATES[chosen].into(), 0.9), (RATES[best].into(), 0.1)],
+                    stability_nearby: Some(1.0),
                     online: Some(Agreement {
                         part: "whole runs".to_owned(),
                         windows: 1,

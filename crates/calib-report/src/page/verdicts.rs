@@ -6,7 +6,7 @@ use super::Section;
 use super::tables::table;
 use crate::number::{number, percent};
 use crate::report::{are_of_several_models, caveats, summary};
-use calib_stats::Estimate;
+use calib_stats::Bounded;
 
 use crate::{Cell, Reason, Report, Setting, Table, Verdict, Way};
 
@@ -41,7 +41,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if judged {
             p.caption {
                 "Regret: how much larger the prediction error on held-out data is than with the best value of each window. \
-                 A bar is full at 50 %; the line in it is the 95 % interval over windows. Another held-out window: what a chooser would \
+                 A bar is full at 50 %; the line in it goes to the 95 % upper bound over windows. Another held-out window: what a chooser would \
                  cost that sees one window of the deployment itself, at another time."
             }
         }
@@ -135,9 +135,8 @@ const fn name(way: Way) -> &'static str {
 }
 
 /// One way to choose, with its cost as a number, or as the word for an `unknown` one, and as a bar that is full at 50 %.
-fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>, unknown: &str) -> Markup {
+fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &str) -> Markup {
     let place = |regret: f64| (regret / 0.5).clamp(0.0, 1.0) * 100.0;
-    let interval = regret.and_then(|regret| regret.interval).filter(|of| of.low < of.high);
     html! {
         div {
             dt { (name) @if let Some(value) = value { " " code { (value) } } }
@@ -151,10 +150,10 @@ fn cost(name: &str, value: Option<&Setting>, regret: Option<Estimate>, unknown: 
             @if let Some(regret) = regret {
                 span.bar aria-hidden="true" {
                     span style={ "width:" (format!("{:.0}", place(regret.value))) "%" } {}
-                    @if let Some(of) = interval {
+                    @if let Some(upper) = regret.upper {
                         i style={
-                            "left:" (format!("{:.1}", place(of.low))) "%;width:"
-                            (format!("{:.1}", place(of.high) - place(of.low))) "%"
+                            "left:" (format!("{:.1}", place(regret.value))) "%;width:"
+                            (format!("{:.1}", place(upper) - place(regret.value))) "%"
                         } {}
                     }
                 }
@@ -185,14 +184,16 @@ fn comparison(report: &Report) -> Table {
         "Regret",
         "95 %",
         "Stability",
+        "Or next to it",
     ];
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
             "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
-             the mean return. Regret is how much worse the choice is than the best value of each window, with its interval over \
+             the mean return. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
              windows. Stability is the share of other draws of \
-             members, runs and windows of the log that would choose the same.",
+             members, runs and windows of this log that would choose the same, or a value next to it on the grid; another log of the \
+             same plant agrees less often.",
             report.score.name
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),
@@ -302,9 +303,7 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         .map(ToString::to_string)
         .collect();
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
-    let interval = online
-        .and_then(|online| online.regret?.interval)
-        .map(|of| Cell::Text(format!("{} to {}", percent(of.low), percent(of.high))));
+    let upper = online.and_then(|online| online.regret?.upper);
     let same = verdict.stability.iter().find(|(value, _)| *value == verdict.chosen);
     vec![
         Cell::Text(verdict.sensor.clone()),
@@ -322,7 +321,8 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         }),
         correlation(online.and_then(|online| online.chosen_skill)),
         share(verdict.regret()),
-        interval.unwrap_or(Cell::Missing),
+        upper.map_or(Cell::Missing, |upper| Cell::Text(format!("up to {}", percent(upper)))),
         share(same.map(|&(_, share)| share)),
+        share(verdict.stability_nearby),
     ]
 }

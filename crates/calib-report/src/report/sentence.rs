@@ -1,6 +1,6 @@
 //! A verdict in sentences that need no statistics to be understood.
 
-use calib_stats::Estimate;
+use calib_stats::{Bounded, Estimate};
 
 use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
@@ -234,14 +234,17 @@ impl Verdict {
                     .to_owned()
             }
             _ => format!(
-                "{} other draws of members, runs and windows of the log would choose it as well{}: {}.",
+                "{} other draws of members, runs and windows of the log would choose it as well{}: {}{}.",
                 if share >= ALL {
                     "Nearly all".to_owned()
                 } else {
                     format!("{} of", percent(share))
                 },
                 if share < STABLE { ", so the choice is not certain" } else { "" },
-                listed(&others)
+                listed(&others),
+                self.stability_nearby.filter(|_| share < ALL).map_or_else(String::new, |share| {
+                    format!("; it or a value next to it in {}", percent(share))
+                })
             ),
         })
     }
@@ -321,15 +324,11 @@ pub(super) fn ratio_interval(ratio: Estimate) -> Option<String> {
     Some(format!("{:.2}, 95 %: {:.2} to {:.2}", ratio.value, interval.low, interval.high))
 }
 
-/// "2.5 % (95 %: 1 to 4 %)".
-pub(super) fn with_interval(estimate: Estimate) -> String {
-    let value = percent(estimate.value);
-    match estimate.interval {
-        Some(of) if of.low < of.high => {
-            format!("{value} (95 %: {} to {})", percent(of.low), percent(of.high))
-        }
-        _ => value,
-    }
+/// "2.5 % (95 %: at most 4 %)".
+pub(super) fn with_interval(regret: Bounded) -> String {
+    let value = percent(regret.value);
+    let bound = |upper| format!("{value} (95 %: at most {})", percent(upper));
+    regret.upper.map_or_else(|| value.clone(), bound)
 }
 
 fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> String {

@@ -1,7 +1,7 @@
 //! What to deploy, and how well that is supported.
 
 use calib_agent::SimplePredictor;
-use calib_stats::Estimate;
+use calib_stats::{Bounded, Estimate};
 
 use super::{Grade, SimpleRow, Simpler};
 use crate::Setting;
@@ -33,6 +33,8 @@ pub struct Verdict {
     pub members: usize,
     /// What other draws of members, runs and windows of the log choose, with their shares; the most frequent first.
     pub stability: Vec<(Setting, f64)>,
+    /// How many of these draws choose the same value or one next to it on the grid; none where that says nothing.
+    pub stability_nearby: Option<f64>,
     /// How the choice did Online; `None` if no data was held out.
     pub online: Option<Agreement>,
     /// Other ways to choose, and what they would have cost.
@@ -139,7 +141,7 @@ pub struct Agreement {
     /// Its skill.
     pub best_skill: Option<f64>,
     /// exp(mean over windows of ln(error / best error of the window)) − 1; `None` where it is undefined.
-    pub regret: Option<Estimate>,
+    pub regret: Option<Bounded>,
     /// Error of the choice by that of the default, geometric mean over windows; `None` where it is the default.
     pub against_default: Option<Estimate>,
     /// Spearman correlation between the model's ranking and Online's; `None` where it is undefined.
@@ -198,7 +200,7 @@ pub struct Alternative {
     /// The value it would have chosen, where it is one.
     pub value: Option<Setting>,
     /// Its regret Online; `None` without Online.
-    pub regret: Option<Estimate>,
+    pub regret: Option<Bounded>,
 }
 
 impl Verdict {

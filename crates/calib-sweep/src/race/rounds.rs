@@ -34,7 +34,7 @@ impl Streams {
         Rounds::new((0..self.runs).map(round).collect())
     }
 
-    /// The first round has N / 2^⌈log₂ values⌉ of the N streams, at least two, and each one after it as many as all before, so
+    /// The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up and at least two, and each one after it as many as all before, so
     /// that all rounds take the same work when half of the values go after each.
     pub(super) fn doubling(&self, values: usize) -> Rounds {
         let all = self.spread();

@@ -1,7 +1,5 @@
-use std::collections::{BTreeMap, BTreeSet};
-
 use calib_agent::Part;
-use calib_stats::{Summary, cluster_means, summarise};
+use calib_stats::{Nested, StatsError, Summary, summarise, summarise_overlapping};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +12,13 @@ pub struct EnvironmentScores {
     pub environment: EnvironmentId,
     /// Different streams: rollouts, windows of the log, or windows of the held-out range.
     pub streams: usize,
-    /// Groups of streams that share no rows: windows of the log that overlap are one, everything else is alone.
+    /// How many of them are independent: windows of the log that overlap count as often as windows would fit beside each other into the
+    /// rows that they cover, everything else counts once.
     pub independent: usize,
     /// Runs over them.
     pub runs: usize,
-    /// NRMSE, one a candidate: over independent groups of streams, each the mean of its streams, which are the means of their runs;
-    /// where there is one stream, over runs.
+    /// NRMSE, one a candidate: over streams, each the mean of its runs, with intervals of as many as are independent; where there is one
+    /// stream, over runs.
     pub candidates: Vec<Summary>,
     /// Skill, one a candidate: 1 − (mean RMSE) / (mean standard deviation of the returns); 0 is the error of predicting the mean
     /// of each run's returns. None if a run diverged, or the returns are constant.
@@ -33,8 +32,6 @@ pub(super) struct Stream {
     pub(super) start_row: u32,
     /// Steps that are scored.
     pub(super) scored_steps: usize,
-    /// Number of the group of streams with which it shares rows.
-    group: usize,
     /// NRMSE `[run][candidate]`; +∞ where a value diverged, none where it was dropped before the run.
     pub(super) runs: Vec<Vec<Option<f64>>>,
 }
@@ -58,6 +55,8 @@ impl Stream {
 pub(super) struct Errors {
     pub(super) environment: EnvironmentId,
     pub(super) streams: Vec<Stream>,
+    /// Steps of the longest run.
+    steps: usize,
     /// Σ RMSE and Σ standard deviation of the returns over all runs, one pair a candidate.
     totals: Vec<(f64, f64)>,
 }
@@ -101,22 +100,19 @@ impl Errors {
                 None => streams.push(Stream {
                     start_row: result.start_row,
                     scored_steps,
-                    group: streams.len(),
                     runs: vec![run],
                 }),
             }
             steps = steps.max(result.rows.iter().map(|row| row.steps).max().unwrap_or(0));
         }
-        match environment {
-            EnvironmentId::Online => streams.sort_by_key(|stream| stream.start_row),
-            EnvironmentId::LogReplay => group(&mut streams, steps),
-            EnvironmentId::Member(_) => {}
+        if environment == EnvironmentId::Online {
+            streams.sort_by_key(|stream| stream.start_row);
         }
-        Ok(Self { environment, streams, totals })
+        Ok(Self { environment, streams, steps, totals })
     }
 
-    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online, windows of the log that overlap as one unit, and one
-    /// unit with all rollouts for a member. What a dropped value did not make is +∞: it cannot be chosen.
+    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online and of the log, and one unit with all rollouts for a
+    /// member. What a dropped value did not make is +∞: it cannot be chosen.
     pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
         let run = |run: &Vec<Option<f64>>| -> Vec<f64> {
             run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
@@ -124,60 +120,62 @@ impl Errors {
         let runs = |stream: &Stream| stream.runs.iter().map(run).collect::<Vec<_>>();
         match self.environment {
             EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
-            EnvironmentId::Online => self.streams.iter().map(runs).collect(),
-            EnvironmentId::LogReplay => {
-                let mut units: BTreeMap<usize, Vec<Vec<f64>>> = BTreeMap::new();
-                for stream in &self.streams {
-                    units.entry(stream.group).or_default().extend(runs(stream));
-                }
-                units.into_values().collect()
+            EnvironmentId::Online | EnvironmentId::LogReplay => {
+                self.streams.iter().map(runs).collect()
             }
         }
     }
 
-    /// Mean error of a candidate over the streams that it was trained on, group by group.
-    fn of_groups(&self, candidate: usize) -> Result<Vec<f64>, SweepError> {
-        let of = |stream: &Stream| {
-            let made = stream.runs.iter().any(|run| run[candidate].is_some());
-            made.then(|| (stream.group, stream.mean(candidate)))
-        };
-        let (groups, errors): (Vec<usize>, Vec<f64>) = self.streams.iter().filter_map(of).unzip();
-        if groups.is_empty() {
-            return Ok(Vec::new());
-        }
-        let means = cluster_means(&groups, &errors)?;
-        Ok(means.into_iter().map(|(_, mean)| mean).collect())
+    /// The same, of which as many are drawn as are independent.
+    pub(super) fn nested(&self) -> Result<Nested, StatsError> {
+        Ok(Nested::new(self.units())?.with_independent(self.independent()))
     }
 
-    /// Mean error of each candidate over independent groups of the streams that it was trained on; +∞ if it was dropped before the first.
+    /// Mean error of a candidate over each of the streams that it was trained on.
+    fn of_streams(&self, candidate: usize) -> Vec<f64> {
+        let own = self.streams.iter();
+        let own = own.filter(|stream| stream.runs.iter().any(|run| run[candidate].is_some()));
+        own.map(|stream| stream.mean(candidate)).collect()
+    }
+
+    /// Mean error of each candidate over the streams that it was trained on; +∞ if it was dropped before the first.
     pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
-        let mean = |candidate: usize| match &self.of_groups(candidate)?[..] {
+        let mean = |candidate: usize| match &self.of_streams(candidate)[..] {
             [] => Ok(f64::INFINITY),
             errors => Ok(calib_stats::mean(errors)?),
         };
         (0..self.totals.len()).map(mean).collect()
     }
 
-    /// Groups of streams that share no rows.
-    fn groups(&self) -> usize {
-        self.streams.iter().map(|stream| stream.group).collect::<BTreeSet<_>>().len()
+    /// How many streams are independent.
+    fn independent(&self) -> usize {
+        match self.environment {
+            EnvironmentId::LogReplay => fitting(&self.streams, self.steps),
+            EnvironmentId::Online | EnvironmentId::Member(_) => self.streams.len(),
+        }
     }
 
     /// What is shown of them.
     pub(super) fn scores(&self) -> Result<EnvironmentScores, SweepError> {
         let summary = |candidate: usize| -> Result<Summary, SweepError> {
-            let each = match &self.streams[..] {
-                [one] => one.runs.iter().filter_map(|run| run[candidate]).collect(),
-                _ => self.of_groups(candidate)?,
+            let summary = match &self.streams[..] {
+                [one] => {
+                    let runs: Vec<f64> = one.runs.iter().filter_map(|run| run[candidate]).collect();
+                    if runs.is_empty() { Summary::NONE } else { summarise(&runs)? }
+                }
+                _ => match &self.of_streams(candidate)[..] {
+                    [] => Summary::NONE,
+                    means => summarise_overlapping(means, self.independent())?,
+                },
             };
-            Ok(if each.is_empty() { Summary::NONE } else { summarise(&each)? })
+            Ok(summary)
         };
         let skill =
             |&(rmse, std): &(f64, f64)| (rmse.is_finite() && std > 0.0).then_some(1.0 - rmse / std);
         Ok(EnvironmentScores {
             environment: self.environment,
             streams: self.streams.len(),
-            independent: self.groups(),
+            independent: self.independent(),
             runs: self.streams.iter().map(|stream| stream.runs.len()).sum(),
             candidates: (0..self.totals.len()).map(summary).collect::<Result<_, _>>()?,
             skill: self.totals.iter().map(skill).collect(),
@@ -190,21 +188,13 @@ const fn is_recorded(environment: EnvironmentId) -> bool {
     matches!(environment, EnvironmentId::Online | EnvironmentId::LogReplay)
 }
 
-/// Put windows of the log into groups: in the order of rows, one that begins less than `steps` rows after the first of a group belongs to
-/// it. The last of a group may reach into the next one by less than a window.
-fn group(streams: &mut [Stream], steps: usize) {
-    let mut order: Vec<usize> = (0..streams.len()).collect();
-    order.sort_by_key(|&stream| streams[stream].start_row);
-    let mut begin: Option<(usize, usize)> = None;
-    for stream in order {
-        let start = streams[stream].start_row as usize;
-        begin = match begin {
-            Some((first, number)) if start < first + steps => Some((first, number)),
-            Some((_, number)) => Some((start, number + 1)),
-            None => Some((start, 0)),
-        };
-        streams[stream].group = begin.map_or(0, |(_, number)| number);
-    }
+/// How many windows of `steps` rows fit beside each other into the rows that `windows` cover, each unbroken part of these by itself: a
+/// chain of windows, each of which shares rows with the next, is not as many as it has links.
+fn fitting(windows: &[Stream], steps: usize) -> usize {
+    let mut starts: Vec<usize> = windows.iter().map(|window| window.start_row as usize).collect();
+    starts.sort_unstable();
+    let parts = starts.chunk_by(|one, next| *next < one + steps);
+    parts.map(|part| (part[part.len() - 1] - part[0]) / steps.max(1) + 1).sum()
 }
 
 /// RMSE of a run over a part.

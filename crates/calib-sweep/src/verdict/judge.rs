@@ -1,6 +1,6 @@
 use calib_core::Seed;
 use calib_stats::{
-    ChoiceOfResamples, Drawn, Estimate, Losses, Nested, StatsError, hierarchical, top_k_hit,
+    Bounded, ChoiceOfResamples, Drawn, Losses, Nested, StatsError, hierarchical, top_k_hit,
 };
 
 use super::{
@@ -8,6 +8,7 @@ use super::{
     Share, Truth, WindowTruth,
     dropped::dropped,
     errors::Errors,
+    nearby::share_nearby,
     parts,
     rule::{Chooser, Evidence, Rule, Standing},
     simple,
@@ -81,6 +82,7 @@ pub fn verdict(
         chosen,
         grade: Grade::of(standing, truth.as_ref(), &simple, judging.stands_still),
         scores: ranking,
+        stability_nearby: share_nearby(&stability, candidates, chosen),
         stability,
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
         parts,
@@ -132,11 +134,10 @@ pub(super) struct Runs {
 
 impl Runs {
     pub(super) fn new(all: &Measured) -> Result<Self, StatsError> {
-        let nested = |of: &Errors| Nested::new(of.units());
         Ok(Self {
             members: Nested::new(all.members.iter().flat_map(Errors::units).collect())?,
-            log: all.log.as_ref().map(nested).transpose()?,
-            online: all.online.as_ref().map(nested).transpose()?,
+            log: all.log.as_ref().map(Errors::nested).transpose()?,
+            online: all.online.as_ref().map(Errors::nested).transpose()?,
         })
     }
 }
@@ -237,9 +238,9 @@ impl Truthful<'_> {
         let best = means.as_deref().map(least);
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
-        // Pairs of windows are no sample, and nor are the values of a grid: neither has an interval.
+        // Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
         let of = |baseline, regret: Option<f64>| {
-            let regret = regret.map(|value| Estimate { value, interval: None });
+            let regret = regret.map(|value| Bounded { value, upper: None });
             BaselineRegret { baseline, chosen: None, regret }
         };
         Ok(vec![

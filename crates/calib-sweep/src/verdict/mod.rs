@@ -4,6 +4,7 @@ mod dropped;
 mod errors;
 mod grade;
 mod judge;
+mod nearby;
 mod parts;
 mod rule;
 mod simple;
@@ -14,7 +15,7 @@ mod warnings;
 
 use calib_agent::Part;
 use calib_core::Seed;
-use calib_stats::{Direction, Estimate, Selection};
+use calib_stats::{Bounded, Direction, Selection};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +54,8 @@ pub struct Judging<'a> {
     pub seed: Seed,
 }
 
-/// How often a value is chosen from other draws of the evidence.
+/// How often a value is chosen from other draws of the evidence. It says how firm the choice is on this log: members share most of it, so that
+/// another log of the same plant agrees less often.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Share {
     /// The candidate.
@@ -70,7 +72,7 @@ pub struct RuleChoice {
     /// Its choice.
     pub chosen: usize,
     /// The regret of that; none without held-out data.
-    pub regret: Option<Estimate>,
+    pub regret: Option<Bounded>,
 }
 
 /// What the sweep says about one sensor.
@@ -93,6 +95,9 @@ pub struct SensorVerdict {
     /// What is chosen from other draws of members, runs and windows of the log, the most frequent first; empty
     /// where a race dropped values.
     pub stability: Vec<Share>,
+    /// Share of these draws that choose the same value or one next to it on the grid; none where nothing is drawn or next to it.
+    #[serde(default)]
+    pub stability_nearby: Option<f64>,
     /// What each rule chooses.
     pub rules: Vec<RuleChoice>,
     /// Ranks over the members, and the worst-rank selection among them.

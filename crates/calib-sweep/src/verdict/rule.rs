@@ -25,7 +25,7 @@ pub enum Rule {
     /// The same over the runs on the replayed log alone; where nothing was replayed, over those of the members.
     LogReplay,
     /// The default, unless another is better over the same streams by at least one standard error of the mean paired difference of
-    /// logarithms: then the best of these by mean logarithm. See [`choose_around_default`].
+    /// logarithms: then the best of these by mean logarithm.
     OneStandardError,
 }
 

@@ -1,4 +1,4 @@
-use calib_stats::{Estimate, kendall_tau_b, spearman};
+use calib_stats::{Bounded, Estimate, kendall_tau_b, spearman};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ pub struct Agreement {
     #[schemars(with = "Option<f64>")]
     pub online_error: f64,
     /// exp(mean over windows of ln(error / best error of the window)) − 1; none if every value diverged.
-    pub regret: Option<Estimate>,
+    pub regret: Option<Bounded>,
     /// Geometric mean over windows of its error by the default's; none where it is the default.
     pub against_default: Option<Estimate>,
     /// Spearman's correlation of the ranking with the errors on held-out data; none if undefined.
@@ -68,7 +68,7 @@ pub struct BaselineRegret {
     /// The value that it chooses, where it is one.
     pub chosen: Option<usize>,
     /// Its regret; none where it cannot be said.
-    pub regret: Option<Estimate>,
+    pub regret: Option<Bounded>,
 }
 
 /// What held-out data says about all values.

@@ -1,5 +1,5 @@
 use calib_agent::SimplePredictor;
-use calib_stats::Interval;
+use calib_stats::{Estimate, Interval};
 
 use super::*;
 use crate::{Sources, Told, TopK};
@@ -9,7 +9,7 @@ fn estimate(value: f64, low: f64, high: f64) -> Estimate {
 }
 
 fn alternative(way: Way, value: Option<f64>, regret: f64) -> Alternative {
-    let regret = Some(Estimate { value: regret, interval: None });
+    let regret = Some(Bounded { value: regret, upper: None });
     Alternative { way, value: value.map(Setting::from), regret }
 }
 
@@ -27,6 +27,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         values: 9,
         members: 5,
         stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
+        stability_nearby: None,
         online: Some(Agreement {
             part: "whole runs".to_owned(),
             windows: 4,
@@ -38,7 +39,7 @@ pub(in crate::report) fn verdict() -> Verdict {
             best: Setting::from(3e-4),
             best_error: 0.42,
             best_skill: Some(0.57),
-            regret: Some(estimate(0.025, 0.0, 0.05)),
+            regret: Some(Bounded { value: 0.025, upper: Some(0.05) }),
             against_default: Some(estimate(0.8, 0.7, 0.9)),
             spearman: Some(0.93),
             kendall: Some(0.83),
@@ -74,7 +75,7 @@ Use learning_rate = 1e-4 for PIT300.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
 70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: 0 % to 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
 Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
 It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
 Log replay's choice (3e-4) would have had a regret of 1 %.
@@ -132,7 +133,7 @@ No held-out data was given: regret and agreement with Online are unknown.
 fn a_choice_that_diverged() {
     let mut verdict = Verdict { grade: Grade::Poor, ..verdict() };
     let online = verdict.online.as_mut().unwrap();
-    let infinite = Estimate { value: f64::INFINITY, interval: None };
+    let infinite = Bounded { value: f64::INFINITY, upper: None };
     online.chosen_error = f64::INFINITY;
     online.chosen_skill = None;
     online.regret = Some(infinite);
@@ -239,7 +240,7 @@ fn a_choice_that_did_not_learn_is_named_and_not_explained() {
     insta::assert_snapshot!(text(&verdict), @r"
 No value of learning_rate learns PIT300: do not deploy on this evidence.
 The choice of kNN is learning_rate = 1e-4.
-On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: 0 % to 5 %); the best value over all windows is 3e-4 (NRMSE 0.9 against 0.95).
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.9 against 0.95).
 Its skill is -0.10: it predicts no better than the mean return. The best value's is -0.02.
 ");
 }
@@ -261,7 +262,7 @@ fn errors_that_are_all_alike_praise_no_value() {
     let mut verdict = Verdict { grade: Grade::Unchecked, ..verdict() };
     let online = verdict.online.as_mut().unwrap();
     online.values = Told::Alike;
-    online.regret = Some(estimate(0.0, 0.0, 0.0));
+    online.regret = Some(Bounded { value: 0.0, upper: None });
     insta::assert_snapshot!(text(&verdict), @r"
 Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
 kNN ranks it never below 2nd of 9 values in its 5 members.
@@ -304,6 +305,12 @@ fn one_value_is_no_choice() {
         "{reasons}"
     );
     assert!(!reasons.contains("best of"), "{reasons}");
+}
+
+#[test]
+fn values_next_to_the_choice_count_as_the_same_in_a_second_share() {
+    let told = Verdict { stability_nearby: Some(0.95), ..verdict() }.stability_sentence().unwrap();
+    assert!(told.ends_with("3e-4 in 30 %; it or a value next to it in 95 %."), "{told}");
 }
 
 #[test]

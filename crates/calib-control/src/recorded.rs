@@ -1,0 +1,131 @@
+//! What the behaviour of a log got.
+
+use calib_stats::{Interval, ratio_of_sums};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{ControlError, Decisions, Ending};
+
+/// What the recorded behaviour got an episode, counted as the returns of agents are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RecordedReturn {
+    /// Mean return an episode: Σ rewards / Σ shares of an episode that were recorded.
+    pub mean: f64,
+    /// 95 % interval of the mean, over recorded episodes; none for one.
+    pub interval: Option<Interval>,
+    /// Episodes, those of which only a share was recorded by that share.
+    pub episodes: f64,
+    /// The highest return of a whole episode; none if there is none.
+    pub best: Option<f64>,
+    /// The lowest.
+    pub worst: Option<f64>,
+}
+
+/// A recorded episode, or a part of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece {
+    /// Sum of its rewards.
+    reward: f64,
+    /// What share of an episode it is.
+    share: f64,
+}
+
+impl Decisions {
+    /// What the behaviour got in episodes of at most `timeout` steps.
+    ///
+    /// Recorded episodes are cut after every `timeout` steps, as those of agents are. A piece is whole if it has so many steps, or if an
+    /// episode began with it and ended in a terminal. What is left of an episode after a cut, and one that a gap, a row without an action or
+    /// the end of the log cut short, counts by its share of `timeout` steps, as the unfinished episode of an agent does
+    /// ([`Life::mean_return`](crate::Life::mean_return)): as a whole one it would make the behaviour look better than it was where rewards
+    /// are negative, and worse where they are positive.
+    ///
+    /// # Errors
+    /// If a reward is not a number.
+    pub fn recorded_return(&self, timeout: usize) -> Result<RecordedReturn, ControlError> {
+        let pieces = self.pieces(timeout.max(1));
+        let rewards: Vec<f64> = pieces.iter().map(|piece| piece.reward).collect();
+        let shares: Vec<f64> = pieces.iter().map(|piece| piece.share).collect();
+        let estimate = ratio_of_sums(&rewards, &shares)?;
+        let whole = || pieces.iter().filter(|piece| piece.share == 1.0).map(|piece| piece.reward);
+        Ok(RecordedReturn {
+            mean: estimate.value,
+            interval: estimate.interval,
+            episodes: shares.iter().sum(),
+            best: whole().reduce(f64::max),
+            worst: whole().reduce(f64::min),
+        })
+    }
+
+    fn pieces(&self, timeout: usize) -> Vec<Piece> {
+        let mut pieces = Vec::new();
+        for steps in self.episodes() {
+            let ended = self.endings()[steps.end - 1] == Ending::Terminal;
+            let rewards = &self.rewards()[steps];
+            for part in rewards.chunks(timeout) {
+                let is_whole = part.len() == timeout || (ended && part.len() == rewards.len());
+                let share = if is_whole { 1.0 } else { part.len() as f64 / timeout as f64 };
+                pieces.push(Piece { reward: part.iter().copied().map(f64::from).sum(), share });
+            }
+        }
+        pieces
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use calib_core::{Segments, States};
+
+    use super::*;
+    use crate::Columns;
+
+    /// Episodes of so many steps of −1, each of which ends in a terminal if so.
+    pub(crate) fn log(episodes: &[(usize, Ending)]) -> Decisions {
+        let (mut actions, mut rewards, mut endings) = (Vec::new(), Vec::new(), Vec::new());
+        for &(steps, ending) in episodes {
+            actions.extend((0..steps).map(|step| Some((step % 2) as u16)));
+            actions.push(None);
+            rewards.push(f32::NAN);
+            rewards.extend(vec![-1.0; steps]);
+            endings.extend(vec![Ending::Continues; steps]);
+            endings.push(ending);
+        }
+        let rows = actions.len();
+        let states = States::new((0..rows).map(|row| row as f32).collect(), rows, 1);
+        let segments = Segments::from_lengths(episodes.iter().map(|of| of.0 + 1)).expect("valid");
+        let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
+        Decisions::new(states.expect("valid"), &segments, columns, 2).expect("valid")
+    }
+
+    fn mean(episodes: &[(usize, Ending)], timeout: usize) -> f64 {
+        log(episodes).recorded_return(timeout).expect("numbers").mean
+    }
+
+    const ON: Ending = Ending::Continues;
+    const END: Ending = Ending::Terminal;
+
+    #[test]
+    fn what_is_left_after_a_cut_is_no_whole_episode() {
+        // 150 steps an episode, cut after 100: an agent's next episode would begin anew.
+        let near = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-9, "{got}");
+        near(mean(&[(150, ON); 4], 100), -100.0);
+        near(mean(&[(150, END); 4], 100), -100.0);
+        // One that the end of the log cut after a fifth.
+        near(mean(&[(100, ON), (100, ON), (20, ON)], 100), -100.0);
+        // Terminals end whole episodes, however short.
+        let of = log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
+        near(of.mean, -125.0 / 2.25);
+        near(of.episodes, 2.25);
+        assert_eq!((of.best, of.worst), (Some(-40.0), Some(-60.0)));
+        // Less than an episode is not told as one.
+        let of = log(&[(25, ON)]).recorded_return(100).expect("numbers");
+        near(of.mean, -100.0);
+        assert_eq!((of.best, of.worst, of.interval), (None, None, None));
+    }
+
+    #[test]
+    fn the_interval_is_that_of_the_quotient_of_sums() {
+        let of = log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
+        let own = ratio_of_sums(&[-40.0, -60.0, -25.0], &[1.0, 1.0, 0.25]).expect("three");
+        assert_eq!(of.interval, own.interval);
+    }
+}
