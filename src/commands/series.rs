@@ -54,6 +54,11 @@ pub(super) fn read(text: &str) -> anyhow::Result<Samples> {
     }
 }
 
+/// The file of the series that `text` names; `text` where it names none.
+pub(super) fn path(text: &str) -> PathBuf {
+    source(text).map_or_else(|_| text.into(), |source| source.path)
+}
+
 /// Split at the colon after the file's extension: both parts may hold others.
 fn source(text: &str) -> anyhow::Result<Source> {
     let lower = text.to_ascii_lowercase();

@@ -69,7 +69,7 @@ fn what_belongs_to_others_stays() {
     fs::create_dir_all(at("study-results/model")).expect("made");
     symlink(at("thesis.tex"), at("study-results/model/.lock")).expect("linked");
     let refused = place.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(refused.contains("it is a link"), "{refused}");
+    assert!(refused.contains("holds .lock, which calib did not write"), "{refused}");
     assert_eq!(fs::read(at("thesis.tex")).expect("readable"), b"years of work");
     fs::remove_file(at("study-results/model/.lock")).expect("removed");
     // Units that are somebody's, behind a link.
@@ -77,7 +77,8 @@ fn what_belongs_to_others_stays() {
     fs::create_dir_all(at("theirs/units/P/online")).expect("made");
     place.write("theirs/units/P/online/notes.txt", "theirs");
     symlink(at("theirs"), at("study-results/sweep")).expect("linked");
-    place.calib(&["sweep", "study.toml", "--force"]).succeeds();
+    let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
+    assert!(refused.contains("holds units, which calib did not write"), "{refused}");
     assert!(at("theirs/units/P/online/notes.txt").exists());
     // Days that no simulation wrote.
     fs::create_dir(at("logs")).expect("made");
@@ -86,20 +87,24 @@ fn what_belongs_to_others_stays() {
     assert!(refused.contains("2022-11-01.parquet is in the way"), "{refused}");
     let own = fs::read(at("data/2022-11-01.parquet")).expect("readable");
     assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
-    // A path that is to go where a link leads, or to a device.
+    // A path that is to go to a device; where a link leads is somebody's.
     let series = ["a.csv", "b.csv"];
     for name in series {
         place.write(name, "1\n2\n3\n");
     }
     place.write("path.csv", "old");
     symlink(at("path.csv"), at("link.csv")).expect("linked");
-    place
-        .calib(&["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "link.csv"])
-        .succeeds();
+    let align = |path: &str, force: &[&str]| {
+        let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", path];
+        place.calib(&[&args[..], force].concat())
+    };
+    for force in [&["--force"][..], &[]] {
+        let refused = align("link.csv", force).fails(2);
+        assert!(refused.contains("it is a link"), "{refused}");
+    }
     assert!(fs::symlink_metadata(at("link.csv")).expect("there").is_symlink());
-    assert!(fs::read_to_string(at("path.csv")).expect("readable").starts_with("query"));
-    let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "/dev/stdout"];
-    assert!(place.calib(&args).succeeds().contains("query,reference"));
+    assert_eq!(fs::read(at("path.csv")).expect("readable"), b"old");
+    assert!(align("/dev/stdout", &[]).succeeds().contains("query,reference"));
 }
 
 #[cfg(unix)]
@@ -285,9 +290,11 @@ fn a_simulated_log_is_what_was_simulated() {
     let refused = place.calib(&args).fails(2);
     assert!(refused.contains("it is not known what the logs in data"), "{refused}");
     // No more is removed than what is known to have been simulated.
-    fs::write(place.path().join("data/2022-11-05.parquet"), "theirs").expect("writable");
-    place.calib(&[&args[..], &["--force"]].concat()).fails(2);
-    assert!(day.exists() && place.path().join("data/2022-11-05.parquet").exists());
+    let theirs = place.path().join("data/2022-11-05.parquet");
+    fs::write(&theirs, "theirs").expect("writable");
+    place.calib(&[&args[..], &["--force"]].concat()).succeeds();
+    assert_eq!(fs::read(&day).expect("readable"), whole);
+    assert_eq!(fs::read(&theirs).expect("readable"), b"theirs");
 }
 
 /// Rewrite a file of JSON under a fingerprint that fits.
