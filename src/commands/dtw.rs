@@ -6,6 +6,7 @@ use calib_files::{FileError, check_output, is_same_file, write_output};
 use calib_pipeline::{
     Outcome, Printer, Standing,
     output::{count, table},
+    require_memory,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -106,6 +107,8 @@ fn aligned(
         );
     };
     let dtw = Dtw::with_settings(pattern.clone(), settings);
+    let needed = dtw.path_bytes(query.len(), reference.len());
+    require_memory(needed, "the warping path", "shorten the series, or leave --path out")?;
     let alignment = dtw.align(query, reference)?;
     write_path(path, standing, &alignment)?;
     printer.say(&format!(
