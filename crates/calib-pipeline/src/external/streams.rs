@@ -15,7 +15,7 @@ use crate::{
         artefact::{self, TOOL},
         outcome::StepError,
     },
-    log::partition,
+    log::{partition, prepared},
     model::model_files,
     output::Printer,
     sweep::{
@@ -87,6 +87,7 @@ impl SweepStreams {
     /// # Errors
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
+        prepared::begin_command();
         Ok(Self::new(job, printer)?)
     }
 
