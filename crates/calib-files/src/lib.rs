@@ -74,5 +74,5 @@ pub use sealed::{read_sealed_json, write_new_sealed_json, write_sealed_json};
 pub use spill::Spill;
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
-pub use unfinished::Unfinished;
+pub use unfinished::{Unfinished, is_putting_aside};
 pub use writer::{host_name, is_temporary};

@@ -31,13 +31,7 @@ use crate::{
         status::summary,
     },
     output::Printer,
-    sweep::{
-        Found, Source,
-        cost::{Cost, Trained},
-        plan::agents_of,
-        setting::Setting,
-        unit_store,
-    },
+    sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
 };
 
 /// Memory of a process that has nothing to do.
@@ -78,7 +72,14 @@ pub(crate) fn make(
         record.note([PLAN])?;
     }
     let seen = BTreeSet::new();
-    let mut planning = Planning { directory, record, maker: &maker, division, seen };
+    let mut planning = Planning {
+        directory,
+        record,
+        maker: &maker,
+        division,
+        measured: MeasuredPasses::default(),
+        seen,
+    };
     let (mut parts, mut work) = (Vec::new(), Vec::new());
     for part in job.parts(Each::Deployment)? {
         let (model, deployment) = (part.model(), part.deployment());
@@ -154,6 +155,8 @@ struct Planning<'a> {
     record: Option<&'a mut FolderRecord>,
     maker: &'a Maker,
     division: Division,
+    /// What passes take.
+    measured: MeasuredPasses,
     /// Keys of units that parts before make: those that are the same are made once.
     seen: BTreeSet<String>,
 }
@@ -193,7 +196,7 @@ impl Planning<'_> {
             return Ok(None);
         }
         printer.say("timing some steps of a pass");
-        let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
+        let cost = setting.cost(study, &self.measured, &printer.silent().progress())?;
         let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
         let secs = cost.of(sensors.len()) * runs.len() as f64;
         let groups = self.division.groups(runs.len(), sensors.len(), secs);
