@@ -58,6 +58,28 @@ fn a_sweep_with_nothing_to_write_writes_nothing() {
     assert!(manifest.exists(), "what could not be begun is not given up");
 }
 
+#[test]
+fn damaged_one_step_errors_are_told_and_made_again() {
+    let place = place();
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    let whole = place.content("study-results");
+    let report =
+        || fs::read_to_string(place.path().join("study-results/report.html")).expect("a report");
+    assert!(report().contains("One-step error"));
+    for name in ["one_step.json", "one_step.parquet"] {
+        let path = place.path().join("study-results/rollout").join(name);
+        let mut bytes = fs::read(&path).expect("there");
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).expect("writable");
+        let told = place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
+        let note = "the one-step errors in study-results/rollout were made with other settings, or are damaged";
+        assert!(told.contains(note) && report().contains("one-step errors in"), "{told}");
+        place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+        assert!(place.content("study-results") == whole, "{name}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn what_belongs_to_others_stays() {

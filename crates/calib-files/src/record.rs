@@ -151,7 +151,11 @@ impl FolderRecord {
         names: impl IntoIterator<Item = S>,
     ) -> Result<(), FileError> {
         let path = self.folder.join(LOCK);
-        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        let names = names.into_iter().map(Into::into);
+        let names: Vec<String> = names.filter(|name| !self.names.contains(name)).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
         let lines: String = names.iter().map(|name| format!("{name}\n")).collect();
         if fs::symlink_metadata(&path).is_err() {
             self.make("")?;
