@@ -313,6 +313,14 @@ def test_a_log_of_somebody_is_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "theirs").read_bytes() == b"years of work" and log.is_symlink()
 
 
+def test_other_results_are_no_model(study: calib_rl.Study, tmp_path: Path) -> None:
+    with pytest.raises(calib_rl.CalibError, match="has other results than those of `calib build-model STUDY`"):
+        calib_rl.Model.open(study.results / "sweep")
+    (tmp_path / "verdict.json").write_text("{}")
+    with pytest.raises(calib_rl.CalibError, match="has the verdict of `calib control`, which keeps no model"):
+        calib_rl.Model.open(tmp_path)
+
+
 def test_what_is_not_valid_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(calib_rl.StudyError, match="members"):
         calib_rl.build_model(frame(), tmp_path / "new", model={"memebers": 3})

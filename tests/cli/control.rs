@@ -149,6 +149,30 @@ fn neighbours_can_be_near_in_a_representation() {
 }
 
 #[test]
+fn mistakes_in_rewards_and_grids_name_the_key() {
+    let place = place();
+    for (set, told) in [
+        (
+            "reward=[{ column = 'angle', wieght = -1.0 }]",
+            "control.reward: unknown key `wieght`; did you mean",
+        ),
+        ("reward=3", "control.reward: expected the name of a column, or a list of terms"),
+        ("reward={ column = 'angle' }", "control.reward: expected the name of a column"),
+        ("reward=[{ column = 'angle', weight = 'x' }]", "control.reward.weight: expected a number"),
+        (
+            "grid={ epsilon = [0.1, 0.2] }",
+            "control.grid.epsilon decides nothing: expected_sarsa does not use it",
+        ),
+        ("grid={ hidden_width = [8, 16] }", "control.grid.hidden_width decides nothing"),
+        ("grid={ step_size = [0.1, 0.2, 0.1] }", "control.grid.step_size has the value 0.1 twice"),
+    ] {
+        let args = ["control", "pole/study.toml", "--dry-run", "--set", &format!("control.{set}")];
+        let refused = place.calib(&args).fails(2);
+        assert!(refused.contains(told), "{set}: {refused}");
+    }
+}
+
+#[test]
 fn what_is_damaged_is_found_and_made_again() {
     let place = place();
     let section =

@@ -24,6 +24,9 @@ pub(crate) const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
 /// File that completes a directory; written last, removed first.
 pub(crate) const MANIFEST: &str = "manifest.json";
 
+/// File of a verdict about agents that act, which is beside no model.
+pub(crate) const CONTROL_VERDICT: &str = "verdict.json";
+
 /// What a manifest must tell about the inputs of its directory.
 pub(crate) trait Manifest: Serialize + DeserializeOwned {
     /// Version of the directory's format; another version is another artefact.
@@ -92,8 +95,16 @@ pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
     if !path.exists() {
         bail!("{} does not exist; run `{command}` first", path.display());
     }
-    let manifest: M =
-        read_sealed_json(&path).with_context(|| format!("run `{command}` to make it again"))?;
+    let manifest: M = match read_sealed_json(&path) {
+        // Whole, and of something else.
+        Err(FileError::Json { .. }) if read_sealed_json::<serde_json::Value>(&path).is_ok() => {
+            bail!(
+                "{} has other results than those of `{command}`, or those of another calib; give the folder of these",
+                directory.display()
+            )
+        }
+        manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
+    };
     anyhow::ensure!(
         manifest.format() == M::FORMAT,
         "{} has format {}, this calib reads format {}; run `{command}`",
