@@ -80,6 +80,36 @@ fn damaged_one_step_errors_are_told_and_made_again() {
     }
 }
 
+#[test]
+fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
+    let place = Place::new();
+    place.simulate("data");
+    place.write("mine.tmp", "somebody's");
+    for (name, value) in [("a.csv", "1\n2\n3\n"), ("b.csv", "1\n3\n")] {
+        place.write(name, value);
+    }
+    let warp = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
+    let left = || {
+        let entries = fs::read_dir(place.path()).expect("readable").flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.starts_with(".calib-")).count()
+    };
+    for args in [&["import", "data", "log.parquet"][..], &warp] {
+        let mut leaves = false;
+        for operation in 1..20 {
+            let fault = format!("kill:{operation}");
+            if place.calib_with(args, &[("CALIB_FAULT", &fault)]).code() != -1 {
+                break;
+            }
+            leaves |= left() > 0;
+        }
+        assert!(leaves, "a kill leaves something half-written");
+        place.calib(&[args, &["--force"]].concat()).succeeds();
+        assert_eq!(left(), 0, "{args:?}");
+    }
+    assert!(place.path().join("mine.tmp").exists());
+}
+
 #[cfg(unix)]
 #[test]
 fn what_belongs_to_others_stays() {

@@ -49,7 +49,7 @@ mod tensors;
 mod unfinished;
 mod writer;
 
-pub use array::{Array, read_array};
+pub use array::{Array, array_bytes, read_array};
 pub use atomic::{
     Below, Standing, check_output, link_or_copy, remove_temporaries, write_atomically, write_new,
     write_output,
