@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
+from ._checks import whole
 from ._model import Model, of_arrays
 from ._progress import Observer, observer
 from ._study import Study
@@ -46,7 +47,7 @@ def build_model(
 
             - anything with ``__arrow_c_stream__`` (frames of polars and pandas, tables of pyarrow, relations of DuckDB): a column of
               times and one a channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and goes
-              on from there as a log does on the command line;
+              on from there as a log does on the command line. What calib wrote there before is replaced, and nothing else;
             - a path to logs: read where they are;
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
         folder: Where the study, the log and the results go; wanted for tables and paths.
@@ -59,7 +60,9 @@ def build_model(
         The model: mapped from ``folder``, or in memory where it is of an array.
 
     Raises:
-        CalibError: A value of an array is NaN or infinite; a log is wrong.
+        CalibError: A value of an array is NaN or infinite; a log is wrong; ``folder/log.parquet`` is there, and calib did not write it.
+        StudyError: A section is not valid. Nothing is written then.
+        FileExistsError: ``folder/study.toml`` holds another study.
         TypeError: The data is none of these, or has no real numbers.
         MemoryError: There is no memory for a copy of an array.
 
@@ -81,12 +84,12 @@ def build_model(
     if folder is None:
         raise TypeError("folder says where the model of a log lies")
     folder = Path(folder)
-    path = Path(data).absolute() if is_path else folder / "log.parquet"
-    if stream is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        _calib.write_log(stream(), os.fspath(path))
-    own = {**sections.pop("data", {}), "path": str(path)}
+    # Paths in a study follow its file, so that the folder can be moved with what is in it.
+    path = str(Path(data).absolute()) if is_path else "log.parquet"
+    own = {**sections.pop("data", {}), "path": path}
     study = Study(data=own, path=folder / "study.toml", **sections)
+    if stream is not None:
+        _calib.write_log(stream(), os.fspath(folder / path))
     return study.build_model(progress=progress)
 
 
@@ -117,7 +120,8 @@ def knn_join(
 
     Raises:
         ValueError: A value is NaN or infinite, or there are not ``k`` points to find.
-        TypeError: These are no real numbers.
+        TypeError: These are no real numbers, or ``k`` is no whole number.
+        MemoryError: There is no memory for so many.
         KeyboardInterrupt: Ctrl-C.
 
     Examples:
@@ -126,7 +130,7 @@ def knn_join(
         >>> neighbors.tolist(), distances.tolist()
         ([[1], [0], [1]], [[1.0], [1.0], [2.0]])
     """
-    return _calib.knn_join(array, k, queries, exclude_self, index, observer(progress))
+    return _calib.knn_join(array, whole(k, "k", 1), queries, exclude_self, index, observer(progress))
 
 
 def dtw(
@@ -155,6 +159,8 @@ def dtw(
 
     Raises:
         ValueError: A series is empty or not finite, no path is admissible, or an option is unknown.
+        MemoryError: There is no memory for the path.
+        KeyboardInterrupt: Ctrl-C.
 
     Examples:
         >>> import calib_rl
@@ -189,5 +195,6 @@ def set_threads(threads: int) -> None:
 
     Raises:
         RuntimeError: Threads are at work already.
+        ValueError: It is less than 1, or more than 1024.
     """
-    _calib.set_threads(threads)
+    _calib.set_threads(whole(threads, "threads", 1))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
+from ._checks import LARGEST_SEED, position, whole
 from ._progress import Observer, observer
 
 if TYPE_CHECKING:
@@ -26,7 +27,11 @@ class Model:
     row after it. All arrays of a model are read-only views of its files where it was opened from a folder: they take memory only
     while there is some.
 
-    A model that lies in a folder can be pickled: what is pickled is the path. Models may be used from several threads at once.
+    Models can be pickled: one that lies in a folder as its path, one of arrays as these, of which it is built again. They may be used from
+    several threads at once.
+
+    A file of an open model that is cut short by somebody else, or whose disk fails, is noticed: the next call raises `CalibError`, and what
+    was read of it meanwhile is zeros.
 
     Examples:
         >>> import numpy as np
@@ -44,8 +49,11 @@ class Model:
         True
     """
 
-    def __init__(self, native: _calib.Model) -> None:
+    def __init__(
+        self, native: _calib.Model, built: tuple[list[int] | None, dict[str, Any]] | None = None
+    ) -> None:
         self._native = native
+        self._built = built
 
     @staticmethod
     def open(folder: str | os.PathLike[str]) -> Model:
@@ -121,7 +129,7 @@ class Model:
         Raises:
             IndexError: There is no such member.
         """
-        return self._native.transitions(member)
+        return self._native.transitions(position(member, "member"))
 
     def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
         """The transitions whose sources are nearest to where each one leads, nearest first.
@@ -132,7 +140,7 @@ class Model:
         Raises:
             IndexError: There is no such member.
         """
-        return self._native.neighbors(member)
+        return self._native.neighbors(position(member, "member"))
 
     def distances(self, member: int = 0) -> NDArray[np.float32]:
         """How far the sources of `neighbors` are.
@@ -144,7 +152,7 @@ class Model:
         Raises:
             IndexError: There is no such member.
         """
-        return self._native.distances(member)
+        return self._native.distances(position(member, "member"))
 
     def physical(self, states: ArrayLike) -> NDArray[np.float64]:
         """Normalised states in the units of the sensors.
@@ -199,10 +207,15 @@ class Model:
 
         Raises:
             IndexError: There is no such member or row.
+            ValueError: ``n`` or ``steps`` is negative.
+            TypeError: A number that is to be whole is not.
+            MemoryError: There is no memory for so many steps.
             KeyboardInterrupt: Ctrl-C.
         """
-        rows = None if start is None else [int(row) for row in np.asarray(start).ravel()]
-        return self._native.rollout(member, n, steps, rows, seed, observer(progress))
+        rows = None if start is None else [position(row, "start") for row in np.asarray(start).ravel()]
+        root = None if seed is None else whole(seed, "seed", most=LARGEST_SEED)
+        member, n, steps = position(member, "member"), whole(n, "n"), whole(steps, "steps")
+        return self._native.rollout(member, n, steps, rows, root, observer(progress))
 
     def nearest(
         self, states: ArrayLike, k: int | None = None, *, member: int = 0, units: Units = "normalised"
@@ -220,19 +233,23 @@ class Model:
 
         Raises:
             CalibError: A value is NaN or infinite, or there is another number of columns.
+            ValueError: ``k`` is less than 1, or more than the member has transitions.
             TypeError: These are no real numbers.
+            IndexError: There is no such member.
+            MemoryError: There is no memory for so many.
+            KeyboardInterrupt: Ctrl-C.
         """
         if units == "physical":
             states = self.normalised(states)
-        return self._native.nearest(states, self.k if k is None else k, member)
+        neighbors = self.k if k is None else whole(k, "k", 1)
+        return self._native.nearest(states, neighbors, position(member, "member"))
 
     def __reduce__(self) -> tuple[Any, ...]:
         path = self.path
-        if path is None:
-            raise TypeError(
-                "a model of arrays lies in no folder and cannot be pickled; build it again there, or build it of a study"
-            )
-        return Model.open, (str(path),)
+        if path is not None:
+            return Model.open, (str(path),)
+        segments, options = self._built or (None, {})
+        return of_arrays, (np.array(self.states), segments, options)
 
     def __repr__(self) -> str:
         count = len(self.sources)
@@ -243,8 +260,8 @@ class Model:
 
 
 def of_arrays(
-    states: ArrayLike, segments: Sequence[int] | None, options: dict[str, Any], progress: bool | Observer
+    states: ArrayLike, segments: Sequence[int] | None, options: dict[str, Any], progress: bool | Observer = False
 ) -> Model:
     """A model of normalised states in memory."""
-    lengths = None if segments is None else [int(length) for length in segments]
-    return Model(_calib.Model.build(states, lengths, options, observer(progress)))
+    lengths = None if segments is None else [whole(length, "segments") for length in segments]
+    return Model(_calib.Model.build(states, lengths, options, observer(progress)), (lengths, options))

@@ -65,13 +65,14 @@ class Study:
     ) -> None:
         if isinstance(model, Mapping):
             sections["model"], model = model, None
+        text: str | None = None
         if source is None or isinstance(source, Mapping):
             merged = {**(source or {}), **sections}
             if not merged:
                 raise TypeError("a study is a file, a dictionary, or sections as keywords; got nothing")
             if path is None:
                 raise TypeError("path says where a study of a dictionary is written, such as path='study.toml'")
-            source = _written(Path(path), _calib.to_toml(merged))
+            text, source = _calib.to_toml(merged), path
         elif sections or path is not None:
             raise TypeError("a study file is complete; lay keys over it with set={'section.key': value}")
         self._arguments: dict[str, Any] = {
@@ -83,7 +84,10 @@ class Study:
             "output": None if output is None else os.fspath(output),
         }
         given = {key: value for key, value in self._arguments.items() if key != "source"}
-        self._job = _calib.Job(os.fspath(source), redo=redo, **given)
+        # What is not valid is not written either.
+        self._job = _calib.Job(os.fspath(source), text, redo=redo, **given)
+        if text is not None:
+            _write(Path(source), text)
 
     def _given(self) -> dict[str, Any]:
         """What makes the same study again in another process."""
@@ -190,14 +194,33 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
     return texts
 
 
-def _written(path: Path, text: str) -> Path:
-    """The file, which holds this text; never in the place of another."""
-    if path.exists():
-        if path.read_text(encoding="utf-8") != text:
-            raise FileExistsError(f"{path} holds another study; remove it, choose another path, or lay keys over it with set=")
-        return path
+def _write(path: Path, text: str) -> None:
+    """Write the file; never in the place of another one."""
+    if _holds(path, text):
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
-    return path
+    try:
+        # A second name replaces nothing, also not what came there meanwhile.
+        os.link(unfinished, path)
+    except FileExistsError:
+        _holds(path, text)
+    except OSError:
+        # There are file systems without second names.
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Whether the file is there, and holds this text.
+
+    Raises:
+        FileExistsError: Something else is there.
+    """
+    if not os.path.lexists(path):
+        return False
+    if not path.is_file() or path.read_bytes() != text.encode():
+        raise FileExistsError(f"{path} holds another study; remove it, choose another path, or lay keys over it with set=")
+    return True

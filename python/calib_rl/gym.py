@@ -1,8 +1,10 @@
 """A calibration model as an environment of Gymnasium (1.0 or later).
 
 What an agent sees is recorded rows in an order that never was: every step goes to where one of the nearest recorded transitions went.
-**No action changes what follows.** A calibration model stands for a plant as it was operated; agents that predict are tuned in it, and
-agents that act can be run in it, but not judged by what their actions would have done.
+**No action changes what follows.** A calibration model stands for a plant as it was operated; agents that predict are tuned in it. There
+is one action, and an agent that acts has nothing to learn here: ``calib control`` is for those.
+
+Environments can be pickled, as ``SubprocVecEnv`` of Stable-Baselines3 needs it, and go on there where they were.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from . import _calib
+from ._checks import LARGEST_SEED, position, whole
 from ._model import Model, Units
 
 try:
@@ -28,6 +32,9 @@ else:
 
 Column = str | int
 
+# What a walk takes here and in compiled code, beside what it sees.
+WALKER_BYTES = 512
+
 
 def _position(model: Model, column: Column) -> int:
     if isinstance(column, str):
@@ -36,9 +43,10 @@ def _position(model: Model, column: Column) -> int:
             raise ValueError(f"no column is called {column!r}; the model has {', '.join(names)}")
         return names.index(column)
     width = model.states.shape[1]
-    if not 0 <= column < width:
-        raise ValueError(f"column {column}: the model has {width}, from 0 on")
-    return int(column)
+    number = whole(column, "a column", -LARGEST_SEED)
+    if not 0 <= number < width:
+        raise ValueError(f"column {number}: the model has {width}, from 0 on")
+    return number
 
 
 def _space(model: Model, columns: list[int], units: Units) -> Any:
@@ -63,17 +71,30 @@ class _Settings:
     ) -> None:
         if units not in ("normalised", "physical"):
             raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
-        if max_steps is not None and max_steps < 1:
-            raise ValueError(f"max_steps is {max_steps}, expected 1 or more, or None for episodes without an end")
+        if action_space is not None:
+            raise ValueError(
+                "action_space: this model has no actions, and nothing that an agent does changes what follows; leave it out, "
+                "and use `calib control` for agents that act"
+            )
+        most = 0 if max_steps is None else whole(max_steps, "max_steps", 1)
         every = range(model.states.shape[1])
         columns = list(every) if observe is None else [_position(model, column) for column in observe]
         if not columns:
             raise ValueError("observe names no column")
         self.observation_space: gymnasium.Space[NDArray[np.float32]] = _space(model, columns, units)
-        self.action_space: gymnasium.Space[Any] = spaces.Discrete(1) if action_space is None else action_space
-        self.walkers = model._native.walkers(
-            [int(member) for member in members], columns, _position(model, reward), max_steps or 0, units == "physical"
-        )
+        self.action_space: gymnasium.Space[Any] = spaces.Discrete(1)
+        self._walked = list(members), columns, _position(model, reward), most, units == "physical"
+        self._model = model
+        self.walkers = model._native.walkers(*self._walked)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "walkers": self.walkers.state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        at = state.pop("walkers")
+        self.__dict__.update(state)
+        self.walkers = self._model._native.walkers(*self._walked)
+        self.walkers.restore(at)
 
 
 class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
@@ -92,24 +113,26 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:
+        member = position(member, "member")
         settings = _Settings(model, [member], observe, reward, max_steps, units, action_space)
         self.model, self.member = model, member
         self.observation_space, self.action_space = settings.observation_space, settings.action_space
-        self._walkers = settings.walkers
+        self._settings = settings
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin at a random recorded state of the member."""
         super().reset(seed=seed)
+        walkers = self._settings.walkers
         if seed is not None:
-            self._walkers.seed([seed])
-        seen, _, _, rows, times, distances = self._walkers.reset()
+            walkers.seed([whole(seed, "seed", most=LARGEST_SEED)])
+        seen, _, _, rows, times, distances = walkers.reset()
         return seen[0], {"row": int(rows[0]), "time": int(times[0]), "distance": float(distances[0])}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Go one step on; the action changes nothing."""
-        seen, reward, over, row, time, distance = self._walkers.step_one()
+        seen, reward, over, row, time, distance = self._settings.walkers.step_one()
         return seen, reward, False, over, {"row": row, "time": time, "distance": distance}
 
 
@@ -130,16 +153,20 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, expected 1 or more")
+        num_envs = whole(num_envs, "num_envs", 1)
         given = [members] if isinstance(members, (int, np.integer)) else list(members)
-        dealt = [int(given[number % len(given)]) for number in range(num_envs)]
+        if not given:
+            raise ValueError("members names no member")
+        given = [position(member, "members") for member in given]
+        width = model.states.shape[1] if observe is None else len(observe)
+        _calib.require_memory(num_envs * (WALKER_BYTES + 16 * width), f"{num_envs} walks", "lower num_envs")
+        dealt = [given[number % len(given)] for number in range(num_envs)]
         settings = _Settings(model, dealt, observe, reward, max_steps, units, action_space)
         self.model, self.members, self.num_envs = model, dealt, num_envs
         self.single_observation_space, self.single_action_space = settings.observation_space, settings.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._walkers = settings.walkers
+        self._settings = settings
         self._never = np.zeros(num_envs, np.bool_)
         self._all = np.ones(num_envs, np.bool_)
 
@@ -149,19 +176,21 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
         one = seed if seed is None or isinstance(seed, (int, np.integer)) else None
         super().reset(seed=None if one is None else int(one))
+        walkers = self._settings.walkers
         if one is not None:
-            self._walkers.seed([int(one) + number for number in range(self.num_envs)])
+            first = whole(one, "seed", most=LARGEST_SEED)
+            walkers.seed([(first + number) % (LARGEST_SEED + 1) for number in range(self.num_envs)])
         elif seed is not None and not isinstance(seed, (int, np.integer)):
-            self._walkers.seed([None if of is None else int(of) for of in seed])
+            walkers.seed([None if of is None else whole(of, "seed", most=LARGEST_SEED) for of in seed])
         mask = (options or {}).get("reset_mask")
-        seen, _, _, rows, times, distances = self._walkers.reset(mask)
+        seen, _, _, rows, times, distances = walkers.reset(mask)
         return seen, self._info(rows, times, distances)
 
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Go one step on with every walk; one that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it."""
-        seen, rewards, over, rows, times, distances = self._walkers.step()
+        seen, rewards, over, rows, times, distances = self._settings.walkers.step()
         return seen, rewards, self._never.copy(), over, self._info(rows, times, distances)
 
     def _info(
@@ -190,7 +219,7 @@ def make(
         reward: The column whose value after a step is its reward.
         max_steps: Steps after which an episode is truncated; ``None`` for never.
         units: What observations and rewards are in.
-        action_space: What actions are drawn from; one action without it. No action changes anything.
+        action_space: Must be ``None``: the model has no actions, and any other one is refused.
 
     Returns:
         The environment. Observations are ``float32 [columns]``, bounded by what was recorded; ``info`` has the ``row`` of the model's data
@@ -198,8 +227,9 @@ def make(
         before to the recorded one whose transition was taken.
 
     Raises:
-        ValueError: There is no such column.
+        ValueError: There is no such column, or an ``action_space`` is given.
         IndexError: There is no such member.
+        TypeError: A number that is to be whole is not.
 
     Examples:
         >>> import numpy as np
@@ -251,6 +281,11 @@ def make_vec(
     Returns:
         The vector environment: observations ``float32 [num_envs, columns]``, rewards ``float64 [num_envs]``. Episodes begin anew in the
         step after the one that ended them.
+
+    Raises:
+        ValueError: As `make`; or there are no members, or no walks.
+        IndexError: There is no such member.
+        MemoryError: There is no memory for so many walks.
 
     Examples:
         >>> import numpy as np

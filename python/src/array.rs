@@ -159,6 +159,23 @@ pub(crate) fn copied<T: Number>(
     Ok((values, shape))
 }
 
+/// Refuse what would take more memory than there is: the system would end the process instead of saying no.
+///
+/// # Errors
+/// `MemoryError` with what it would take.
+pub(crate) fn require_memory(bytes: u64, what: &str, remedy: &str) -> PyResult<()> {
+    calib_pipeline::require_memory(bytes, what, remedy)
+        .map_err(|refused| pyo3::exceptions::PyMemoryError::new_err(refused.to_string()))
+}
+
+/// The same for callers in Python.
+#[pyfunction]
+#[pyo3(name = "require_memory")]
+pub(crate) fn require_memory_of(bytes: f64, what: &str, remedy: &str) -> PyResult<()> {
+    calib_pipeline::require_memory(bytes as u64, what, remedy)
+        .map_err(|refused| pyo3::exceptions::PyMemoryError::new_err(refused.to_string()))
+}
+
 /// `MemoryError`.
 pub(crate) fn no_memory(bytes: usize) -> PyErr {
     pyo3::exceptions::PyMemoryError::new_err(format!("cannot allocate {bytes} bytes"))

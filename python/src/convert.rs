@@ -12,6 +12,15 @@ use toml::{Table, Value};
 /// # Errors
 /// `TypeError` with the key, for a value that TOML does not have.
 pub(crate) fn table(of: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
+    table_within(of, above, DEEPEST)
+}
+
+/// How deep dictionaries and lists may lie in one another: what is nested deeper is no study, and what holds itself never ends.
+const DEEPEST: usize = 32;
+
+/// As [`table`], where `left` more may lie in it.
+fn table_within(of: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
+    let left = deeper(above, left)?;
     let mut table = Table::new();
     let items = of.call_method0("items").map_err(|_| not_toml(of, above))?;
     for item in items.try_iter()? {
@@ -19,13 +28,23 @@ pub(crate) fn table(of: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
         let key: String = key.str()?.extract()?;
         let path = if above.is_empty() { key.clone() } else { format!("{above}.{key}") };
         if !value.is_none() {
-            table.insert(key, self::value(&value, &path)?);
+            table.insert(key, self::value(&value, &path, left)?);
         }
     }
     Ok(table)
 }
 
-fn value(of: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+/// What may lie in something, of what may lie around it.
+fn deeper(path: &str, left: usize) -> PyResult<usize> {
+    left.checked_sub(1).ok_or_else(|| {
+        let shown: String = path.chars().take(60).collect();
+        crate::errors::value(format!(
+            "{shown}… is nested more than {DEEPEST} deep, or holds itself; a study has sections, keys and lists"
+        ))
+    })
+}
+
+fn value(of: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> {
     if of.is_instance_of::<PyBool>() {
         return Ok(Value::Boolean(of.extract()?));
     }
@@ -39,12 +58,13 @@ fn value(of: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
         return Ok(Value::String(of.extract()?));
     }
     if of.is_instance_of::<PyDict>() {
-        return Ok(Value::Table(table(of, path)?));
+        return Ok(Value::Table(table_within(of, path, left)?));
     }
     if of.is_instance_of::<PyList>() || of.is_instance_of::<PyTuple>() {
+        let left = deeper(path, left)?;
         let values = of.try_iter()?.enumerate();
         let each = |(at, item): (usize, PyResult<Bound<'_, PyAny>>)| {
-            value(&item?, &format!("{path}[{at}]"))
+            value(&item?, &format!("{path}[{at}]"), left)
         };
         return Ok(Value::Array(values.map(each).collect::<PyResult<_>>()?));
     }
@@ -57,7 +77,7 @@ fn value(of: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
         return Ok(Value::String(of.call_method0("__fspath__")?.extract()?));
     }
     if of.hasattr("tolist")? {
-        return value(&of.call_method0("tolist")?, path);
+        return value(&of.call_method0("tolist")?, path, deeper(path, left)?);
     }
     Err(not_toml(of, path))
 }

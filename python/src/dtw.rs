@@ -7,7 +7,7 @@ use calib_dtw::{Dtw, Ends, LocalDistance, Series, Settings, StepPattern, Window}
 use pyo3::prelude::*;
 
 use crate::{
-    array::{copied, owned},
+    array::{copied, owned, require_memory},
     errors,
     observer::{Watch, Watching},
     work::{Needs, watched},
@@ -39,6 +39,13 @@ pub(crate) fn dtw<'py>(
     let series = [(query, "query"), (reference, "reference")];
     let [query, reference] = series.map(|(of, name)| copied::<f64>(of, name, &[1, 2]));
     let (query, reference) = (query?, reference?);
+    if path {
+        let samples = |(_, shape): &(Vec<f64>, Vec<usize>)| shape[0];
+        let needed = dtw.path_bytes(samples(&query), samples(&reference));
+        // And once more as positions for Python.
+        let needed = needed.saturating_mul(2);
+        require_memory(needed, "the path", "shorten the series, or ask for the distance alone")?;
+    }
     let work = |watch: &Arc<Watch>| {
         let monitor = Watching(Arc::clone(watch));
         let stop = || monitor.interrupted();

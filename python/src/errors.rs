@@ -30,6 +30,11 @@ pub(crate) fn of_study(py: Python<'_>, error: &StudyError) -> PyErr {
     of_calib(py, "StudyError", &error.to_string())
 }
 
+/// What calib refuses, in these words.
+pub(crate) fn of_text(py: Python<'_>, text: &str) -> PyErr {
+    of_calib(py, "CalibError", text)
+}
+
 /// Anything else that calib refuses.
 pub(crate) fn of_any(py: Python<'_>, error: &dyn std::error::Error) -> PyErr {
     of_calib(py, "CalibError", &error.to_string())

@@ -1,8 +1,9 @@
 //! Tables of other libraries as logs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib_data::write_arrow_stream;
+use calib_files::FolderRecord;
 use pyo3::{prelude::*, types::PyCapsule};
 
 use crate::{
@@ -13,7 +14,8 @@ use crate::{
 /// What another thread may be given of a stream: its address.
 struct Address(usize);
 
-/// Write the table that an `__arrow_c_stream__` capsule hands over as Parquet; its rows and columns.
+/// Write the table that an `__arrow_c_stream__` capsule hands over as Parquet, where nothing is or what calib wrote before; its rows
+/// and columns.
 #[pyfunction]
 pub(crate) fn write_log(
     py: Python<'_>,
@@ -23,6 +25,8 @@ pub(crate) fn write_log(
     let stream = Address(stream.pointer_checked(Some(c"arrow_array_stream"))?.as_ptr() as usize);
     let work = |_: &_| {
         let Address(address) = stream;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        FolderRecord::open(path.parent().unwrap_or(Path::new("")))?.note([name])?;
         // SAFETY: a capsule of this name holds such a stream, which lives as long as the capsule; the caller waits for this.
         unsafe { write_arrow_stream(address as *mut _, &path) }
     };

@@ -7,7 +7,7 @@ use calib_knn::{IndexKind, PointNeighbors, Points, SelfMatch};
 use pyo3::prelude::*;
 
 use crate::{
-    array::{copied, owned},
+    array::{copied, owned, require_memory},
     errors,
     observer::{Watch, Watching},
     work::{Needs, watched},
@@ -40,9 +40,12 @@ pub(crate) fn knn_join<'py>(
     let (values, shape) = copied::<f32>(points, "points", &[2])?;
     let queries = queries.map(|of| copied::<f32>(of, "queries", &[2])).transpose()?;
     let count = queries.as_ref().map_or(shape[0], |(_, shape)| shape[0]);
+    let points = Points::new(values, shape[1]).map_err(|error| errors::value(error.to_string()))?;
+    // More than there are is refused by the search, whatever it would take.
+    let needed = points.search_need(count, k.min(points.len()), rayon::current_num_threads());
+    require_memory(needed, "the nearest neighbours", "lower k, or ask for fewer points at a time")?;
     let work = |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
         let monitor = Watching(Arc::clone(watch));
-        let points = Points::new(values, shape[1])?;
         if let Some((values, shape)) = queries {
             let states = States::new(values, shape[0], shape[1])?;
             return points.nearest(&states, k, kind, &monitor);

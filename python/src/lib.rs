@@ -14,6 +14,7 @@ mod dtw;
 mod errors;
 mod ingest;
 mod join;
+mod lost;
 mod model;
 mod observer;
 mod simulate;
@@ -33,6 +34,7 @@ fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
 #[pymodule]
 fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hush_readers();
+    lost::watch();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<study::PyJob>()?;
     module.add_class::<model::Model>()?;
@@ -40,6 +42,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;
     module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;
+    module.add_function(wrap_pyfunction!(array::require_memory_of, module)?)?;
     module.add_function(wrap_pyfunction!(dtw::dtw, module)?)?;
     module.add_function(wrap_pyfunction!(ingest::write_log, module)?)?;
     module.add_function(wrap_pyfunction!(streams::evaluate_runs, module)?)?;

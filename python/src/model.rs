@@ -6,14 +6,15 @@ use std::{
 };
 
 use calib_core::{Bounds, RowIndex, Seed, Segments, States, TransitionIndex, Transitions};
-use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_knn::{KnnModel, MemoryNeed, ModelConfig, Weights};
 use calib_model::{Absent, StartSource, rollouts, start_states};
 use calib_pipeline::Calibration;
 use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
 
 use crate::{
-    array::{copied, owned, view},
+    array::{copied, owned, require_memory, view},
     convert, errors,
+    lost::Since,
     observer::{Watch, Watching},
     study::PyJob,
     walkers::Walkers,
@@ -22,8 +23,8 @@ use crate::{
 
 /// A model, from a folder or from arrays.
 pub(crate) enum Kept {
-    /// Its states and tables are mapped.
-    Stored(Box<Calibration>),
+    /// Its states and tables are mapped, since then.
+    Stored(Box<Calibration>, Since),
     /// Everything is in memory.
     Built { knn: Box<KnnModel>, weights: Weights },
 }
@@ -31,7 +32,7 @@ pub(crate) enum Kept {
 impl Kept {
     pub(crate) fn knn(&self) -> &KnnModel {
         match self {
-            Self::Stored(model) => model.knn(),
+            Self::Stored(model, _) => model.knn(),
             Self::Built { knn, .. } => knn,
         }
     }
@@ -39,14 +40,14 @@ impl Kept {
     /// Normalised states; those of a representation are what distances are measured in, and not these.
     pub(crate) fn states(&self) -> &States {
         match self {
-            Self::Stored(model) => model.frames().states(),
+            Self::Stored(model, _) => model.frames().states(),
             Self::Built { knn, .. } => knn.states(),
         }
     }
 
     pub(crate) fn weights(&self) -> Weights {
         match self {
-            Self::Stored(model) => model.weights(),
+            Self::Stored(model, _) => model.weights(),
             Self::Built { weights, .. } => *weights,
         }
     }
@@ -54,15 +55,23 @@ impl Kept {
     /// Time of a row, in microseconds; its number where there are no times.
     pub(crate) fn time(&self, row: usize) -> i64 {
         match self {
-            Self::Stored(model) => model.frames().timestamps()[row].as_micros(),
+            Self::Stored(model, _) => model.frames().timestamps()[row].as_micros(),
             Self::Built { .. } => row as i64,
         }
     }
 
     fn stored(&self) -> Option<&Calibration> {
         match self {
-            Self::Stored(model) => Some(model),
+            Self::Stored(model, _) => Some(model),
             Self::Built { .. } => None,
+        }
+    }
+
+    /// Refuse a model of which pages were lost.
+    pub(crate) fn check(&self, py: Python<'_>) -> PyResult<()> {
+        match self {
+            Self::Stored(_, since) => since.check(py),
+            Self::Built { .. } => Ok(()),
         }
     }
 }
@@ -74,8 +83,8 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    fn stored(model: Calibration) -> Self {
-        Self { kept: Arc::new(Kept::Stored(Box::new(model))) }
+    fn stored(model: Calibration, since: Since) -> Self {
+        Self { kept: Arc::new(Kept::Stored(Box::new(model), since)) }
     }
 
     pub(crate) fn check_member(&self, member: usize) -> PyResult<()> {
@@ -92,17 +101,23 @@ impl Model {
     /// The model in a folder.
     #[staticmethod]
     fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
+        let since = Since::now();
         let opened =
             watched(py, Needs::Tables, None, |_| Calibration::in_directory(Path::new(&directory)))?;
-        opened.map(Self::stored).map_err(|error| errors::of_step(py, &error))
+        let model = opened.map_err(|error| errors::of_step(py, &error))?;
+        since.check(py)?;
+        Ok(Self::stored(model, since))
     }
 
     /// The model of a study.
     #[staticmethod]
     fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
         let job = &job.get().job;
+        let since = Since::now();
         let opened = watched(py, Needs::Tables, None, |_| Calibration::of_job(job))?;
-        opened.map(Self::stored).map_err(|error| errors::of_step(py, &error))
+        let model = opened.map_err(|error| errors::of_step(py, &error))?;
+        since.check(py)?;
+        Ok(Self::stored(model, since))
     }
 
     /// A model of normalised states, `[n, d]`, in segments of these lengths; `options` are keys of `[model]`.
@@ -121,6 +136,13 @@ impl Model {
         let weights = config.weights().map_err(|error| errors::of_any(py, &error))?;
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
         let (rows, columns) = (shape[0], shape[1]);
+        let threads = rayon::current_num_threads();
+        let needed = MemoryNeed::predict(rows, columns, &config, threads).working;
+        require_memory(
+            needed,
+            "building the model",
+            "lower neighbors or members, or take fewer rows",
+        )?;
         let work =
             |watch: &Arc<Watch>| -> Result<KnnModel, Box<dyn std::error::Error + Send + Sync>> {
                 let states = States::new(values, rows, columns)?;
@@ -176,6 +198,7 @@ impl Model {
 
     /// Normalised states, `float32 [n, d]`, a view.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.kept.check(py)?;
         let states = self.kept.states();
         let shape = [states.rows(), states.columns()];
         view(py, &self.kept, |kept| kept.states().as_slice(), &shape)
@@ -184,6 +207,7 @@ impl Model {
     /// Time of every row in microseconds, `int64 [n]`; none of a model of arrays.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(model) = self.kept.stored() else { return Ok(None) };
+        self.kept.check(py)?;
         let times: Vec<i64> = model.frames().timestamps().iter().map(|of| of.as_micros()).collect();
         let rows = times.len();
         owned(py, times, &[rows]).map(Some)
@@ -203,6 +227,7 @@ impl Model {
     /// Neighbours of a member, `uint32 [t, k]`, a view.
     fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
+        self.kept.check(py)?;
         let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
         view(py, &self.kept, |kept| kept.knn().table(member).neighbors(), &shape)
     }
@@ -210,6 +235,7 @@ impl Model {
     /// Distances to them, `float32 [t, k]`, a view.
     fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
+        self.kept.check(py)?;
         let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
         view(py, &self.kept, |kept| kept.knn().table(member).distances(), &shape)
     }
@@ -233,7 +259,9 @@ impl Model {
             return Err(PyIndexError::new_err(format!("row {row}: the model has {known} rows")));
         }
         let cells = count.checked_mul(steps.saturating_add(1));
-        let cells = cells.ok_or_else(|| errors::value("count × steps is too large"))?;
+        let cells = cells.ok_or_else(|| errors::value("n × steps is too large"))?;
+        let bytes = (cells as u64).saturating_mul(12);
+        require_memory(bytes, "the rollouts", "take fewer or shorter ones at a time")?;
         let mut visited: Vec<u32> = Vec::new();
         visited.try_reserve_exact(cells).map_err(|_| crate::array::no_memory(4 * cells))?;
         let kept = &self.kept;
@@ -254,6 +282,7 @@ impl Model {
         };
         let visited = watched(py, Needs::Threads, observer, work)?;
         let visited = visited.map_err(|error| errors::of_any(py, &error))?;
+        self.kept.check(py)?;
         owned(py, visited, &[count, steps + 1])
     }
 
@@ -267,9 +296,20 @@ impl Model {
         member: usize,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         self.check_member(member)?;
+        let most = self.kept.knn().blocks().member_len(member);
+        if k > most {
+            return Err(errors::value(format!(
+                "k is {k}: member {member} has {most} transitions to find; lower k"
+            )));
+        }
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
         let (count, kept) = (shape[0], &self.kept);
-        let work = |_: &Arc<Watch>| -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
+        let need = kept.knn().search_need(k, rayon::current_num_threads()).working;
+        let cells = (count as u64).saturating_mul(k as u64);
+        let needed = need.saturating_add(cells.saturating_mul(8 + 16));
+        require_memory(needed, "the nearest states", "lower k, or ask for fewer states at a time")?;
+        let work = |watch: &Arc<Watch>| -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
+            let monitor = Watching(Arc::clone(watch));
             let mut states = States::new(values, shape[0], shape[1])?;
             if let Some(model) = kept.stored() {
                 let columns = model.frames().states().columns();
@@ -280,7 +320,7 @@ impl Model {
                 }
                 states = model.in_metric(&states)?;
             }
-            let found = kept.knn().member(member).nearest_sources(&states, k)?;
+            let found = kept.knn().member(member).nearest_sources(&states, k, &monitor)?;
             let mut rows = vec![u32::MAX; count * k];
             let mut distances = vec![f32::INFINITY; count * k];
             for (query, near) in found.iter().enumerate() {
@@ -294,6 +334,7 @@ impl Model {
         };
         let (rows, distances) = watched(py, Needs::Threads, None, work)?
             .map_err(|error| errors::of_any(py, &*error))?;
+        self.kept.check(py)?;
         Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
     }
 
@@ -338,6 +379,7 @@ impl Model {
                 },
             )
         });
+        self.kept.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 

@@ -10,6 +10,7 @@ use pyo3::{exceptions::PyIndexError, prelude::*};
 use crate::{
     array::{copied, owned},
     errors,
+    lost::Since,
     observer::{Ears, Watch},
     study::PyJob,
     work::{Needs, watched},
@@ -26,6 +27,8 @@ type Candidate = (String, bool);
 #[pyclass(frozen, module = "calib_rl._calib")]
 pub(crate) struct Streams {
     streams: SweepStreams,
+    /// When they were opened.
+    since: Since,
 }
 
 /// What an agent came to on a stream.
@@ -51,8 +54,11 @@ impl Streams {
         let work = |watch: &Arc<Watch>| {
             SweepStreams::of_job(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
         };
+        let since = Since::now();
         let streams = watched(py, Needs::Tables, observer, work)?;
-        Ok(Self { streams: streams.map_err(|error| errors::of_step(py, &error))? })
+        let streams = streams.map_err(|error| errors::of_step(py, &error))?;
+        since.check(py)?;
+        Ok(Self { streams, since })
     }
 
     /// Each stream.
@@ -95,6 +101,7 @@ impl Streams {
         for t in 0..count {
             values.extend_from_slice(of.state(t));
         }
+        self.since.check(py)?;
         let pieces = of.pieces().iter().map(|piece| (piece.start, piece.end)).collect();
         Ok((owned(py, values, &[count, width])?, pieces))
     }
@@ -119,6 +126,7 @@ impl Streams {
             .streams
             .score(stream, *column, &predictions, updates)
             .map_err(|error| errors::of_step(py, &error))?;
+        self.since.check(py)?;
         let rmse = outcome.scores.of(self.streams.part()).map_or(f64::NAN, |of| of.rmse);
         let nrmse = rmse / self.streams.scale(sensor);
         let sensor = sensor.to_owned();

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 use crate::{
     errors,
+    lost::Step,
     observer::{Ears, Watch},
     work::{Needs, watched},
 };
@@ -55,7 +56,10 @@ impl PyJob {
     ) -> PyResult<&'static str> {
         let step = step(name)?;
         let job = &self.job;
-        let work = |watch: &Arc<Watch>| step(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))));
+        let work = |watch: &Arc<Watch>| {
+            let _at_work = Step::begin();
+            step(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
+        };
         match watched(py, Needs::Tables, observer, work)? {
             Ok(Outcome::Done) => Ok("done"),
             Ok(Outcome::Negative) => Ok("negative"),
@@ -92,9 +96,9 @@ impl PyJob {
     }
 }
 
-type Step = fn(&Job, &Printer) -> Result<Outcome, StepError>;
+type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
 
-fn step(name: &str) -> PyResult<Step> {
+fn step(name: &str) -> PyResult<Run> {
     Ok(match name {
         "simulate" => |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done),
         "represent" => |job, printer| calib_pipeline::represent(job, None, printer),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use calib_core::{Bounds, Normalised, Rng, Seed, TransitionIndex};
 use pyo3::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     array::{copied, owned},
@@ -15,6 +16,7 @@ use crate::{
 type Mapped = (usize, Bounds);
 
 /// One walk.
+#[derive(Serialize, Deserialize)]
 struct Walker {
     member: usize,
     at: TransitionIndex,
@@ -81,6 +83,13 @@ impl Walkers {
     }
 
     fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
+        // What was walked through, and what is seen of it.
+        let seen = self.seen(py, begun);
+        self.kept.check(py)?;
+        seen
+    }
+
+    fn seen<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
         let count = self.walks.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
         let (mut rewards, mut rows, mut times) =
@@ -128,6 +137,26 @@ impl Walker {
 
 #[pymethods]
 impl Walkers {
+    /// Where every walk is and what it will draw, as text.
+    fn state(&self) -> PyResult<String> {
+        serde_json::to_string(&self.walks).map_err(|error| errors::value(error.to_string()))
+    }
+
+    /// Go on where other walkers through the same members were.
+    fn restore(&mut self, state: &str) -> PyResult<()> {
+        let walks: Vec<Walker> =
+            serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
+        let transitions = self.kept.knn().transitions().len();
+        let members = |walks: &[Walker]| walks.iter().map(|of| of.member).collect::<Vec<_>>();
+        if members(&walks) != members(&self.walks)
+            || walks.iter().any(|of| of.at.get() >= transitions)
+        {
+            return Err(errors::value("the state is of walkers through another model"));
+        }
+        self.walks = walks;
+        Ok(())
+    }
+
     /// Seed some walkers, or all: of walker i by seeds[i].
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
         if seeds.len() != self.walks.len() {
@@ -194,6 +223,7 @@ impl Walkers {
         let (over, distance) = (walker.over, walker.distance);
         let mut seen = Vec::with_capacity(self.columns.len());
         let (reward, row, time) = self.look(0, &mut seen);
+        self.kept.check(py)?;
         let width = seen.len();
         Ok((owned(py, seen, &[width])?, reward, over, row, time, distance))
     }

@@ -92,7 +92,11 @@ def test_threads_are_chosen_first() -> None:
     program = "import calib_rl, numpy as np; calib_rl.set_threads(1); print(calib_rl.knn_join(np.arange(9.0)[:, None], 2)[0].sum())"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert int(done.stdout) == int(calib_rl.knn_join(np.arange(9.0)[:, None], 2)[0].sum())
-    with pytest.raises(ValueError, match="from 1 to"):
+    with pytest.raises(ValueError, match="threads is -2, expected a whole number of at least 1"):
+        calib_rl.set_threads(-2)
+    with pytest.raises(ValueError, match="from 1 to 1024"):
+        calib_rl.set_threads(2000)
+    with pytest.raises(ValueError, match="at least 1"):
         calib_rl.set_threads(0)
 
 

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import copy
+import multiprocessing
+import pickle
 import warnings
 
 import gymnasium
@@ -21,9 +24,46 @@ def test_gymnasium_finds_nothing_wrong(model: calib_rl.Model) -> None:
 
 def test_stable_baselines_finds_nothing_wrong(model: calib_rl.Model) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    box = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
-    for env in (calib_rl.gym.make(model), calib_rl.gym.make(model, action_space=box, units="physical")):
+    for env in (calib_rl.gym.make(model), calib_rl.gym.make(model, units="physical")):
         checker.check_env(env, skip_render_check=True)
+
+
+def test_a_model_without_actions_takes_no_action_space(model: calib_rl.Model) -> None:
+    box = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
+    for make in (lambda: calib_rl.gym.make(model, action_space=box), lambda: calib_rl.gym.make_vec(model, 2, action_space=box)):
+        with pytest.raises(ValueError, match="has no actions.*calib control"):
+            make()
+
+
+@pytest.mark.parametrize("built", [False, True])
+def test_environments_are_pickled_where_they_are(model: calib_rl.Model, built: bool) -> None:
+    of = calib_rl.build_model(np.random.default_rng(1).random((300, 3)), segments=[200, 100]) if built else model
+    env = calib_rl.gym.make(of, member=1, reward=2, observe=[0, 2], max_steps=50)
+    env.reset(seed=5)
+    vector = calib_rl.gym.make_vec(of, 3, members=[0, 2], max_steps=9)
+    vector.reset(seed=5)
+    for _ in range(7):
+        env.step(0)
+        vector.step(np.zeros(3))
+    there, vector_there = pickle.loads(pickle.dumps(env)), pickle.loads(pickle.dumps(vector))
+    for _ in range(60):
+        here, seen = env.step(0), there.step(0)
+        assert (here[0] == seen[0]).all() and here[1:4] == seen[1:4] and here[4]["row"] == seen[4]["row"]
+        all_here, all_seen = vector.step(np.zeros(3)), vector_there.step(np.zeros(3))
+        assert all((one == other).all() for one, other in zip(all_here[:4], all_seen[:4]))
+    assert env.reset()[1] == there.reset()[1]
+    assert copy.deepcopy(env).step(0)[4] == env.step(0)[4]
+
+
+def test_environments_go_to_other_processes(model: calib_rl.Model) -> None:
+    env = calib_rl.gym.make(model, max_steps=30)
+    expected = [int(env.reset(seed=3)[1]["row"]), *(int(env.step(0)[4]["row"]) for _ in range(20))]
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.map(_walked, [calib_rl.gym.make(model, max_steps=30)]) == [expected]
+
+
+def _walked(env: calib_rl.gym.CalibrationEnv) -> list[int]:
+    return [int(env.reset(seed=3)[1]["row"]), *(int(env.step(0)[4]["row"]) for _ in range(20))]
 
 
 def test_a_seed_is_a_walk(model: calib_rl.Model) -> None:
@@ -104,7 +144,18 @@ def test_mistakes_are_named(model: calib_rl.Model) -> None:
         calib_rl.gym.make(model, member=9)
     with pytest.raises(ValueError, match="max_steps"):
         calib_rl.gym.make(model, max_steps=0)
-    with pytest.raises(ValueError, match="num_envs"):
-        calib_rl.gym.make_vec(model, 0)
+    for wrong, told in [(0, "at least 1"), (-2, "num_envs is -2"), (2**80, "at most")]:
+        with pytest.raises(ValueError, match=told):
+            calib_rl.gym.make_vec(model, wrong)
+    with pytest.raises(MemoryError, match="1099511627776 walks.*lower num_envs"):
+        calib_rl.gym.make_vec(model, 2**40)
+    with pytest.raises(ValueError, match="names no member"):
+        calib_rl.gym.make_vec(model, 3, members=[])
+    with pytest.raises(IndexError, match="members is -1"):
+        calib_rl.gym.make_vec(model, 3, members=[0, -1])
+    with pytest.raises(TypeError, match="max_steps is 1.5, expected a whole number"):
+        calib_rl.gym.make(model, max_steps=1.5)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="a column is 0.5"):
+        calib_rl.gym.make(model, observe=[0.5])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="units"):
         calib_rl.gym.make(model, units="SI")  # type: ignore[arg-type]

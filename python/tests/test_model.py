@@ -2,11 +2,17 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
+import signal
+import subprocess
+import sys
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import polars as pl
 import pytest
 
@@ -193,8 +199,141 @@ def test_models_are_pickled_by_their_path(model: calib_rl.Model) -> None:
     again = pickle.loads(pickle.dumps(model))
     assert again.path == model.path and len(pickle.dumps(model)) < 500
     assert (again.neighbors(1) == model.neighbors(1)).all()
-    with pytest.raises(TypeError, match="lies in no folder"):
-        pickle.dumps(random_model())
+    built = random_model()
+    again = pickle.loads(pickle.dumps(built))
+    assert (again.states == built.states).all() and again.segments == built.segments
+    assert all((again.neighbors(of) == built.neighbors(of)).all() for of in range(built.members))
+
+
+def test_numbers_are_refused_in_plain_words(model: calib_rl.Model) -> None:
+    states = model.states[:2]
+    half: Any = 0.5
+    cases: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: model.nearest(states, -1), ValueError, "k is -1, expected a whole number of at least 1"),
+        (lambda: model.nearest(states, 0), ValueError, "k is 0, expected"),
+        (lambda: model.nearest(states, half), TypeError, "k is 0.5, expected a whole number, such as 1"),
+        (lambda: model.nearest(states, 10**9), ValueError, "k is 1000000000: member 0 has .* lower k"),
+        (lambda: model.nearest(states, 2**62), ValueError, "transitions to find; lower k"),
+        (lambda: model.nearest(states, 2**80), ValueError, "at most 9223372036854775807"),
+        (lambda: model.neighbors(-1), IndexError, "member is -1; positions count from 0 on"),
+        (lambda: model.transitions(half), TypeError, "member is 0.5"),
+        (lambda: model.rollout(-1, 5), ValueError, "n is -1"),
+        (lambda: model.rollout(1, half), TypeError, "steps is 0.5"),
+        (lambda: model.rollout(1, 5, start=[-3]), IndexError, "start is -3"),
+        (lambda: model.rollout(1, 5, start=[half]), TypeError, "start is .*0.5"),
+        (lambda: model.rollout(1, 5, seed=-1), ValueError, "seed is -1"),
+        (lambda: calib_rl.knn_join(states, -2), ValueError, "k is -2"),
+        (lambda: calib_rl.knn_join(states, half), TypeError, "k is 0.5"),
+        (lambda: calib_rl.build_model(states, segments=[half]), TypeError, "segments is 0.5"),
+        (lambda: calib_rl.build_model(states, segments=[-1, 3]), ValueError, "segments is -1"),
+    ]
+    for call, kind, told in cases:
+        with pytest.raises(kind, match=told):
+            call()
+
+
+def test_a_search_without_room_is_an_exception() -> None:
+    points = np.random.default_rng(3).random((300_000, 2), np.float32)
+    with pytest.raises(MemoryError, match="nearest neighbours may take .* lower k"):
+        calib_rl.knn_join(points, 299_999)
+    with pytest.raises(MemoryError, match="building the model"):
+        calib_rl.build_model(points, neighbors=100_000)
+
+
+def test_ctrl_c_ends_a_search_for_states() -> None:
+    program = """
+import numpy as np, calib_rl
+states = np.random.default_rng(0).random((60_000, 40), np.float32)
+model = calib_rl.build_model(states, members=2)
+print("ready", flush=True)
+model.nearest(np.random.default_rng(1).random((400_000, 40), np.float32), 50)
+"""
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert told.strip().endswith("KeyboardInterrupt"), told
+
+
+def test_a_model_that_is_cut_short_while_it_is_open_is_an_exception(model: calib_rl.Model, tmp_path: Path) -> None:
+    import shutil
+
+    assert model.path is not None
+    shutil.copytree(model.path, tmp_path / "model")
+    program = """
+import sys, os, numpy as np, calib_rl, calib_rl.gym
+model, other = calib_rl.Model.open(sys.argv[1]), calib_rl.Model.open(sys.argv[2])
+states, walks = model.states, calib_rl.gym.make_vec(model, 2)
+walks.reset(seed=1)
+path = os.path.join(sys.argv[1], "states.npy")
+os.truncate(path, os.path.getsize(path) // 2)
+print(float(states.sum()) > 0)
+for call in (lambda: model.states, lambda: model.rollout(1, 5), lambda: walks.step(np.zeros(2)), lambda: model.nearest(states[:1])):
+    try:
+        call()
+    except calib_rl.CalibError as error:
+        print("cut short" in str(error))
+print(calib_rl.Model.open(sys.argv[2]).rollout(1, 5).shape)
+"""
+    command = [sys.executable, "-c", program, str(tmp_path / "model"), str(model.path)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.split("\n") == ["True", "True", "True", "True", "True", "(1, 6)", ""]
+
+
+def frame() -> pandas.DataFrame:
+    times = pandas.date_range("2024-03-01", periods=400, freq="1min")
+    return pandas.DataFrame({"time": times, "P": np.sin(np.arange(400) / 9), "T": np.cos(np.arange(400) / 7)})
+
+
+def test_a_frame_goes_into_a_folder_of_whatever_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = calib_rl.build_model(frame(), "results", model={"members": 3}, progress=False)
+    assert (tmp_path / "results" / "log.parquet").exists() and model.members == 3
+    # What calib wrote there it may write again.
+    again = calib_rl.build_model(frame().iloc[:300], Path("results"), model={"members": 3})
+    assert len(again.states) < len(model.states)
+    # The folder can go elsewhere with all that is in it.
+    (tmp_path / "results").rename(tmp_path / "moved")
+    assert calib_rl.Study(tmp_path / "moved" / "study.toml").build_model(progress=False).members == 3
+
+
+def test_a_log_of_somebody_is_not_replaced(tmp_path: Path) -> None:
+    log = tmp_path / "log.parquet"
+    log.write_bytes(b"years of work")
+    with pytest.raises(calib_rl.CalibError, match="log.parquet is in the way: calib did not write it"):
+        calib_rl.build_model(frame(), tmp_path)
+    assert log.read_bytes() == b"years of work"
+    log.unlink()
+    (tmp_path / "theirs").write_bytes(b"years of work")
+    log.symlink_to("theirs")
+    with pytest.raises(calib_rl.CalibError, match="in the way"):
+        calib_rl.build_model(frame(), tmp_path)
+    assert (tmp_path / "theirs").read_bytes() == b"years of work" and log.is_symlink()
+
+
+def test_other_results_are_no_model(study: calib_rl.Study, tmp_path: Path) -> None:
+    with pytest.raises(calib_rl.CalibError, match="has other results than those of `calib build-model STUDY`"):
+        calib_rl.Model.open(study.results / "sweep")
+    (tmp_path / "verdict.json").write_text("{}")
+    with pytest.raises(calib_rl.CalibError, match="has the verdict of `calib control`, which keeps no model"):
+        calib_rl.Model.open(tmp_path)
+
+
+def test_what_is_not_valid_writes_nothing(tmp_path: Path) -> None:
+    with pytest.raises(calib_rl.StudyError, match="members"):
+        calib_rl.build_model(frame(), tmp_path / "new", model={"memebers": 3})
+    assert not (tmp_path / "new").exists()
+    recursive: dict[str, object] = {}
+    recursive["model"] = recursive
+    deep: object = 1
+    for _ in range(100_000):
+        deep = [deep]
+    for wrong in (recursive, {"data": deep}, {"data": {"path": deep}}):
+        with pytest.raises(ValueError, match="nested more than 32 deep, or holds itself"):
+            calib_rl.Study(wrong, path=tmp_path / "new" / "study.toml")
+    assert not (tmp_path / "new").exists()
 
 
 def _rows(model: calib_rl.Model) -> list[int]:

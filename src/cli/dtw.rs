@@ -33,6 +33,9 @@ pub(crate) struct DtwArgs {
     /// Write the warping path as CSV; wants exactly one step pattern
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
+    /// Replace the file of the warping path if it is there
+    #[arg(long, requires = "path")]
+    pub(crate) force: bool,
     /// Print the distances as JSON
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,

@@ -2,10 +2,11 @@ use std::{io::Write as _, path::Path};
 
 use anyhow::{Context as _, bail};
 use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
-use calib_files::write_output;
+use calib_files::{FileError, check_output, is_same_file, write_output};
 use calib_pipeline::{
-    Outcome, Printer,
+    Outcome, Printer, Standing,
     output::{count, table},
+    require_memory,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -39,6 +40,13 @@ impl PatternResult {
 
 /// Compare two series, with one or several step patterns.
 pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
+    if let Some(path) = &args.path {
+        check_output(path, standing)?;
+        if [&args.query, &args.reference].iter().any(|of| is_same_file(&series::path(of), path)) {
+            return Err(FileError::Input { path: path.clone() }.into());
+        }
+    }
     let query = series::read(&args.query).context("query")?;
     let reference = series::read(&args.reference).context("reference")?;
     let query = Series::with_channels(&query.values, query.channels)?;
@@ -59,7 +67,7 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<Outcome> 
         },
     };
     let results = match &args.path {
-        Some(path) => vec![aligned(args, settings, query, reference, path, printer)?],
+        Some(path) => vec![aligned(args, settings, query, reference, (path, standing), printer)?],
         None => compared(args, settings, query, reference)?,
     };
     if printer.is_for_machines() {
@@ -88,7 +96,7 @@ fn aligned(
     settings: Settings,
     query: Series<'_>,
     reference: Series<'_>,
-    path: &Path,
+    (path, standing): (&Path, Standing),
     printer: &Printer,
 ) -> anyhow::Result<PatternResult> {
     let [pattern] = args.step_pattern.as_slice() else {
@@ -99,8 +107,10 @@ fn aligned(
         );
     };
     let dtw = Dtw::with_settings(pattern.clone(), settings);
+    let needed = dtw.path_bytes(query.len(), reference.len());
+    require_memory(needed, "the warping path", "shorten the series, or leave --path out")?;
     let alignment = dtw.align(query, reference)?;
-    write_path(path, &alignment)?;
+    write_path(path, standing, &alignment)?;
     printer.say(&format!(
         "wrote {}: {} matched samples, counted from 0",
         path.display(),
@@ -109,15 +119,14 @@ fn aligned(
     Ok(PatternResult::new(pattern, alignment.distance))
 }
 
-fn write_path(path: &Path, alignment: &Alignment) -> anyhow::Result<()> {
-    write_output(path, |file| {
+fn write_path(path: &Path, standing: Standing, alignment: &Alignment) -> Result<(), FileError> {
+    write_output(path, standing, |file| {
         writeln!(file, "query,reference")?;
         for (query, reference) in &alignment.path {
             writeln!(file, "{query},{reference}")?;
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }
 
 fn show(results: &[PatternResult], printer: &Printer) -> anyhow::Result<()> {

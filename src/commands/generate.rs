@@ -1,6 +1,6 @@
-use std::path::Path;
+use std::{fs, path::Path};
 
-use calib_files::{Below, remove_temporaries, write_atomically};
+use calib_files::{Below, FileError, read_regular, remove_temporaries, write_atomically};
 use clap::CommandFactory as _;
 use clap_complete::Shell;
 use clap_mangen::Man;
@@ -34,5 +34,16 @@ fn pages(command: &clap::Command, directory: &Path) -> anyhow::Result<()> {
         pages(below, directory)?;
     }
     let page = Man::new(command.clone());
-    Ok(write_atomically(&directory.join(page.get_filename()), |file| page.render(file))?)
+    let path = directory.join(page.get_filename());
+    if fs::symlink_metadata(&path).is_ok() && !is_page(&path) {
+        return Err(FileError::Foreign { path }.into());
+    }
+    Ok(write_atomically(&path, |file| page.render(file))?)
+}
+
+/// Whether a file is the page of a command of calib's, of whichever version.
+fn is_page(path: &Path) -> bool {
+    let title = format!(".TH {} ", path.file_stem().unwrap_or_default().to_string_lossy());
+    let page = read_regular(path).unwrap_or_default();
+    page.split(|&byte| byte == b'\n').any(|line| line.starts_with(title.as_bytes()))
 }

@@ -1,6 +1,6 @@
 use anyhow::ensure;
 use calib_data::{DataConfig, Imported, Shape};
-use calib_pipeline::{Outcome, Printer, output::counted, text_left_alone, working_files};
+use calib_pipeline::{Outcome, Printer, Standing, output::counted, text_left_alone, working_files};
 
 use crate::cli::ImportArgs;
 
@@ -11,12 +11,12 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcom
         args.out.extension().is_some_and(|extension| extension == "parquet"),
         "{out}: expected the name of a file that ends in .parquet"
     );
-    ensure!(args.force || !args.out.exists(), "{out} is there already; --force replaces it");
     let study = calib_study::of_data(&args.logs, &args.set)?;
     let data = DataConfig { scratch: working_files(), ..study.data };
     printer.say(&format!("import: reading {}", data.path.0.join(", ")));
     text_left_alone(&data, printer)?;
-    let imported = calib_data::import(&data, &args.out, &printer.progress())?;
+    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
+    let imported = calib_data::import(&data, &args.out, standing, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&imported)?;
         return Ok(Outcome::Done);

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_files::{read_regular, write_atomically};
+use calib_files::{FileError, read_regular, write_new};
 use calib_pipeline::{Job, Outcome, Printer, Request};
 
 use crate::cli::QuickstartArgs;
@@ -30,14 +30,15 @@ fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf
     // The schema lies beside the original only.
     let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
     let text = text.replace("seed = 0", &format!("seed = {seed}"));
-    match read_regular(&path) {
-        Ok(found) if found == text.as_bytes() => return Ok(path),
-        _ if path.exists() => anyhow::bail!(
+    if read_regular(&path).is_ok_and(|found| found == text.as_bytes()) {
+        return Ok(path);
+    }
+    match write_new(&path, |file| std::io::Write::write_all(file, text.as_bytes())) {
+        Err(FileError::Occupied { .. }) => anyhow::bail!(
             "{} exists and is another study; run the steps on it one by one, or choose another directory",
             path.display()
         ),
-        _ => {}
+        written => written?,
     }
-    write_atomically(&path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     Ok(path)
 }

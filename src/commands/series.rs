@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use calib_data::table::{Table, read_parquet, read_parquet_columns};
-use calib_files::{read_array, read_csv};
-use calib_pipeline::check_table;
+use calib_files::{array_bytes, read_array, read_csv};
+use calib_pipeline::{check_table, require_memory};
 
 /// Columns that a message lists.
 const LISTED: usize = 20;
@@ -54,6 +54,11 @@ pub(super) fn read(text: &str) -> anyhow::Result<Samples> {
     }
 }
 
+/// The file of the series that `text` names; `text` where it names none.
+pub(super) fn path(text: &str) -> PathBuf {
+    source(text).map_or_else(|_| text.into(), |source| source.path)
+}
+
 /// Split at the colon after the file's extension: both parts may hold others.
 fn source(text: &str) -> anyhow::Result<Source> {
     let lower = text.to_ascii_lowercase();
@@ -74,6 +79,8 @@ fn source(text: &str) -> anyhow::Result<Source> {
 
 /// A series `[n]`, or `[n, channels]`; the column is the number of a channel.
 fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
+    let what = format!("reading {}", path.display());
+    require_memory(array_bytes(path)?, &what, "take fewer samples or channels of it")?;
     let array = read_array(path)?;
     let channels = match array.shape.as_slice() {
         [_] => 1,

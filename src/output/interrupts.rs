@@ -1,16 +1,33 @@
 //! Being asked to stop: by a person, or by whoever runs many such commands and needs the machine or sees a limit come.
 
-use std::sync::{
-    Once,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    sync::{
+        Once,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
 };
+
+use crate::ExitStatus;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 /// It is to go on later.
 static FOR_NOW: AtomicBool = AtomicBool::new(false);
 
+/// How long work has to come to its next safe point. Some has none for long: inside an update of a large network, or in
+/// a library.
+const GRACE: Duration = Duration::from_millis(1_500);
+/// How long it has if it has come there, and is putting aside what it goes on from.
+const PUTTING_ASIDE: Duration = Duration::from_secs(10);
+/// Between two looks.
+const LOOK: Duration = Duration::from_millis(50);
+/// What is said where the work itself comes to nothing any more.
+const ENDED: &str = "error: interrupted; run the same command again to go on\n";
+
 /// From now on Ctrl-C asks the work to stop at its next safe point; a second Ctrl-C ends at once. So do TERM, USR1 and
-/// USR2, however often they come: batch systems send them to several processes of a task before its end.
+/// USR2, however often they come: batch systems send them to several processes of a task before its end. Where no safe
+/// point comes soon, the process ends: results are whole or absent after that as after any kill.
 pub(crate) fn watch_for_interrupts() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -22,7 +39,40 @@ pub(crate) fn watch_for_interrupts() {
         });
         #[cfg(unix)]
         watch_for_batch_systems();
+        // Without it the work is only waited for.
+        let _ = thread::Builder::new().name("interrupts".to_owned()).spawn(end_in_time);
     });
+}
+
+/// Wait for a signal, and end the process where the work does not end in time.
+fn end_in_time() {
+    while !is_asked_to_stop() {
+        thread::sleep(LOOK);
+    }
+    let mut waited = Duration::ZERO;
+    while waited < GRACE || (calib_files::is_putting_aside() && waited < PUTTING_ASIDE) {
+        thread::sleep(LOOK);
+        waited += LOOK;
+    }
+    let status =
+        if is_to_be_tried_again() { ExitStatus::TryAgain } else { ExitStatus::Interrupted };
+    end(status)
+}
+
+/// End at once. Whoever holds a lock, such as that of standard error, may be what does not end.
+#[cfg(unix)]
+fn end(status: ExitStatus) -> ! {
+    // SAFETY: the text is as long as is said, and nothing is run on the way out.
+    #[expect(unsafe_code, reason = "a process is left at once in C")]
+    unsafe {
+        libc::write(libc::STDERR_FILENO, ENDED.as_ptr().cast(), ENDED.len());
+        libc::_exit(status as i32)
+    }
+}
+
+#[cfg(not(unix))]
+fn end(status: ExitStatus) -> ! {
+    std::process::exit(status as i32)
 }
 
 #[cfg(unix)]

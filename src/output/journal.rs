@@ -2,11 +2,12 @@
 
 use std::{
     fs::File,
-    io::{self, Write as _},
+    io::{self, Read as _, Write as _},
     path::Path,
     sync::{Mutex, PoisonError},
 };
 
+use anyhow::{Context as _, ensure};
 use calib_core::Monitor;
 use calib_pipeline::{
     Observer, Remark, Shown, Stopwatch,
@@ -49,13 +50,13 @@ pub(crate) struct Journal {
 
 impl Journal {
     /// # Errors
-    /// If the file cannot be appended to.
+    /// If the file cannot be appended to, or something else than a journal stands in it.
     pub(crate) fn open(
         terminal: Terminal,
         voice: Voice,
         path: Option<&Path>,
     ) -> anyhow::Result<Self> {
-        let file = path.map(calib_files::open_to_append).transpose()?;
+        let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
         let (stage, file) = (Mutex::new(None), file.map(Mutex::new));
         Ok(Self { terminal, voice, started, stage, file })
@@ -75,6 +76,35 @@ impl Journal {
         let _ = file.write_all(lines.as_bytes());
     }
 }
+
+/// Open a journal, or begin one. Whatever else has content is somebody's, and nothing is appended to it.
+fn open(path: &Path) -> anyhow::Result<File> {
+    let mut begin = Vec::new();
+    if path.exists() {
+        let file = calib_files::open_regular(path)?;
+        file.take(LONGEST).read_to_end(&mut begin).with_context(|| path.display().to_string())?;
+    }
+    let line = begin.split(|&byte| byte == b'\n').next().unwrap_or_default();
+    ensure!(
+        begin.is_empty() || is_entry(&String::from_utf8_lossy(line)),
+        "--log {}: there is a file that is no log of calib's, and nothing is appended to it; name another file",
+        path.display()
+    );
+    Ok(calib_files::open_to_append(path)?)
+}
+
+/// Bytes of a line that tell whether it is one of a journal.
+const LONGEST: u64 = 128;
+
+/// Whether a line begins as those of a journal do: with a time, and what it is.
+fn is_entry(line: &str) -> bool {
+    let mut words = line.split_whitespace();
+    let is_time = words.next().is_some_and(|word| word.parse::<Timestamp>().is_ok());
+    is_time && words.next().is_some_and(|kind| KINDS.contains(&kind))
+}
+
+/// What lines can be.
+const KINDS: [&str; 5] = ["info", "step", "warning", "error", "result"];
 
 impl Observer for Journal {
     fn remark(&self, remark: Remark<'_>) {

@@ -105,6 +105,77 @@ fn a_plan_is_of_what_is_left_and_of_the_study_as_it_was() {
 }
 
 #[test]
+fn a_plan_takes_no_folder_of_somebody() {
+    let place = Place::with_study();
+    fs::rename(place.path().join("data"), place.path().join("inputs")).expect("moved");
+    place.edit_study("path = \"data\"", "path = \"inputs\"");
+    let log = place.content("inputs");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    for more in [&["--dry-run"][..], &["--force"], &[]] {
+        let args = [&["cluster", "plan", "study.toml", "-o", "."], more].concat();
+        let refused = place.calib(&args).fails(2);
+        assert!(refused.contains("which calib did not write"), "{refused}");
+        assert!(place.content("inputs") == log, "the log is what it was");
+    }
+    assert!(!place.path().join(".lock").exists());
+}
+
+#[test]
+fn a_killed_planning_is_gone_on_with_and_leaves_what_is_not_its_own() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let args = ["cluster", "plan", "study.toml", "--shards", "2", "-o", "plan"];
+    for operation in (1..).step_by(4) {
+        let ran = place.calib_with(&args, &[("CALIB_FAULT", &format!("kill:{operation}"))]);
+        if ran.code() == 0 || place.path().join("plan/plan.json").exists() {
+            break;
+        }
+        assert_eq!(ran.code(), -1, "operation {operation}: {}", ran.stderr());
+        // What it had written of its inputs goes, and the plan is another one.
+        place.calib(&[&args[..], &["--set", "sweep.online_runs=2"]].concat()).succeeds();
+        fs::remove_dir_all(place.path().join("plan")).expect("there");
+    }
+    fs::remove_dir_all(place.path().join("plan")).expect("there");
+    assert_eq!(place.calib_with(&args, &[("CALIB_FAULT", "kill:20")]).code(), -1);
+    assert!(place.path().join("plan/inputs").exists());
+    place.calib(&args).succeeds();
+    fs::remove_file(place.path().join("plan/plan.json")).expect("there");
+    place.write("plan/inputs/notes.txt", "somebody's");
+    let refused = place.calib(&args).fails(2);
+    assert!(
+        refused.contains("plan holds inputs/notes.txt, which calib did not write"),
+        "{refused}"
+    );
+    assert_eq!(fs::read(place.path().join("plan/inputs/notes.txt")).expect("there"), b"somebody's");
+}
+
+#[test]
+fn of_several_plannings_of_one_folder_one_succeeds() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    for fault in ["", "lockless"] {
+        let plan = format!("plan-{fault}");
+        let start = |shards: &&str| {
+            let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
+            let mut command = place.command(&args);
+            command.env("CALIB_FAULT", fault).stdout(Stdio::null()).stderr(Stdio::piped());
+            command.spawn().expect("calib runs")
+        };
+        let all: Vec<_> = ["1", "2", "3"].iter().map(start).collect();
+        let ended = all.into_iter().map(|child| child.wait_with_output().expect("it ends"));
+        let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|of| of.status.success());
+        assert_eq!(done.len(), 1, "{fault}");
+        for output in refused {
+            let told = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(2), "{told}");
+            let is_told = told.contains("is a plan already") || told.contains("another calib");
+            assert!(is_told, "{told}");
+        }
+        assert_eq!(status(&place, &plan).0, 4, "it is whole, and nothing is done");
+    }
+}
+
+#[test]
 fn stages_of_a_halving_come_to_the_bytes_of_one_process() {
     let place = Place::with_study();
     place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");

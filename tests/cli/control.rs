@@ -180,6 +180,60 @@ fn neighbours_can_be_near_in_a_representation() {
 }
 
 #[test]
+fn mistakes_in_rewards_and_grids_name_the_key() {
+    let place = place();
+    for (set, told) in [
+        (
+            "reward=[{ column = 'angle', wieght = -1.0 }]",
+            "control.reward: unknown key `wieght`; did you mean",
+        ),
+        ("reward=3", "control.reward: expected the name of a column, or a list of terms"),
+        ("reward={ column = 'angle' }", "control.reward: expected the name of a column"),
+        ("reward=[{ column = 'angle', weight = 'x' }]", "control.reward.weight: expected a number"),
+        (
+            "grid={ epsilon = [0.1, 0.2] }",
+            "control.grid.epsilon decides nothing: expected_sarsa does not use it",
+        ),
+        ("grid={ hidden_width = [8, 16] }", "control.grid.hidden_width decides nothing"),
+        ("grid={ step_size = [0.1, 0.2, 0.1] }", "control.grid.step_size has the value 0.1 twice"),
+    ] {
+        let args = ["control", "pole/study.toml", "--dry-run", "--set", &format!("control.{set}")];
+        let refused = place.calib(&args).fails(2);
+        assert!(refused.contains(told), "{set}: {refused}");
+    }
+}
+
+#[test]
+fn what_is_damaged_is_found_and_made_again() {
+    let place = place();
+    let section =
+        "representation={ kind = 'laplacian', steps = 200, dimension = 3, hidden_units = 8 }";
+    let set = ["--set", "control.model.distance='laplacian'", "--set", section];
+    let args = [&["control", "pole/study.toml", "-q"][..], &set].concat();
+    place.calib(&args).succeeds();
+    let whole = place.content("pole/study-results");
+    let figures = whole.keys().filter(|name| name.extension().is_some_and(|of| of == "svg"));
+    assert!(figures.count() > 0, "there are figures");
+    for name in whole.keys().filter(|name| !name.ends_with(".lock")) {
+        let path = place.path().join("pole/study-results").join(name);
+        let mut bytes = fs::read(&path).expect("there");
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).expect("writable");
+        let found = place.calib(&["check", "pole/study-results"]);
+        let told = found.ends(&[1]);
+        assert!(
+            told.contains("`calib control STUDY` makes it again"),
+            "{}: {told}",
+            name.display()
+        );
+        place.calib(&args).succeeds();
+        assert!(place.content("pole/study-results") == whole, "{}", name.display());
+    }
+    place.calib(&["check", "pole/study-results"]).succeeds();
+}
+
+#[test]
 fn a_torque_is_chosen_among_levels_of_its_range() {
     let place = Place::new();
     let args = ["simulate", "swing", "--task", "pendulum", "--policy", "random"];

@@ -120,8 +120,27 @@ fn the_path_is_written() {
     place.calib(&args).succeeds();
     let path = fs::read_to_string(place.path().join("path.csv")).expect("written");
     assert_eq!(path, "query,reference\n0,0\n0,1\n1,2\n2,3\n3,4\n");
-    let message = place.calib(&["dtw", "q.csv:flow", "r.csv", "--path", "path.csv"]).fails(2);
+    let message = place.calib(&["dtw", "q.csv:flow", "r.csv", "--path", "other.csv"]).fails(2);
     assert!(message.contains("exactly one --step-pattern, got 4"), "{message}");
+}
+
+#[test]
+fn a_path_replaces_only_the_file_that_is_named_with_force_and_never_what_is_read() {
+    let place = place();
+    place.write("mine.csv", "years of work");
+    let read = fs::read(place.path().join("q.csv")).expect("there");
+    let align = |path: &str, force: &[&str]| {
+        let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", path];
+        place.calib(&[&args[..], force].concat())
+    };
+    let kept = align("mine.csv", &[]).fails(2);
+    assert!(kept.contains("mine.csv is there already; --force replaces it"), "{kept}");
+    let own = align("q.csv", &["--force"]).fails(2);
+    assert!(own.contains("q.csv is what is read"), "{own}");
+    assert_eq!(fs::read(place.path().join("q.csv")).expect("there"), read);
+    assert_eq!(fs::read(place.path().join("mine.csv")).expect("there"), b"years of work");
+    align("mine.csv", &["--force"]).succeeds();
+    assert_ne!(fs::read(place.path().join("mine.csv")).expect("there"), b"years of work");
 }
 
 #[test]

@@ -247,8 +247,9 @@ fn a_directory_with_other_files_is_not_simulated_into() {
 fn two_commands_do_not_write_to_one_place() {
     let place = Place::with_study();
     let model = place.path().join("study-results/model");
-    fs::create_dir_all(&model).expect("writable");
-    let lock = fs::File::create(model.join(".lock")).expect("writable");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    fs::remove_file(model.join("manifest.json")).expect("there");
+    let lock = fs::File::open(model.join(".lock")).expect("there");
     lock.lock().expect("nobody else has it");
     let message = place.calib(&["build-model", "study.toml"]).fails(2);
     assert!(message.contains("another calib is writing"), "{message}");

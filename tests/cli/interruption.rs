@@ -150,6 +150,92 @@ fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
     }
 }
 
+/// Processes that live and were started with this word.
+#[cfg(target_os = "linux")]
+fn living(word: &str) -> usize {
+    let all = std::fs::read_dir("/proc").expect("there").flatten();
+    let lines = all.map(|entry| std::fs::read(entry.path().join("cmdline")).unwrap_or_default());
+    lines.filter(|line| line.split(|byte| *byte == 0).any(|of| of == word.as_bytes())).count()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_program_of_an_agent_does_not_outlive_calib() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let word = format!("{}.75", 200_000 + std::process::id());
+    // Neither the program nor what it starts, in a session of its own or not, reads anything.
+    let script = format!("setsid sleep {word} & sleep {word} & sleep {word}");
+    place.edit_study(
+        "value_function = \"linear\"\ngamma = 0.9\nbatch_size = 16\nlearning_rate = 1e-3\n",
+        &format!("kind = \"external\"\ncommand = [\"sh\", \"-c\", \"{script}\"]\ngamma = 0.9\n\n[agent.parameters]\nrate = 1\n"),
+    );
+    place.edit_study("learning_rate = [1e-5, 1e-3, 1e-2]", "rate = [1, 2]");
+    for signal in ["-KILL", "-TERM", "-INT"] {
+        let mut child = place
+            .command(&["sweep", "study.toml"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("calib runs");
+        let until = |there: bool| {
+            for _ in 0..600 {
+                if (living(&word) > 0) == there {
+                    return;
+                }
+                thread::sleep(Duration::from_millis(20));
+            }
+            panic!("{signal}: {} processes are there", living(&word));
+        };
+        until(true);
+        let id = child.id().to_string();
+        assert!(
+            std::process::Command::new("kill")
+                .args([signal, &id])
+                .status()
+                .expect("sent")
+                .success()
+        );
+        child.wait().expect("it ends");
+        until(false);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_step_that_never_ends_is_ended_and_a_dry_run_says_what_it_takes() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.edit_study("batch_size = 16", "batch_size = 16\nupdates_per_step = 100000000000000");
+    let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
+    dry.succeeds();
+    let told = dry.stderr();
+    assert!(told.contains("expecting about") && told.contains("days"), "{told}");
+    for (signal, status) in [("-TERM", 75), ("-INT", 130), ("-USR1", 75)] {
+        let child = place
+            .command(&["sweep", "study.toml"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("calib runs");
+        let claimed = place.path().join("study-results/sweep/.lock");
+        for _ in 0..600 {
+            if claimed.exists() {
+                break;
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+        thread::sleep(Duration::from_millis(300));
+        let id = child.id().to_string();
+        let sent = std::process::Command::new("kill").args([signal, &id]).status();
+        assert!(sent.expect("kill runs").success());
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(status), "{signal}: {told}");
+        assert!(told.contains("run the same command again"), "{told}");
+    }
+}
+
 #[test]
 fn where_there_are_no_locks_two_sweeps_of_one_folder_end_well() {
     let place = Place::with_study();

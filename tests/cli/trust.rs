@@ -58,6 +58,58 @@ fn a_sweep_with_nothing_to_write_writes_nothing() {
     assert!(manifest.exists(), "what could not be begun is not given up");
 }
 
+#[test]
+fn damaged_one_step_errors_are_told_and_made_again() {
+    let place = place();
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    let whole = place.content("study-results");
+    let report =
+        || fs::read_to_string(place.path().join("study-results/report.html")).expect("a report");
+    assert!(report().contains("One-step error"));
+    for name in ["one_step.json", "one_step.parquet"] {
+        let path = place.path().join("study-results/rollout").join(name);
+        let mut bytes = fs::read(&path).expect("there");
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).expect("writable");
+        let told = place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
+        let note = "the one-step errors in study-results/rollout were made with other settings, or are damaged";
+        assert!(told.contains(note) && report().contains("one-step errors in"), "{told}");
+        place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+        assert!(place.content("study-results") == whole, "{name}");
+    }
+}
+
+#[test]
+fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
+    let place = Place::new();
+    place.simulate("data");
+    place.write("mine.tmp", "somebody's");
+    for (name, value) in [("a.csv", "1\n2\n3\n"), ("b.csv", "1\n3\n")] {
+        place.write(name, value);
+    }
+    let warp = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
+    let left = || {
+        let entries = fs::read_dir(place.path()).expect("readable").flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.starts_with(".calib-")).count()
+    };
+    for args in [&["import", "data", "log.parquet"][..], &warp] {
+        let mut leaves = false;
+        for operation in 1..20 {
+            let fault = format!("kill:{operation}");
+            if place.calib_with(args, &[("CALIB_FAULT", &fault)]).code() != -1 {
+                break;
+            }
+            leaves |= left() > 0;
+        }
+        assert!(leaves, "a kill leaves something half-written");
+        place.calib(&[args, &["--force"]].concat()).succeeds();
+        assert_eq!(left(), 0, "{args:?}");
+    }
+    assert!(place.path().join("mine.tmp").exists());
+}
+
 #[cfg(unix)]
 #[test]
 fn what_belongs_to_others_stays() {
@@ -69,7 +121,7 @@ fn what_belongs_to_others_stays() {
     fs::create_dir_all(at("study-results/model")).expect("made");
     symlink(at("thesis.tex"), at("study-results/model/.lock")).expect("linked");
     let refused = place.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(refused.contains("it is a link"), "{refused}");
+    assert!(refused.contains("holds .lock, which calib did not write"), "{refused}");
     assert_eq!(fs::read(at("thesis.tex")).expect("readable"), b"years of work");
     fs::remove_file(at("study-results/model/.lock")).expect("removed");
     // Units that are somebody's, behind a link.
@@ -77,7 +129,8 @@ fn what_belongs_to_others_stays() {
     fs::create_dir_all(at("theirs/units/P/online")).expect("made");
     place.write("theirs/units/P/online/notes.txt", "theirs");
     symlink(at("theirs"), at("study-results/sweep")).expect("linked");
-    place.calib(&["sweep", "study.toml", "--force"]).succeeds();
+    let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
+    assert!(refused.contains("holds units, which calib did not write"), "{refused}");
     assert!(at("theirs/units/P/online/notes.txt").exists());
     // Days that no simulation wrote.
     fs::create_dir(at("logs")).expect("made");
@@ -86,20 +139,24 @@ fn what_belongs_to_others_stays() {
     assert!(refused.contains("2022-11-01.parquet is in the way"), "{refused}");
     let own = fs::read(at("data/2022-11-01.parquet")).expect("readable");
     assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
-    // A path that is to go where a link leads, or to a device.
+    // A path that is to go to a device; where a link leads is somebody's.
     let series = ["a.csv", "b.csv"];
     for name in series {
         place.write(name, "1\n2\n3\n");
     }
     place.write("path.csv", "old");
     symlink(at("path.csv"), at("link.csv")).expect("linked");
-    place
-        .calib(&["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "link.csv"])
-        .succeeds();
+    let align = |path: &str, force: &[&str]| {
+        let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", path];
+        place.calib(&[&args[..], force].concat())
+    };
+    for force in [&["--force"][..], &[]] {
+        let refused = align("link.csv", force).fails(2);
+        assert!(refused.contains("it is a link"), "{refused}");
+    }
     assert!(fs::symlink_metadata(at("link.csv")).expect("there").is_symlink());
-    assert!(fs::read_to_string(at("path.csv")).expect("readable").starts_with("query"));
-    let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "/dev/stdout"];
-    assert!(place.calib(&args).succeeds().contains("query,reference"));
+    assert_eq!(fs::read(at("path.csv")).expect("readable"), b"old");
+    assert!(align("/dev/stdout", &[]).succeeds().contains("query,reference"));
 }
 
 #[cfg(unix)]
@@ -285,9 +342,11 @@ fn a_simulated_log_is_what_was_simulated() {
     let refused = place.calib(&args).fails(2);
     assert!(refused.contains("it is not known what the logs in data"), "{refused}");
     // No more is removed than what is known to have been simulated.
-    fs::write(place.path().join("data/2022-11-05.parquet"), "theirs").expect("writable");
-    place.calib(&[&args[..], &["--force"]].concat()).fails(2);
-    assert!(day.exists() && place.path().join("data/2022-11-05.parquet").exists());
+    let theirs = place.path().join("data/2022-11-05.parquet");
+    fs::write(&theirs, "theirs").expect("writable");
+    place.calib(&[&args[..], &["--force"]].concat()).succeeds();
+    assert_eq!(fs::read(&day).expect("readable"), whole);
+    assert_eq!(fs::read(&theirs).expect("readable"), b"theirs");
 }
 
 /// Rewrite a file of JSON under a fingerprint that fits.

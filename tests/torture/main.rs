@@ -6,6 +6,7 @@
 mod campaign;
 mod damage;
 mod faults;
+mod foreign;
 #[path = "../cli/harness.rs"]
 #[expect(dead_code, reason = "shared with the tests of the command line")]
 mod harness;

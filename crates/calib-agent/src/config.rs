@@ -310,6 +310,23 @@ impl AgentConfig {
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
     }
 
+    /// What an agent would have to be for the hyperparameter `field` to decide anything, where this one is not.
+    pub fn lacks(&self, field: &str) -> Option<&'static str> {
+        let (other, needed) = match field {
+            "hidden_layers" | "hidden_units" | "precision" => {
+                (self.value_function == ValueFunction::Linear, "value_function = \"mlp\"")
+            }
+            "beta1" | "beta2" | "epsilon" => {
+                (self.optimiser == OptimiserKind::Sgd, "optimiser = \"adam\"")
+            }
+            "replay_capacity" | "batch_size" => {
+                (self.replay == ReplayKind::None, "replay = \"uniform\"")
+            }
+            _ => return None,
+        };
+        (other && !self.is_external()).then_some(needed)
+    }
+
     /// Every hyperparameter by its name in a study, also one that is left out where it is the default: of a program, `gamma` and its own.
     pub fn fields(&self) -> Map<String, Value> {
         if self.is_external() {

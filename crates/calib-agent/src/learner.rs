@@ -85,13 +85,18 @@ impl Learner<'_> {
         self.config.learning_rate > 0.0
     }
 
-    /// What a step costs, in multiplications of the matrix products: forward for s and s', backward for the
+    /// What an update costs, in multiplications of the matrix products: forward for s and s', backward for the
     /// weights and for the layer before. An update counts as at least a million, which small agents spend
     /// on gathering and bookkeeping.
-    pub(crate) fn work_per_step(&self, width: usize) -> u64 {
-        let parameters = parameter_count(self.config, self.config.seen_width(width));
-        let update = 4 * (parameters * self.config.transitions_per_update()) as u64;
-        update.max(1_000_000).saturating_mul(self.config.updates_per_step as u64)
+    pub fn work_per_update(&self, width: usize) -> u64 {
+        let parameters = parameter_count(self.config, self.config.seen_width(width)) as u64;
+        let transitions = self.config.transitions_per_update() as u64;
+        parameters.saturating_mul(transitions).saturating_mul(4).max(1_000_000)
+    }
+
+    /// What a step costs; see [`work_per_update`](Self::work_per_update).
+    pub fn work_per_step(&self, width: usize) -> u64 {
+        self.work_per_update(width).saturating_mul(self.config.updates_per_step as u64)
     }
 }
 

@@ -1,4 +1,4 @@
-use calib_core::{Seed, Stream};
+use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
     AgentConfig, AgentError, Learner, ReplayKind, ValueFunction,
@@ -125,12 +125,30 @@ impl<'a> Truth<'a> {
     }
 }
 
+/// Work after which somebody looks whether a run is to stop, in multiplications: about a second. A step that takes less
+/// is made to its end, so that the state before the next one can be kept.
+pub(crate) const WORK_PER_LOOK: u64 = 5_000_000_000;
+
+/// Work of a step of all of them.
+pub(crate) fn work_per_step(learners: &[Learner<'_>], width: usize) -> u64 {
+    let each = learners.iter().map(|learner| learner.work_per_step(width));
+    each.fold(0, u64::saturating_add)
+}
+
+fn updates_per_look(learners: &[Learner<'_>], width: usize) -> usize {
+    let each = learners.iter().map(|learner| learner.work_per_update(width));
+    let of_update = each.fold(0, u64::saturating_add);
+    usize::try_from(WORK_PER_LOOK / of_update.max(1)).unwrap_or(usize::MAX).max(1)
+}
+
 /// Agents that learn from the same mini-batches, each from its own parameters.
 pub(crate) struct Population<'a> {
     task: Task<'a>,
     truth: &'a Truth<'a>,
     gamma: f64,
     updates_per_step: usize,
+    /// Updates of a step between two looks at the monitor.
+    updates_per_look: usize,
     values: Box<dyn Values>,
     replay: Option<Replay>,
     trackers: Vec<Tracker>,
@@ -165,6 +183,7 @@ impl<'a> Population<'a> {
             truth,
             gamma: shared.gamma,
             updates_per_step: shared.updates_per_step,
+            updates_per_look: updates_per_look(learners, stream.width()),
             values,
             replay,
             trackers,
@@ -203,9 +222,11 @@ impl<'a> Population<'a> {
         &self.trackers
     }
 
-    /// Train over the rest of the run. `before` is called before each step and may end the run.
+    /// Train over the rest of the run. `before` is called before each step and may end the run; so may the monitor, also within a
+    /// step of many updates, which is then made again as a whole.
     pub(crate) fn run(
         &mut self,
+        monitor: &dyn Monitor,
         mut before: impl FnMut(&Self, usize) -> Result<(), AgentError>,
     ) -> Result<(), AgentError> {
         let next = self.next;
@@ -214,7 +235,7 @@ impl<'a> Population<'a> {
                 break;
             }
             before(self, t)?;
-            self.step(t, known);
+            self.step(t, known, monitor)?;
         }
         let last = self.task.steps.saturating_sub(1);
         for &agent in &self.live {
@@ -226,7 +247,7 @@ impl<'a> Population<'a> {
     }
 
     /// Predict at step `t`, see the next state, learn.
-    fn step(&mut self, t: usize, known: bool) {
+    fn step(&mut self, t: usize, known: bool, monitor: &dyn Monitor) -> Result<(), AgentError> {
         let ready = match &mut self.replay {
             Some(replay) => {
                 replay.push(t);
@@ -236,6 +257,12 @@ impl<'a> Population<'a> {
         };
         if ready {
             for update in 0..self.updates_per_step {
+                if update > 0
+                    && update.is_multiple_of(self.updates_per_look)
+                    && monitor.interrupted()
+                {
+                    return Err(AgentError::Interrupted);
+                }
                 self.update(t, update, known);
             }
         } else {
@@ -246,6 +273,7 @@ impl<'a> Population<'a> {
             }
             self.settle(t, known);
         }
+        Ok(())
     }
 
     fn update(&mut self, t: usize, update: usize, known: bool) {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     AgentError, Checkpoint, Learner, StateFile,
     keeper::ValueState,
-    population::{can_share, values_of},
+    population::{can_share, values_of, work_per_step},
     traces::TracedStream,
     validation::Validation,
     values::{Batch, Learned, Values},
@@ -144,15 +144,12 @@ pub fn pretrain<'a>(
     monitor.begin("pre-training", settings.epochs as u64 * work);
     monitor.advance(run.epochs as u64 * work);
     let mut unkept = 0;
-    let work_per_epoch: u64 = learners
-        .iter()
-        .map(|learner| learner.work_per_step(sensors))
-        .sum::<u64>()
-        .saturating_mul((train.len() / batch) as u64);
+    let work_per_epoch =
+        work_per_step(learners, sensors).saturating_mul((train.len() / batch) as u64);
     while run.epochs < settings.epochs && run.courses.iter().any(|course| !course.stopped) {
         let order = shuffled(train, seed.child("epoch").number(run.epochs as u64));
         run.epoch(&order, batch, monitor)?;
-        unkept += work_per_epoch;
+        unkept = work_per_epoch.saturating_add(unkept);
         if let Some(file) = file
             && unkept >= WORK_BETWEEN_EPOCHS
         {
@@ -165,9 +162,6 @@ pub fn pretrain<'a>(
 
 /// Work after which the state is worth a file, in multiplications: some seconds.
 const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
-
-/// Mini-batches between looks at the monitor.
-const BATCHES_PER_LOOK: usize = 16;
 
 /// Learners that one thread trains.
 struct Group {
@@ -230,8 +224,8 @@ impl<'a> PretrainRun<'a> {
                     (0..members.len()).filter(|&agent| !courses[members[agent]].stopped).collect();
                 let mut learned = vec![Learned::default(); live.len()];
                 let mut losses = vec![0.0_f64; live.len()];
-                for (position, starts) in order.chunks(batch).enumerate() {
-                    if position.is_multiple_of(BATCHES_PER_LOOK) && monitor.interrupted() {
+                for starts in order.chunks(batch) {
+                    if monitor.interrupted() {
                         return Err(AgentError::Interrupted);
                     }
                     if !live.is_empty() {

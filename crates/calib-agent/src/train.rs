@@ -4,11 +4,11 @@ use crate::{
     AgentConfig, AgentError, CurveRule, Keeper, Learner, NoKeeper, RunOutcome, RunProgress,
     RunState,
     outcome::Tracker,
-    population::{Population, Task, Truth, can_share},
+    population::{Population, Task, Truth, WORK_PER_LOOK, can_share, work_per_step},
     traces::TracedStream,
 };
 
-/// Steps between looks at the monitor.
+/// Steps after which the monitor hears of them, unless they take long.
 const STEPS_PER_LOOK: usize = 64;
 
 /// Train every agent on the same stream to predict the returns of state column `cumulant`.
@@ -123,7 +123,7 @@ pub fn train_learners(
     };
     let mut outcomes: Vec<Option<RunOutcome>> = vec![None; learners.len()];
     let mut progress = Progress { monitor, agents: learners.len() as u64, done: 0, reported: 0 };
-    let mut work = 0;
+    let (mut work, mut told) = (0_u64, 0_u64);
     for (number, members) in groups.iter().enumerate() {
         let of_group: Vec<Learner<'_>> = members.iter().map(|&member| learners[member]).collect();
         let decays = &of_group[0].config.traces;
@@ -141,14 +141,14 @@ pub fn train_learners(
                 let values = values.filter_map(|(learner, of)| Some((place(*learner)?, of)));
                 population.resume(kept.progress.step, values);
             }
-            let work_per_step: u64 =
-                of_group.iter().map(|learner| learner.work_per_step(stream.width())).sum();
-            population.run(|population, step| {
-                let look = step.is_multiple_of(STEPS_PER_LOOK);
-                if look {
+            let work_per_step = work_per_step(&of_group, stream.width());
+            population.run(monitor, |population, step| {
+                if step.is_multiple_of(STEPS_PER_LOOK) || told >= WORK_PER_LOOK {
                     progress.set(before + size * step as u64);
+                    told = 0;
                 }
-                let stop = look && monitor.interrupted();
+                told = told.saturating_add(work_per_step);
+                let stop = monitor.interrupted();
                 let enough = keeper.work_between() / if stop { 8 } else { 1 };
                 if work >= enough {
                     let mut trackers = trackers.clone();
@@ -161,7 +161,7 @@ pub fn train_learners(
                     keeper.keep(state).map_err(AgentError::Keep)?;
                     work = 0;
                 }
-                work += work_per_step;
+                work = work.saturating_add(work_per_step);
                 if stop { Err(AgentError::Interrupted) } else { Ok(()) }
             })?;
             for (&member, tracker) in members.iter().zip(population.trackers()) {

@@ -21,6 +21,24 @@ pub enum ControlError {
         /// The field.
         field: &'static str,
     },
+    /// A field of the grid that no agent uses.
+    #[error(
+        "control.grid.{field} decides nothing: {algorithm} does not use it; leave the key out, or list an algorithm that does"
+    )]
+    UnusedAxis {
+        /// The field.
+        field: &'static str,
+        /// What the agents learn by.
+        algorithm: &'static str,
+    },
+    /// The same value twice in one field of the grid.
+    #[error("control.grid.{field} has the value {value} twice; remove one")]
+    RepeatedValue {
+        /// The field.
+        field: &'static str,
+        /// The value.
+        value: String,
+    },
     /// A study does not say which columns are actions.
     #[error("`actions` is empty; name the columns of the action that was taken in a row")]
     NoActions,

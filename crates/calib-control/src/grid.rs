@@ -1,3 +1,5 @@
+use std::fmt::Debug;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,8 +43,8 @@ pub struct Grid {
     pub target_steps: Option<Vec<usize>>,
 }
 
-/// Make of every candidate one for each value of a field.
-fn each<T: Copy>(
+/// Make of every candidate that uses a field one for each value of it.
+fn each<T: Copy + PartialEq + Debug>(
     candidates: &mut Vec<AgentConfig>,
     field: &'static str,
     values: Option<&Vec<T>>,
@@ -52,15 +54,28 @@ fn each<T: Copy>(
     if values.is_empty() {
         return Err(ControlError::EmptyAxis { field });
     }
-    let with = |candidate: &AgentConfig, value: T| {
-        let mut one = *candidate;
-        set(&mut one, value);
-        one
-    };
-    *candidates = candidates
-        .iter()
-        .flat_map(|candidate| values.iter().map(|&value| with(candidate, value)))
-        .collect();
+    for (place, value) in values.iter().enumerate() {
+        if values[..place].contains(value) {
+            return Err(ControlError::RepeatedValue { field, value: format!("{value:?}") });
+        }
+    }
+    if !candidates.iter().any(|candidate| candidate.algorithm.uses(field)) {
+        let algorithm = candidates[0].algorithm.name();
+        return Err(ControlError::UnusedAxis { field, algorithm });
+    }
+    let mut all = Vec::with_capacity(candidates.len() * values.len());
+    for candidate in candidates.iter() {
+        if !candidate.algorithm.uses(field) {
+            all.push(*candidate);
+            continue;
+        }
+        for &value in values {
+            let mut one = *candidate;
+            set(&mut one, value);
+            all.push(one);
+        }
+    }
+    *candidates = all;
     Ok(())
 }
 
@@ -77,10 +92,11 @@ impl Grid {
         }
     }
 
-    /// All combinations, the last field changing fastest; every one differs from `agent` only in what is swept.
+    /// All combinations of the fields that an algorithm uses, the last field changing fastest; every one differs from `agent` only in what
+    /// is swept.
     ///
     /// # Errors
-    /// If a list is empty, or a value is not one that its field can have.
+    /// If a list is empty or has a value twice, no algorithm uses a field, or a value is not one that its field can have.
     pub fn candidates(&self, agent: AgentConfig) -> Result<Vec<AgentConfig>, ControlError> {
         let mut all = vec![agent];
         each(&mut all, "algorithm", self.algorithm.as_ref(), |of, value| of.algorithm = value)?;
@@ -118,13 +134,9 @@ impl Grid {
 
     /// What distinguishes candidates: the names of swept fields and how a candidate has them.
     pub fn told(&self, agent: &AgentConfig) -> Vec<(&'static str, String)> {
-        let algorithm = match agent.algorithm {
-            Algorithm::ExpectedSarsa => "expected_sarsa",
-            Algorithm::QLearning => "q_learning",
-            Algorithm::DeepQLearning => "deep_q_learning",
-        };
+        let algorithm = agent.algorithm;
         let all = [
-            ("algorithm", self.algorithm.is_some(), algorithm.to_owned()),
+            ("algorithm", self.algorithm.is_some(), algorithm.name().to_owned()),
             ("step_size", self.step_size.is_some(), agent.step_size.to_string()),
             ("beta1", self.beta1.is_some(), agent.beta1.to_string()),
             ("temperature", self.temperature.is_some(), agent.temperature.to_string()),
@@ -141,7 +153,10 @@ impl Grid {
             ("replay", self.replay.is_some(), agent.replay.to_string()),
             ("target_steps", self.target_steps.is_some(), agent.target_steps.to_string()),
         ];
-        all.into_iter().filter(|of| of.1).map(|(name, _, value)| (name, value)).collect()
+        all.into_iter()
+            .filter(|(_, is_swept, _)| *is_swept)
+            .map(|(name, _, value)| (name, value))
+            .collect()
     }
 }
 
@@ -160,6 +175,29 @@ mod tests {
         let names: Vec<_> = told.iter().map(|of| of.0).collect();
         assert_eq!(names, ["step_size", "beta1", "temperature", "initial_weight"]);
         assert_eq!(told[3].1, "8", "the last field changes fastest");
+    }
+
+    #[test]
+    fn what_no_agent_uses_and_values_that_come_twice_are_refused() {
+        let agent = AgentConfig::default();
+        let refused = |grid: Grid| grid.candidates(agent).expect_err("refused").to_string();
+        let unused = refused(Grid { epsilon: Some(vec![0.1, 0.2]), ..Grid::default() });
+        assert!(unused.contains("grid.epsilon") && unused.contains("expected_sarsa"), "{unused}");
+        let unused = refused(Grid { hidden_width: Some(vec![8]), ..Grid::default() });
+        assert!(unused.contains("grid.hidden_width"), "{unused}");
+        let twice = refused(Grid { step_size: Some(vec![0.1, 0.2, 0.1]), ..Grid::default() });
+        assert!(twice.contains("grid.step_size") && twice.contains("0.1 twice"), "{twice}");
+        let twice = refused(Grid { pairs: Some(vec![true, true]), ..Grid::default() });
+        assert!(twice.contains("true twice"), "{twice}");
+        // Of several algorithms those that use a field have its values.
+        let mixed = Grid {
+            algorithm: Some(vec![Algorithm::ExpectedSarsa, Algorithm::QLearning]),
+            epsilon: Some(vec![0.1, 0.2]),
+            ..Grid::default()
+        };
+        let all = mixed.candidates(agent).expect("one of them uses it");
+        assert_eq!(all.len(), 3);
+        assert_eq!(mixed.told(&all[2])[1], ("epsilon", "0.2".to_owned()));
     }
 
     #[test]

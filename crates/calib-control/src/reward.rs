@@ -1,16 +1,46 @@
+use std::fmt;
+
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{
+    Deserialize, Deserializer, Serialize,
+    de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer},
+};
 
 use crate::ControlError;
 
 /// The reward of a step, from what was recorded in the row that it led to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Reward {
     /// A column that holds it.
     Column(String),
     /// The sum of terms.
     Terms(Vec<Term>),
+}
+
+/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+impl<'de> Deserialize<'de> for Reward {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct ColumnOrTerms;
+        impl<'de> Visitor<'de> for ColumnOrTerms {
+            type Value = Reward;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "the name of a column, or a list of terms such as [{ column = \"flow\", weight = 1 }]",
+                )
+            }
+
+            fn visit_str<E: Error>(self, column: &str) -> Result<Reward, E> {
+                Ok(Reward::Column(column.to_owned()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, terms: A) -> Result<Reward, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(terms)).map(Reward::Terms)
+            }
+        }
+        deserializer.deserialize_any(ColumnOrTerms)
+    }
 }
 
 impl Default for Reward {

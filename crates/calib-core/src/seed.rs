@@ -49,7 +49,7 @@ impl Seed {
 
 /// PCG XSL RR 128/64 (O'Neill 2014) with draws defined here,
 /// so that stored results do not change when a dependency changes its sampling.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rng(Pcg64);
 
 impl Rng {

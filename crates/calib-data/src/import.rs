@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, io, path::Path};
 
 use calib_core::{Monitor, Timestamp};
-use calib_files::{Spill, write_atomically};
+use calib_files::{FileError, Spill, Standing, check_output, is_same_file, write_output};
 use pl::{IntoColumn as _, NewChunkedArray as _};
 use polars::prelude as pl;
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{
     Contradictions, DataConfig, DataError, Shape,
-    log::{Batch, Codes, Log, SHOWN},
+    log::{Batch, Codes, Log, SHOWN, log_files},
     survey::told,
 };
 
@@ -48,18 +48,24 @@ struct Column {
 /// Memory holds the timestamps, a batch of channels, and a row group of at most 64 MB.
 ///
 /// # Errors
-/// If the log cannot be read, contradicts itself, or the file cannot be written.
+/// If the log cannot be read, contradicts itself, or the file cannot be written: it is there and is to stay, or is a part of
+/// the log.
 pub fn import(
     data: &DataConfig,
     path: &Path,
+    standing: Standing,
     monitor: &dyn Monitor,
 ) -> Result<Imported, DataError> {
+    check_output(path, standing)?;
+    if log_files(data)?.iter().any(|log| is_same_file(log, path)) {
+        return Err(FileError::Input { path: path.to_owned() }.into());
+    }
     let (log, wanted) = Log::open_whole(data, monitor)?;
     let mut spill = Spill::new(&data.scratch)?;
     let mut words = BTreeMap::new();
     let columns = spill_columns(&log, &wanted, &mut spill, &mut words, monitor)?;
     let rows = log.rows.timestamps.len();
-    write(path, &log.rows.timestamps, &columns, &spill, monitor)?;
+    write((path, standing), &log.rows.timestamps, &columns, &spill, monitor)?;
     Ok(Imported { shape: log.shape, rows, channels: columns.len(), words })
 }
 
@@ -110,7 +116,7 @@ fn spill_columns(
 }
 
 fn write(
-    path: &Path,
+    (path, standing): (&Path, Standing),
     timestamps: &[Timestamp],
     columns: &[Column],
     spill: &Spill,
@@ -120,7 +126,7 @@ fn write(
     let group = (GROUP_BYTES / row_bytes).clamp(1, GROUP_ROWS);
     monitor.begin("writing rows", timestamps.len() as u64);
     let mut interrupted = false;
-    let written = write_atomically(path, |file| {
+    let written = write_output(path, standing, |file| {
         let empty = frame(&[], 0, columns, spill)?;
         let mut writer = pl::ParquetWriter::new(file)
             .with_compression(pl::ParquetCompression::Zstd(None))

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::distance::{Outcome, check, distances, found};
 use crate::kernel::dispatch::InstructionSet;
 use crate::kernel::sweep::Stop;
-use crate::path::{Aligned, align};
+use crate::path::{Aligned, align, bytes as path_bytes};
 use crate::{
     Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
 };
@@ -207,8 +207,14 @@ impl Dtw {
         match align(set, pattern, self.settings, query, reference, Some(stop)) {
             Aligned::Found(alignment) => Ok(alignment),
             Aligned::NoPath => Err(self.no_path(query, reference).into()),
+            Aligned::NoRoom { cells } => Err(DtwError::Memory { cells }),
             Aligned::Stopped => Err(DtwError::Stopped),
         }
+    }
+
+    /// Bytes that [`Dtw::align`] takes for series of so many samples, at most, beside the series.
+    pub fn path_bytes(&self, query: usize, reference: usize) -> u64 {
+        path_bytes(&self.pattern, query, reference)
     }
 }
 

@@ -79,6 +79,14 @@ pub enum DtwError {
     /// Nobody waits for the result any more.
     #[error("stopped")]
     Stopped,
+    /// There is no room for the path.
+    #[error(
+        "cannot allocate memory for a path of up to {cells} samples; shorten the series, or ask for the distance alone"
+    )]
+    Memory {
+        /// Its longest length.
+        cells: usize,
+    },
     /// The processor lacks the instruction set asked for.
     #[error("this processor does not have the {instruction_set} instructions")]
     Unsupported {

@@ -23,6 +23,10 @@ const MOST_PARTS: usize = 16;
 pub(crate) enum Aligned {
     Found(Alignment),
     NoPath,
+    /// There is no memory for so many samples of it.
+    NoRoom {
+        cells: usize,
+    },
     /// Nobody waits for it any more.
     Stopped,
 }
@@ -37,6 +41,12 @@ pub(crate) fn align(
     stop: Stop<'_>,
 ) -> Aligned {
     let patterns = std::slice::from_ref(pattern);
+    // Before the long work, and not after it.
+    let mut backwards = Vec::new();
+    let longest = longest(query.len(), reference.len());
+    if backwards.try_reserve_exact(longest).is_err() {
+        return Aligned::NoRoom { cells: longest };
+    }
     let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Path, stop);
     let strips = sweep.strips();
     sweep.patterns[0].input = entry(settings, sweep.patterns[0].halo, reference.len());
@@ -55,7 +65,7 @@ pub(crate) fn align(
         reach: pattern.reach(),
         sweep,
         at: Some((query.len() - 1, distance.end)),
-        backwards: Vec::new(),
+        backwards,
         cells: Vec::new(),
     };
     tracer.through(borders);
@@ -65,6 +75,21 @@ pub(crate) fn align(
     tracer.backwards.reverse();
     let path = tracer.backwards;
     Aligned::Found(Alignment { distance, path })
+}
+
+/// Samples of the longest path that there can be.
+fn longest(query: usize, reference: usize) -> usize {
+    query.saturating_add(reference)
+}
+
+/// Bytes that a path of these lengths takes, at most, with what is kept to find it again.
+pub(crate) fn bytes(pattern: &StepPattern, query: usize, reference: usize) -> u64 {
+    let path = size_of::<(usize, usize)>() as u64 * longest(query, reference) as u64;
+    // Strips are divided into parts, these into parts, and so on.
+    let levels = 2 + u64::from((query as u64).max(1).ilog(MOST_PARTS as u64));
+    let border = 8_u64.saturating_mul(pattern.reach().0 as u64).saturating_mul(reference as u64);
+    let borders = border.saturating_mul(levels * (MOST_PARTS as u64 + 2));
+    path.saturating_add(borders)
 }
 
 /// The rows above every part of a group of strips.

@@ -1,6 +1,6 @@
-use std::path::Path;
+use std::{io::Read as _, path::Path};
 
-use crate::{FileError, read_regular};
+use crate::{FileError, open_regular, read_regular};
 
 /// An array of numbers, as `f64`, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,42 +21,117 @@ pub fn read_array(path: &Path) -> Result<Array, FileError> {
     parse(&bytes).map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
 }
 
-fn parse(bytes: &[u8]) -> Result<Array, String> {
-    let cut = || "the header is cut off".to_owned();
-    let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
-        return Err("it does not begin as NumPy files do".to_owned());
-    };
-    let (version, rest) = rest.split_at_checked(2).ok_or_else(cut)?;
-    let (length, rest) = match version[0] {
-        1 => {
-            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-            (usize::from(u16::from_le_bytes(*length)), rest)
+/// The memory that [`read_array`] takes for a file, in bytes, by its header alone.
+///
+/// # Errors
+/// As [`read_array`].
+pub fn array_bytes(path: &Path) -> Result<u64, FileError> {
+    let refused = |source| FileError::io("read", path, source);
+    let file = open_regular(path)?;
+    let length = file.metadata().map_err(refused)?.len();
+    let mut begin = Vec::new();
+    file.take(LONGEST_HEADER).read_to_end(&mut begin).map_err(refused)?;
+    let header = Header::of(&begin);
+    let bytes = header.and_then(|header| {
+        let data = length.saturating_sub((begin.len() - header.data.len()) as u64);
+        Ok(length.saturating_add(8_u64.saturating_mul(header.count(data)?)))
+    });
+    bytes.map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
+}
+
+/// Bytes of a file that its header is looked for in; NumPy itself writes headers of some hundred.
+const LONGEST_HEADER: u64 = 1 << 20;
+
+/// What stands before the numbers, and what follows.
+struct Header<'a> {
+    kind: Kind,
+    shape: Vec<usize>,
+    is_column_major: bool,
+    data: &'a [u8],
+}
+
+impl Header<'_> {
+    /// How many numbers there are in so many bytes of data, which must be as many as the shape says.
+    fn count(&self, bytes: u64) -> Result<u64, String> {
+        let Self { kind, shape, .. } = self;
+        let sizes = shape.iter().map(|&length| length as u64);
+        let expected = sizes.fold(Some(kind.size as u64), |product, length| {
+            product.and_then(|product| product.checked_mul(length))
+        });
+        if expected == Some(bytes) {
+            return Ok(bytes / kind.size as u64);
         }
-        2 | 3 => {
-            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-            (u32::from_le_bytes(*length) as usize, rest)
-        }
-        got => return Err(format!("expected format version 1 to 3, got {got}")),
-    };
-    let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
-    let header = std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
-    let kind = Kind::of(entry(header, "'descr'")?)?;
-    let shape = shape(entry(header, "'shape'")?)?;
-    let expected = shape.iter().try_fold(kind.size, |product, &length| product.checked_mul(length));
-    if expected != Some(data.len()) {
-        return Err(format!(
-            "expected {} bytes of data for the shape {shape:?}, got {}: the file is truncated or damaged",
+        Err(format!(
+            "expected {} bytes of data for the shape {shape:?}, got {bytes}: the file is truncated or damaged",
             expected.map_or_else(|| "more".to_owned(), |expected| expected.to_string()),
-            data.len()
-        ));
+        ))
     }
-    let count = data.len() / kind.size;
+}
+
+impl<'a> Header<'a> {
+    fn of(bytes: &'a [u8]) -> Result<Self, String> {
+        let cut = || "the header is cut off".to_owned();
+        let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
+            return Err("it does not begin as NumPy files do".to_owned());
+        };
+        let (version, rest) = rest.split_at_checked(2).ok_or_else(cut)?;
+        let (length, rest) = match version[0] {
+            1 => {
+                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+                (usize::from(u16::from_le_bytes(*length)), rest)
+            }
+            2 | 3 => {
+                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+                (u32::from_le_bytes(*length) as usize, rest)
+            }
+            got => return Err(format!("expected format version 1 to 3, got {got}")),
+        };
+        let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
+        let header =
+            std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
+        Ok(Self {
+            kind: Kind::of(entry(header, "'descr'")?)?,
+            shape: shape(entry(header, "'shape'")?)?,
+            is_column_major: entry(header, "'fortran_order'")?.starts_with("True"),
+            data,
+        })
+    }
+}
+
+fn parse(bytes: &[u8]) -> Result<Array, String> {
+    let header = Header::of(bytes)?;
+    let count = header.count(header.data.len() as u64)? as usize;
+    let Header { kind, shape, is_column_major, data } = header;
     let mut values = room(count)?;
-    values.extend(data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)));
-    if entry(header, "'fortran_order'")?.starts_with("True") {
-        values = row_major(&values, &shape, room(count)?);
+    match *shape.as_slice() {
+        [rows, columns] if is_column_major => {
+            values.resize(count, 0.0);
+            read_transposed(&kind, data, rows, columns, &mut values);
+        }
+        _ => {
+            values.extend(data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)));
+            if is_column_major {
+                values = row_major(&values, &shape, room(count)?);
+            }
+        }
     }
     Ok(Array { shape, values })
+}
+
+/// Read a column-major matrix into a row-major one, in blocks: numbers that lie far apart in the one lie beside each other in
+/// the other.
+fn read_transposed(kind: &Kind, data: &[u8], rows: usize, columns: usize, values: &mut [f64]) {
+    const BLOCK: usize = 64;
+    for first_row in (0..rows).step_by(BLOCK) {
+        for first_column in (0..columns).step_by(BLOCK) {
+            for column in first_column..columns.min(first_column + BLOCK) {
+                for row in first_row..rows.min(first_row + BLOCK) {
+                    let place = (column * rows + row) * kind.size;
+                    values[row * columns + column] = kind.read(&data[place..place + kind.size]);
+                }
+            }
+        }
+    }
 }
 
 /// Room for `count` numbers, or that there is none.
@@ -189,6 +264,13 @@ mod tests {
         assert_eq!((array.shape, array.values[2]), (vec![2, 3], 2.0));
         let array = parse(&npy(3, "|u1", "True", "(2, 3)", &data)).expect("valid");
         assert_eq!(array.values, [0.0, 2.0, 4.0, 1.0, 3.0, 5.0]);
+        let wide: Vec<u8> = (0..200_u8).collect();
+        let array = parse(&npy(1, "|u1", "True", "(2, 100)", &wide)).expect("valid");
+        assert_eq!((array.values[0], array.values[1], array.values[100]), (0.0, 2.0, 1.0));
+        let array = parse(&npy(1, "|u1", "True", "(100, 2)", &wide)).expect("valid");
+        assert_eq!((array.values[0], array.values[1], array.values[199]), (0.0, 100.0, 199.0));
+        let array = parse(&npy(1, "|u1", "True", "(2, 1, 3)", &data)).expect("valid");
+        assert_eq!(array.values, [0.0, 2.0, 4.0, 1.0, 3.0, 5.0]);
         let number = parse(&npy(1, "|u1", "False", "()", &[9])).expect("valid");
         assert_eq!((number.shape.len(), number.values), (0, vec![9.0]));
         let none = parse(&npy(1, "<f8", "False", "(0,)", &[])).expect("valid");
@@ -202,6 +284,22 @@ mod tests {
         crate::write_npy(&path, &[1.0_f32, 2.0, 3.0, 4.0], 2, 2).expect("written");
         let array = read_array(&path).expect("readable");
         assert_eq!(array, Array { shape: vec![2, 2], values: vec![1.0, 2.0, 3.0, 4.0] });
+    }
+
+    #[test]
+    fn what_a_file_would_take_is_known_from_its_header() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a.npy");
+        let whole = npy(1, "|u1", "True", "(2, 3)", &[0; 6]);
+        std::fs::write(&path, &whole).expect("written");
+        assert_eq!(array_bytes(&path).expect("whole"), whole.len() as u64 + 48);
+        // No byte of so many is there.
+        let header = npy(1, "<f8", "True", "(2000000, 500000)", &[]);
+        std::fs::write(&path, &header).expect("written");
+        assert!(array_bytes(&path).expect_err("cut").to_string().contains("truncated"));
+        let file = std::fs::File::options().write(true).open(&path).expect("there");
+        file.set_len(header.len() as u64 + 8_000_000_000_000).expect("a hole");
+        assert_eq!(array_bytes(&path).expect("a hole"), header.len() as u64 + 16_000_000_000_000);
     }
 
     #[test]

@@ -16,27 +16,62 @@ use crate::{
 /// which is synced and then renamed. After a crash `path` holds the old content or the new.
 ///
 /// # Errors
-/// If the directory cannot be written, or `fill` fails; `path` is then untouched.
+/// If the directory cannot be written, a link lies at `path`, or `fill` fails; `path` is then untouched.
 pub fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    let directory = directory_of(path);
-    create_directory(directory)?;
-    replace(path, directory, fill).map_err(|source| FileError::io("write", path, source))
+    write_whole(path, Standing::Replaced, fill)
 }
 
-/// Whether [`write_atomically`] could begin: for what takes long before it writes.
+/// As [`write_atomically`], of a file that must not be there yet: of several processes that write it, one does.
 ///
 /// # Errors
-/// If the directory cannot be made or written; `path` is untouched.
-pub fn check_writable(path: &Path) -> Result<(), FileError> {
-    if path.is_dir() {
-        let source = io::Error::from(io::ErrorKind::IsADirectory);
-        return Err(FileError::io("write", path, source));
+/// As [`write_atomically`], and [`FileError::Occupied`] if anything lies at `path`, also if it came there meanwhile.
+pub fn write_new(
+    path: &Path,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
+) -> Result<(), FileError> {
+    write_whole(path, Standing::Kept, fill)
+}
+
+fn write_whole(
+    path: &Path,
+    standing: Standing,
+    fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
+) -> Result<(), FileError> {
+    let directory = directory_of(path);
+    create_directory(directory)?;
+    put(path, directory, standing, fill).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists if standing == Standing::Kept => {
+            FileError::Occupied { path: path.to_owned() }
+        }
+        _ => FileError::io("write", path, source),
+    })
+}
+
+/// What becomes of a file that is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// It stays, and nothing is written.
+    Kept,
+    /// It is replaced.
+    Replaced,
+}
+
+/// Whether [`write_output`] could begin: for what takes long before it writes. What killed processes have left half-written
+/// beside `path` goes.
+///
+/// # Errors
+/// As [`write_output`]; `path` is untouched.
+pub fn check_output(path: &Path, standing: Standing) -> Result<(), FileError> {
+    if Target::of(path, standing)? == Target::Device {
+        return Ok(());
     }
     let directory = directory_of(path);
     create_directory(directory)?;
+    // What cannot be removed is in nobody's way.
+    let _ = remove_temporaries(directory, Below::Unknown);
     temporary_in(directory).map(drop).map_err(|source| FileError::io("write", path, source))
 }
 
@@ -48,19 +83,45 @@ fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
         .tempfile_in(directory)
 }
 
-fn replace(
+fn put(
     path: &Path,
     directory: &Path,
+    standing: Standing,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> io::Result<()> {
+    if standing == Standing::Replaced {
+        refuse_link(path)?;
+    }
     reach(Operation::Create, path)?;
     let mut temporary = temporary_in(directory)?;
     write_to(temporary.as_file_mut(), path, fill)?;
     reach(Operation::Sync, path)?;
     temporary.as_file().sync_all()?;
     reach(Operation::Rename, path)?;
-    temporary.persist(path).map_err(|failed| failed.error)?;
+    let kept = match standing {
+        Standing::Kept => temporary.persist_noclobber(path),
+        Standing::Replaced => temporary.persist(path),
+    };
+    match kept {
+        // A file system that has neither links nor renames that replace nothing.
+        Err(failed) if standing == Standing::Kept && fs::symlink_metadata(path).is_err() => {
+            failed.file.persist(path).map_err(|failed| failed.error)?;
+        }
+        Err(failed) if standing == Standing::Kept => {
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, failed.error));
+        }
+        kept => drop(kept.map_err(|failed| failed.error)?),
+    }
     sync_directory(directory)
+}
+
+/// Refuse a link in the place of a file: somebody put it there, and a file that is renamed over it would remove it.
+fn refuse_link(path: &Path) -> io::Result<()> {
+    if fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
+        let reason = "it is a link, which calib neither follows nor replaces; remove it, or name the file that it leads to";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+    }
+    Ok(())
 }
 
 fn write_to(
@@ -144,36 +205,54 @@ fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
     Ok(Linked::Yes)
 }
 
-/// Write a file that the user named: as [`write_atomically`], but what a link leads to is replaced rather than the
-/// link, and a device or a pipe is written to.
+/// Write a file that the user named. A file that is there is replaced only if that is wanted, a link never; a device or
+/// a pipe is written to.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// As [`write_atomically`], and [`FileError::Occupied`] for a file that is to stay.
 pub fn write_output(
     path: &Path,
+    standing: Standing,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    let refused = |source| FileError::io("write", path, source);
-    match fs::metadata(path) {
-        Ok(found) if found.is_file() => {
-            write_atomically(&fs::canonicalize(path).map_err(refused)?, fill)
-        }
-        Ok(found) if found.is_dir() => {
-            Err(refused(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")))
-        }
-        Ok(_) => {
+    match Target::of(path, standing)? {
+        Target::File => write_whole(path, standing, fill),
+        Target::Device => {
+            let refused = |source| FileError::io("write", path, source);
             let mut device = File::options().write(true).open(path).map_err(refused)?;
             write_to(&mut device, path, fill).map_err(refused)
         }
-        Err(error) if error.kind() == io::ErrorKind::NotFound => match fs::read_link(path) {
-            // The link leads to where nothing is yet.
-            Ok(end) => {
-                let beside = path.parent().unwrap_or(Path::new(""));
-                write_atomically(&beside.join(end), fill)
+    }
+}
+
+/// What lies where a file is to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    /// Nothing, or a file that may be replaced.
+    File,
+    /// A device or a pipe, perhaps at the end of a link, as `/dev/stdout` is one.
+    Device,
+}
+
+impl Target {
+    fn of(path: &Path, standing: Standing) -> Result<Self, FileError> {
+        let refused = |source| FileError::io("write", path, source);
+        match fs::metadata(path) {
+            Ok(end) if end.is_dir() => {
+                Err(refused(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")))
             }
-            Err(_) => write_atomically(path, fill),
-        },
-        Err(error) => Err(refused(error)),
+            Ok(end) if !end.is_file() => Ok(Self::Device),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(refused(error)),
+            end => {
+                refuse_link(path).map_err(refused)?;
+                match standing {
+                    Standing::Kept if end.is_ok() => {
+                        Err(FileError::Occupied { path: path.to_owned() })
+                    }
+                    _ => Ok(Self::File),
+                }
+            }
+        }
     }
 }
 
@@ -196,34 +275,58 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_a_link_leads_to_is_replaced_and_devices_are_written_to() {
+    fn outputs_replace_no_link_and_no_file_that_is_to_stay() {
         use std::os::unix::fs::{FileTypeExt as _, symlink};
         let directory = tempfile::tempdir().expect("a directory");
         let at = |name: &str| directory.path().join(name);
         fs::write(at("own"), b"old").expect("written");
         symlink("own", at("link")).expect("linked");
         symlink("later", at("dangling")).expect("linked");
-        for (link, end) in [("link", "own"), ("dangling", "later")] {
-            write_output(&at(link), |file| file.write_all(b"new")).expect("written");
-            assert_eq!(fs::read(at(end)).expect("readable"), b"new");
+        for link in ["link", "dangling"] {
+            for standing in [Standing::Kept, Standing::Replaced] {
+                let refused = write_output(&at(link), standing, |file| file.write_all(b"new"));
+                assert!(format!("{refused:?}").contains("it is a link"), "{refused:?}");
+                assert!(check_output(&at(link), standing).is_err());
+            }
+            assert!(write_atomically(&at(link), |file| file.write_all(b"new")).is_err());
             assert!(fs::symlink_metadata(at(link)).expect("there").is_symlink());
         }
+        assert!(!at("later").exists());
+        let kept = write_output(&at("own"), Standing::Kept, |file| file.write_all(b"new"));
+        assert!(matches!(kept, Err(FileError::Occupied { .. })), "{kept:?}");
+        assert_eq!(fs::read(at("own")).expect("readable"), b"old");
+        write_output(&at("own"), Standing::Replaced, |file| file.write_all(b"new")).expect("named");
+        assert_eq!(fs::read(at("own")).expect("readable"), b"new");
         symlink("/dev/null", at("null")).expect("linked");
-        write_output(&at("null"), |file| file.write_all(b"new")).expect("written");
+        write_output(&at("null"), Standing::Kept, |file| file.write_all(b"new")).expect("written");
         let device = fs::metadata(at("null")).expect("there");
         assert!(device.file_type().is_char_device());
-        assert!(write_output(directory.path(), |_| Ok(())).is_err());
+        assert!(write_output(directory.path(), Standing::Replaced, |_| Ok(())).is_err());
+    }
+
+    #[test]
+    fn a_file_that_came_meanwhile_stays() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("new");
+        let written = write_new(&path, |file| {
+            fs::write(&path, b"another's")?;
+            file.write_all(b"ours")
+        });
+        assert!(matches!(written, Err(FileError::Occupied { .. })), "{written:?}");
+        assert_eq!(fs::read(&path).expect("readable"), b"another's");
+        assert_eq!(fs::read_dir(directory.path()).expect("readable").count(), 1);
     }
 
     #[test]
     fn whether_a_file_could_be_written_is_told_before() {
         let directory = tempfile::tempdir().expect("a directory");
         let at = |name: &str| directory.path().join(name);
-        check_writable(&at("new/file.txt")).expect("writable");
+        check_output(&at("new/file.txt"), Standing::Kept).expect("writable");
         assert_eq!(fs::read_dir(at("new")).expect("made").count(), 0, "nothing is left there");
         fs::write(at("file"), b"old").expect("written");
-        assert!(check_writable(&at("file/below")).is_err());
-        check_writable(&at("file")).expect("could be replaced");
+        assert!(check_output(&at("file/below"), Standing::Replaced).is_err());
+        assert!(check_output(&at("file"), Standing::Kept).is_err());
+        check_output(&at("file"), Standing::Replaced).expect("could be replaced");
         assert_eq!(fs::read(at("file")).expect("readable"), b"old");
     }
 

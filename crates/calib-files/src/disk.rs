@@ -28,6 +28,14 @@ impl<'a> Announced<'a> {
     }
 }
 
+impl Announced<'_> {
+    /// What was written is on the disk when this returns.
+    pub(crate) fn sync(&self) -> io::Result<()> {
+        reach(Operation::Sync, self.path)?;
+        self.file.sync_all()
+    }
+}
+
 impl Write for Announced<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let half = || drop(self.file.write_all(&bytes[..bytes.len() / 2]));
@@ -99,18 +107,59 @@ pub fn remove_file(path: &Path) -> Result<(), FileError> {
     absent(removed).map_err(|source| FileError::io("remove", path, source))
 }
 
-/// Remove a folder with all that is in it; links in it are removed and not followed. That there is none is no error.
+/// Remove the files below `folder` that `is_ours` knows by their path in it, and the folders that are empty then. Everything
+/// else stays: other files, links, and what lies at the end of a link. That there is no such folder is no error.
 ///
 /// # Errors
-/// If there is one, and it cannot be removed.
-pub fn remove_folder(path: &Path) -> Result<(), FileError> {
-    let half = || {
-        let entries = fs::read_dir(path).into_iter().flatten().flatten();
-        entries.step_by(2).for_each(|entry| drop(fs::remove_file(entry.path())));
-    };
-    let removed =
-        reach_or_half(Operation::Remove, path, half).and_then(|()| fs::remove_dir_all(path));
-    absent(removed).map_err(|source| FileError::io("remove", path, source))
+/// If a file is there and cannot be removed, or a folder cannot be read.
+pub fn remove_known(
+    folder: &Path,
+    is_ours: &mut dyn FnMut(&Path) -> bool,
+) -> Result<(), FileError> {
+    remove_below(folder, Path::new(""), is_ours)
+}
+
+fn remove_below(
+    folder: &Path,
+    inside: &Path,
+    is_ours: &mut dyn FnMut(&Path) -> bool,
+) -> Result<(), FileError> {
+    if !fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir()) {
+        return Ok(());
+    }
+    let refused = |source| FileError::io("read the folder", folder, source);
+    for entry in fs::read_dir(folder).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let (path, kind) = (inside.join(entry.file_name()), entry.file_type().map_err(refused)?);
+        if kind.is_dir() {
+            remove_below(&entry.path(), &path, is_ours)?;
+        } else if kind.is_file() && is_ours(&path) {
+            remove_file(&entry.path())?;
+        }
+    }
+    remove_empty_folder(folder);
+    Ok(())
+}
+
+/// A new folder in the system's folder for temporary files, for what is thrown away; it goes with the value.
+#[derive(Debug)]
+pub struct TemporaryFolder(tempfile::TempDir);
+
+impl TemporaryFolder {
+    /// Make it.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn new() -> Result<Self, FileError> {
+        let place = std::env::temp_dir();
+        let made = tempfile::Builder::new().prefix("calib-").tempdir_in(&place);
+        made.map(Self).map_err(|source| FileError::io("create a folder in", &place, source))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
 }
 
 /// Remove a folder if it is empty; where it is not, or cannot be removed, it stays.
@@ -129,6 +178,28 @@ fn absent(removed: io::Result<()>) -> io::Result<()> {
 mod tests {
     use super::*;
 
+    #[cfg(unix)]
+    #[test]
+    fn what_is_not_known_stays() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let at = |name: &str| directory.path().join(name);
+        let ours = ["a/b/1.part", "a/2.part"];
+        let foreign = ["a/c/notes.txt", "a/3.part", "elsewhere/4.part"];
+        for name in ours.iter().chain(&foreign) {
+            create_directory(at(name).parent().expect("below")).expect("made");
+            fs::write(at(name), b"content").expect("written");
+        }
+        std::os::unix::fs::symlink(at("elsewhere"), at("a/linked")).expect("linked");
+        std::os::unix::fs::symlink(at("elsewhere/4.part"), at("a/4.part")).expect("linked");
+        let mut known = |path: &Path| path.ends_with("1.part") || path == Path::new("2.part");
+        remove_known(&at("a"), &mut known).expect("removed");
+        assert!(ours.iter().all(|name| !at(name).exists()) && !at("a/b").exists());
+        assert!(foreign.iter().all(|name| at(name).exists()));
+        assert!(at("a/linked").exists() && at("a/4.part").exists());
+        remove_known(&at("a/linked"), &mut |_| true).expect("nothing of ours");
+        assert!(at("elsewhere/4.part").exists());
+    }
+
     #[test]
     fn what_is_not_there_need_not_be_removed() {
         let directory = tempfile::tempdir().expect("a directory");
@@ -140,8 +211,7 @@ mod tests {
         assert!(at("a/file").exists());
         for _ in 0..2 {
             remove_file(&at("a/file")).expect("gone");
-            remove_empty_folder(&at("a/b/c"));
-            remove_folder(&at("a")).expect("gone");
+            remove_known(&at("a"), &mut |_| true).expect("gone");
         }
         assert!(!at("a").exists());
         fs::write(at("file"), b"content").expect("written");

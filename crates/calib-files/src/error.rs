@@ -16,6 +16,35 @@ pub enum FileError {
         /// The system's reason.
         source: io::Error,
     },
+    /// A file that is there, and is to stay.
+    #[error("{} is there already; --force replaces it", path.display())]
+    Occupied {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file that is to be written, and that is read for it.
+    #[error("{} is what is read; write to another file", path.display())]
+    Input {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file that is to be written, and that somebody else wrote.
+    #[error("{} is in the way: calib did not write it; move it, or choose another folder", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A folder that calib would have to itself, and that has something else in it.
+    #[error(
+        "{} holds {example}, which calib did not write; choose another folder, or move what is in it",
+        folder.display()
+    )]
+    ForeignFolder {
+        /// The folder.
+        folder: PathBuf,
+        /// One of the names in it.
+        example: String,
+    },
     /// A NumPy file that is not what calib writes or reads.
     #[error("{} is not a usable NumPy array: {reason}; write it with numpy.save", path.display())]
     Npy {

@@ -10,6 +10,7 @@
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
 //! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
 //! Work that may be killed puts aside what it needs to go on ([`Unfinished`]).
+//! What of a folder is calib's stands in a record there ([`FolderRecord`]): nothing else is replaced or removed.
 //! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
 //!
 //! ```
@@ -35,9 +36,11 @@ mod fingerprint;
 mod held;
 mod json;
 mod lock;
+mod mapped;
 mod name;
 mod npy;
 mod open;
+mod record;
 mod scratch;
 mod sealed;
 mod spill;
@@ -46,26 +49,30 @@ mod tensors;
 mod unfinished;
 mod writer;
 
-pub use array::{Array, read_array};
+pub use array::{Array, array_bytes, read_array};
 pub use atomic::{
-    Below, check_writable, link_or_copy, remove_temporaries, write_atomically, write_output,
+    Below, Standing, check_output, link_or_copy, remove_temporaries, write_atomically, write_new,
+    write_output,
 };
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
-    Announced, Output, create_directory, remove_empty_folder, remove_file, remove_folder,
+    Announced, Output, TemporaryFolder, create_directory, remove_empty_folder, remove_file,
+    remove_known,
 };
 pub use error::FileError;
 pub use fingerprint::{Fingerprint, Fingerprinter, fingerprint_file};
 pub use held::{HeldFile, HeldReader};
 pub use json::{read_json, write_json};
 pub use lock::{Lock, lock};
+pub use mapped::is_mapped;
 pub use name::file_name;
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
-pub use open::{open_regular, open_to_append, read_regular, require_regular};
+pub use open::{is_same_file, open_regular, open_to_append, read_regular, require_regular};
+pub use record::{FolderRecord, LOCK};
 pub use scratch::{Scratch, ScratchFile, ScratchPlace};
-pub use sealed::{read_sealed_json, write_sealed_json};
+pub use sealed::{read_sealed_json, write_new_sealed_json, write_sealed_json};
 pub use spill::Spill;
 pub use stamp::Stamp;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
-pub use unfinished::Unfinished;
+pub use unfinished::{Unfinished, is_putting_aside};
 pub use writer::{host_name, is_temporary};

@@ -37,15 +37,15 @@ pub fn lock(path: &Path) -> Result<Lock, FileError> {
     })
 }
 
-/// Open or make the file that a lock is held on. Its content stays as it is, and a link is not followed: whatever lies
-/// at its end is somebody's.
+/// Open or make the file that a lock is held on, to read it and to write at its end. Its content stays as it is, and a
+/// link is not followed: whatever lies at its end is somebody's.
 ///
 /// # Errors
 /// If it cannot be made, or something else than a file is called so.
-fn open_lock(path: &Path) -> Result<File, FileError> {
+pub(crate) fn open_lock(path: &Path) -> Result<File, FileError> {
     let refuse = |source| FileError::io("lock", path, source);
     let mut options = OpenOptions::new();
-    options.read(true).write(true).create(true).truncate(false);
+    options.read(true).append(true).create(true);
     #[cfg(unix)]
     {
         use std::os::unix::fs::OpenOptionsExt as _;

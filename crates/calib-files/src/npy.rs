@@ -3,7 +3,7 @@ use std::{io::Write as _, marker::PhantomData, path::Path};
 use bytemuck::Pod;
 use memmap2::Mmap;
 
-use crate::{FileError, open_regular, write_atomically};
+use crate::{FileError, mapped::Known, open_regular, write_atomically};
 
 /// A number type that calib stores in NumPy files.
 pub trait NpyElement: Pod {
@@ -66,6 +66,8 @@ pub fn write_npy<T: NpyElement>(
 /// A two-dimensional array in a mapped file.
 #[derive(Debug)]
 pub struct MappedNpy<T> {
+    /// Forgotten before the file is unmapped.
+    _known: Known,
     map: Mmap,
     offset: usize,
     rows: usize,
@@ -127,7 +129,8 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     if !offset.is_multiple_of(align_of::<T>()) {
         return Err(bad("the data is not aligned; save it again with NumPy".to_owned()));
     }
-    Ok(MappedNpy { map, offset, rows, columns, element: PhantomData })
+    let _known = Known::of(&map);
+    Ok(MappedNpy { _known, map, offset, rows, columns, element: PhantomData })
 }
 
 fn parse_header<T: NpyElement>(text: &str) -> Result<(usize, usize), String> {

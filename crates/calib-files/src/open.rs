@@ -52,6 +52,20 @@ pub fn require_regular(path: &Path) -> Result<(), FileError> {
     Err(FileError::io("read", path, io::Error::new(io::ErrorKind::InvalidInput, reason)))
 }
 
+/// Whether two paths lead to the same file, which exists.
+pub fn is_same_file(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let identity = |path: &Path| fs::metadata(path).ok().map(|of| (of.dev(), of.ino()));
+        identity(one).is_some_and(|one| Some(one) == identity(other))
+    }
+    #[cfg(not(unix))]
+    {
+        fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|of| of == one))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use std::{io, path::Path};
 
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::{FileError, Fingerprint, read_regular, write_atomically};
+use crate::{FileError, Fingerprint, read_regular, write_atomically, write_new};
 
 const OPENS: &str = ",\n  \"fingerprint\": \"";
 const CLOSES: &str = "\"\n}\n";
@@ -18,15 +18,28 @@ const DIGITS: usize = 64;
 /// # Errors
 /// If the file cannot be written, or `value` is no object with entries.
 pub fn write_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(), FileError> {
+    let text = sealed(path, value)?;
+    write_atomically(path, |file| io::Write::write_all(file, text.as_bytes()))
+}
+
+/// As [`write_sealed_json`], of a file that must not be there yet.
+///
+/// # Errors
+/// As [`write_sealed_json`], and [`FileError::Occupied`] if it is.
+pub fn write_new_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(), FileError> {
+    let text = sealed(path, value)?;
+    write_new(path, |file| io::Write::write_all(file, text.as_bytes()))
+}
+
+/// The text of the file.
+fn sealed<T: Serialize>(path: &Path, value: &T) -> Result<String, FileError> {
     let invalid = |source: io::Error| FileError::io("write", path, source);
     let text = serde_json::to_string_pretty(value).map_err(|error| invalid(error.into()))? + "\n";
     let body = text.strip_suffix(END).ok_or_else(|| {
         invalid(io::Error::other("only an object with entries has room for its fingerprint"))
     })?;
     let seal = Fingerprint::of(body.as_bytes());
-    write_atomically(path, |file| {
-        io::Write::write_all(file, format!("{body}{OPENS}{seal}{CLOSES}").as_bytes())
-    })
+    Ok(format!("{body}{OPENS}{seal}{CLOSES}"))
 }
 
 /// Read what [`write_sealed_json`] wrote.

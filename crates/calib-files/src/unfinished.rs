@@ -1,6 +1,17 @@
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use crate::{FileError, Tensors, read_sealed_tensors, remove_file, write_tensors};
+
+/// Works that are being put aside.
+static PUTTING_ASIDE: AtomicUsize = AtomicUsize::new(0);
+
+/// Whether some work is being put aside: whoever has to end this process may wait for it.
+pub fn is_putting_aside() -> bool {
+    PUTTING_ASIDE.load(Ordering::Acquire) > 0
+}
 
 /// The text in the file that names its work.
 const KEY: &str = "key";
@@ -40,7 +51,10 @@ impl Unfinished {
             let reason = format!("the text '{KEY}' names the work");
             return Err(FileError::Tensors { path: self.path.clone(), reason });
         }
-        write_tensors(&self.path, &content)
+        PUTTING_ASIDE.fetch_add(1, Ordering::AcqRel);
+        let written = write_tensors(&self.path, &content);
+        PUTTING_ASIDE.fetch_sub(1, Ordering::AcqRel);
+        written
     }
 
     /// The work is finished, and its results are kept elsewhere.

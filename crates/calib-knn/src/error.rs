@@ -117,6 +117,12 @@ pub enum KnnError {
         /// Points that were given.
         count: usize,
     },
+    /// There is no room for what would be found.
+    #[error("cannot allocate {bytes} bytes for what is found; lower k, or ask for fewer at a time")]
+    Memory {
+        /// Of one of the arrays.
+        bytes: usize,
+    },
     /// There are not as many points to find.
     #[error("each point has only {most} others to find, fewer than k = {k}; lower k")]
     TooFewPoints {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use calib_core::{Monitor, RowIndex, Silent, States, TransitionIndex};
+use calib_core::{Monitor, RowIndex, States, TransitionIndex};
 use calib_files::ScratchPlace;
 
 use crate::{
@@ -76,16 +76,18 @@ impl Member<'_> {
     /// Lists are shorter than `k` only if the member is, and never empty.
     ///
     /// # Errors
-    /// If `k` is zero, the states have another number of columns than the model's, or the member has no transitions.
+    /// If `k` is zero, the states have another number of columns than the model's, the member has no transitions, there is no memory
+    /// for the lists, or the monitor interrupts.
     pub fn nearest_sources(
         &self,
         states: &States,
         k: usize,
+        monitor: &dyn Monitor,
     ) -> Result<Vec<Vec<Neighbor>>, KnnError> {
         let sources = self.model().sources();
         let left_out = self.model().left_out_for_all();
         let queries = Queries::external(&sources, states, Some(self.number()))?.without(&left_out);
-        self.search(&sources, &queries, k, &ScratchPlace::Memory, &Silent)
+        self.search(&sources, &queries, k, &ScratchPlace::Memory, monitor)
     }
 
     fn search(
@@ -124,7 +126,7 @@ fn search(
     monitor.begin("nearest states", queries.len() as u64);
     let mut lists = vec![vec![Vec::new(); queries.len()]; members.len()];
     for order in planned.order.chunks(PART_QUERIES) {
-        let mut found = Found::new(order.len(), queries.members(), k);
+        let mut found = Found::with_room(order.len(), queries.members(), k)?;
         planned.index.search(queries, order, &mut found, monitor)?;
         for (lists, member) in lists.iter_mut().zip(members.clone()) {
             for (place, &query) in order.iter().enumerate() {

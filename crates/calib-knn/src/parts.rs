@@ -5,8 +5,8 @@ use std::{
 };
 
 use calib_files::{
-    FileError, Fingerprint, Fingerprinter, create_directory, open_regular, read_regular,
-    remove_file, remove_folder, write_atomically,
+    FileError, Fingerprint, Fingerprinter, create_directory, is_temporary, open_regular,
+    read_regular, remove_file, remove_known, write_atomically,
 };
 
 use crate::index::Found;
@@ -61,7 +61,7 @@ impl Parts {
     /// # Errors
     /// If the directory exists and cannot be removed.
     pub fn remove(&self) -> Result<(), FileError> {
-        remove_folder(&self.directory)
+        remove_known(&self.directory, &mut |path| is_part(path) || is_temporary(path))
     }
 
     /// The parts of a search in this order; those of other searches are removed.
@@ -90,12 +90,18 @@ impl Parts {
         let listed = fs::read_dir(&self.directory)
             .map_err(|source| FileError::io("read", &self.directory, source))?;
         for entry in listed.flatten() {
-            if !open.owns(&entry.path()) {
+            if is_part(&entry.path()) && !open.owns(&entry.path()) {
                 remove_file(&entry.path())?;
             }
         }
         Ok(open)
     }
+}
+
+/// Whether a file is called as a part is; others are somebody's.
+fn is_part(path: &Path) -> bool {
+    let number = path.file_name().and_then(|name| name.to_str()?.strip_suffix(".part"));
+    number.is_some_and(|number| number.len() >= 8 && number.bytes().all(|of| of.is_ascii_digit()))
 }
 
 /// The parts of one search.

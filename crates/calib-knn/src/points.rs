@@ -4,8 +4,8 @@ use calib_core::{Monitor, RowIndex, Segments, States, Transitions};
 use calib_files::ScratchPlace;
 
 use crate::{
-    Blocks, Exclusion, IndexKind, KnnError, SelfMatch,
-    index::{Found, Queries, Sources},
+    Blocks, Exclusion, IndexKind, KnnError, MemoryNeed, ModelConfig, SelfMatch,
+    index::{Found, Queries, Sources, filled},
     parts::PART_QUERIES,
 };
 
@@ -61,6 +61,15 @@ impl Points {
     /// Values of a point.
     pub fn columns(&self) -> usize {
         self.states.columns()
+    }
+
+    /// The memory that a search of `queries` of them takes with `threads` threads, in bytes, at most, with what it returns.
+    pub fn search_need(&self, queries: usize, k: usize, threads: usize) -> u64 {
+        let config = ModelConfig { members: 1, neighbors: k, ..ModelConfig::default() };
+        let rows = self.len().max(queries);
+        let need = MemoryNeed::predict(rows, self.columns(), &config, threads);
+        let returned = 8_u64.saturating_mul(queries as u64).saturating_mul(k as u64);
+        need.working.saturating_add(returned)
     }
 
     /// The `k` nearest points of every point, by exact search.
@@ -125,12 +134,13 @@ impl Points {
                 max: crate::KdTree::MAX_COLUMNS,
             });
         }
-        let cells = queries.len() * k;
-        let (mut neighbors, mut distances) = (vec![u32::MAX; cells], vec![f32::INFINITY; cells]);
+        let cells = queries.len().saturating_mul(k);
+        let mut neighbors = filled(cells, u32::MAX)?;
+        let mut distances = filled(cells, f32::INFINITY)?;
         let planned = sources.index(kind, queries, k, &ScratchPlace::Memory, monitor)?;
         monitor.begin("nearest points", queries.len() as u64);
         for order in planned.order.chunks(PART_QUERIES) {
-            let mut found = Found::new(order.len(), 1, k);
+            let mut found = Found::with_room(order.len(), 1, k)?;
             planned.index.search(queries, order, &mut found, monitor)?;
             for (place, &query) in order.iter().enumerate() {
                 let (near, far) = found.list(place, 0);

@@ -157,8 +157,12 @@ mod tests {
     use crate::{Exclusion, IndexKind, build_tables};
 
     fn table() -> (Blocks, NeighborTable) {
-        let states =
-            States::new((0..24_u8).map(|v| f32::from(v * v % 7)).collect(), 12, 2).expect("valid");
+        let states = States::new(
+            (0..24_u8).map(|v| f32::from((u16::from(v) * u16::from(v) % 7) as u8)).collect(),
+            12,
+            2,
+        )
+        .expect("valid");
         let transitions = Transitions::new(Segments::from_lengths([7, 5]).expect("valid"));
         let blocks = Blocks::new(&transitions, 3).expect("valid");
         let tables = build_tables(

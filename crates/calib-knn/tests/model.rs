@@ -97,9 +97,9 @@ fn external_states_find_their_nearest_sources() {
     let (queries, _) = walk(&[700], 5, 99);
     let member = model.member(2);
     // 700 queries take the built index, 5 the scan: the answers are the definition's either way.
-    let many = member.nearest_sources(&queries, 3).expect("same columns");
+    let many = member.nearest_sources(&queries, 3, &Silent).expect("same columns");
     let few = States::new(queries.as_slice()[..25].to_vec(), 5, 5).expect("valid");
-    assert_eq!(member.nearest_sources(&few, 3).expect("same columns"), many[..5]);
+    assert_eq!(member.nearest_sources(&few, 3, &Silent).expect("same columns"), many[..5]);
     for (query, found) in many.iter().enumerate().step_by(50) {
         let mut expected: Vec<(f64, u32)> = (0..member.len())
             .map(|position| member.nth(position))
@@ -117,7 +117,7 @@ fn external_states_find_their_nearest_sources() {
         assert_eq!(got, expected);
     }
     let narrow = States::new(vec![0.0; 4], 1, 4).expect("valid");
-    let error = member.nearest_sources(&narrow, 3).expect_err("four columns");
+    let error = member.nearest_sources(&narrow, 3, &Silent).expect_err("four columns");
     assert!(matches!(error, KnnError::Columns { expected: 5, got: 4 }));
 }
 
@@ -149,7 +149,7 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
         .map(|i| (rng.normal() * [1.0, 1e6, 1e17, 1e30, 1e37][i / 5 % 5]) as f32)
         .collect();
     let queries = States::new(values, 400, 5).expect("finite");
-    let found = member.nearest_sources(&queries, 2).expect("same columns");
+    let found = member.nearest_sources(&queries, 2, &Silent).expect("same columns");
     for (query, found) in found.iter().enumerate() {
         let mut expected: Vec<(f64, u32)> = (0..member.len())
             .map(|position| member.nth(position))
@@ -182,7 +182,8 @@ fn all_members_are_searched_at_once_as_each_is() {
         let all = model.nearest_sources(&queries, 4, &place, &Silent).expect("same columns");
         assert_eq!(all.len(), 5);
         for (number, lists) in all.iter().enumerate() {
-            let one = model.member(number).nearest_sources(&queries, 4).expect("same columns");
+            let one =
+                model.member(number).nearest_sources(&queries, 4, &Silent).expect("same columns");
             assert_eq!(*lists, one, "member {number}");
         }
     }
@@ -248,7 +249,7 @@ fn an_empty_member_is_told_as_such() {
     let model = KnnModel::open(directory.path(), states.clone(), transitions, 2, exclusion);
     let model = model.expect("nothing but fillers");
     assert!(model.member(1).is_empty());
-    let error = model.member(1).nearest_sources(&states, 1).expect_err("nothing to find");
+    let error = model.member(1).nearest_sources(&states, 1, &Silent).expect_err("nothing to find");
     assert!(matches!(error, KnnError::EmptyMember { member: 1 }), "{error}");
     let error = model.nearest_sources(&states, 1, &ScratchPlace::Memory, &Silent);
     assert!(matches!(error, Err(KnnError::EmptyMember { member: 0 })));

@@ -107,7 +107,7 @@ pub fn start_states(
     let search: Search<'_> = (&ScratchPlace::Memory, &Silent);
     if let StartSource::Nearest { states } = source {
         let (rows, drawn) = drawn(states, count, seed)?;
-        let nearest = member.nearest_sources(&drawn, 1)?;
+        let nearest = member.nearest_sources(&drawn, 1, &Silent)?;
         return replaced_by(member, &nearest, rows.into_iter().map(Wanted::Deployment), search);
     }
     recorded(member, source, count, seed, search)

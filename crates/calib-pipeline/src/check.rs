@@ -126,10 +126,10 @@ impl Check<'_> {
         self.note(folder, &path, None);
         let agents = manifest["agents"].as_array().into_iter().flatten();
         for holder in [&manifest].into_iter().chain(agents) {
-            let Ok(files) = serde_json::from_value::<Files>(holder["files"].clone()) else {
-                continue;
-            };
-            for (name, written) in files {
+            // What is shown of a verdict follows from it, and has a list of its own.
+            let lists = ["files", "shown"].map(|list| holder[list].clone());
+            let lists = lists.into_iter().filter_map(|list| serde_json::from_value(list).ok());
+            for (name, written) in lists.flat_map(|list: Files| list) {
                 let path = folder.join(name);
                 let damage = match fingerprint_file(&path) {
                     Ok(found) if found == written => None,

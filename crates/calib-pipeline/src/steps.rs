@@ -14,7 +14,7 @@ use crate::{
     control::{self as controls, LogTold, SimulateTask, SimulatedTask},
     each::{Which, each},
     external,
-    log::simulate as simulation,
+    log::{prepared, simulate as simulation},
     model::build_model as model,
     propose as proposals, represent as representations,
     rollouts::rollout as rollouts,
@@ -29,6 +29,7 @@ use crate::{
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(chain::run(job, device, printer)?)
 }
 
@@ -62,6 +63,7 @@ pub fn represent(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(each(Each::Model, job, printer, |job, which| {
         // Of several models some search among the states themselves.
         let study = job.study();
@@ -83,6 +85,7 @@ pub fn build_model(
     options: &BuildOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(each(Each::Model, job, printer, |job, _| model::run(job, options, printer))?)
 }
 
@@ -91,6 +94,7 @@ pub fn build_model(
 /// # Errors
 /// As [`run`].
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))?)
 }
 
@@ -99,6 +103,7 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`run`].
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     let run = || -> anyhow::Result<Outcome> {
         job.refuse_deployment()?;
         agents::run(job, printer)
@@ -112,6 +117,7 @@ pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`run`]; also if agents are not networks in single precision and a device is named.
 pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     let counted = Counted::default();
     let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
     Ok(each(Each::Deployment, job, printer, run)?)
@@ -122,6 +128,7 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
 /// # Errors
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     let run = || match job.parts(Each::Deployment)?.as_slice() {
         [only] if only.is_same_part(job) => judging::run(job, printer),
         parts => compare::run(job, parts, &[], printer),
@@ -134,6 +141,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(controls::run(job, printer)?)
 }
 
@@ -172,6 +180,7 @@ pub fn evaluate_runs(
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(proposals::run(options, printer)?)
 }
 
@@ -188,6 +197,7 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, S
 /// # Errors
 /// As [`run`].
 pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(validities::run(options, printer)?)
 }
 
@@ -200,6 +210,7 @@ pub fn cluster_plan(
     options: &ClusterPlanOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
+    prepared::begin_command();
     Ok(cluster::make(job, options, printer)?)
 }
 

@@ -18,6 +18,9 @@ const KEY: &str = "models";
 /// The key that says which of them are compared.
 const COMPARED: &str = "compare";
 
+/// Models times deployments of a study, at most. Each is looked at before anything is made.
+const MOST_PARTS: usize = 1_000;
+
 /// Names of the models that are compared, in alphabetical order.
 pub(crate) fn names(table: &Table) -> Vec<String> {
     let all = overlay::names(table, KEY);
@@ -62,6 +65,13 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
             refuse!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
         }
     }
+    let (models, deployments) = (names(table).len(), overlay::names(table, "deployments").len());
+    let parts = models.max(1).saturating_mul(deployments.max(1));
+    require!(
+        parts <= MOST_PARTS,
+        "{KEY}: the study has {models} models and {deployments} deployments, {parts} sweeps, and a study has at most \
+         {MOST_PARTS}; list fewer models in {COMPARED}, or divide it into several studies"
+    );
     let shares_pretraining = is_pretrained_before_the_model(table);
     let models = table.get(KEY).and_then(Value::as_table).into_iter().flatten();
     for (name, own) in models {
@@ -107,6 +117,25 @@ mod tests {
         let period = "epochs = 3\nperiod = { end = 2022-03-01 }";
         check(&toml::from_str(&text.replace("epochs = 3", period)).expect("TOML")).expect("given");
         check(&toml::from_str(&text.replace("= 3", "= 0")).expect("TOML")).expect("off");
+    }
+
+    #[test]
+    fn too_many_are_refused_before_any_is_looked_at() {
+        let of = |models: usize, deployments: usize| {
+            let models = (0..models).map(|number| format!("[models.m{number}]\n"));
+            let deployments = (0..deployments).map(|number| format!("[deployments.d{number}]\n"));
+            toml::from_str::<Table>(&models.chain(deployments).collect::<String>()).expect("TOML")
+        };
+        for (models, deployments) in [(0, 0), (MOST_PARTS, 1), (10, 100)] {
+            check(&of(models, deployments)).expect("not too many");
+        }
+        for (models, deployments) in [(100_000, 0), (0, MOST_PARTS + 1), (11, 100)] {
+            let refused = check(&of(models, deployments)).expect_err("too many").to_string();
+            assert!(refused.contains("at most 1000; list fewer models"), "{refused}");
+        }
+        let mut chosen = of(2_000, 0);
+        chosen.insert(COMPARED.to_owned(), vec!["m1", "m7"].into());
+        check(&chosen).expect("two of them");
     }
 
     fn table() -> Table {

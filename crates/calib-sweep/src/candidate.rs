@@ -53,7 +53,7 @@ pub fn written(value: &Value) -> String {
 /// Values are drawn, where they are drawn, from `seed`.
 ///
 /// # Errors
-/// An empty grid or field, a field that an agent lacks, a range without numbers, a repeated value, more
+/// An empty grid or field, a field that an agent lacks or that no agent uses, a range without numbers, a repeated value, more
 /// samples than there are combinations, or a combination that is not a valid agent.
 pub fn candidates(
     sweep: &SweepConfig,
@@ -78,6 +78,12 @@ pub fn candidates(
         let with = with_values(agent, &values)?;
         let is_default = with == *agent;
         all.push(Candidate { index, is_default, values, agent: with });
+    }
+    for field in sweep.grid.keys() {
+        let lacking = all.iter().map(|candidate| candidate.agent.lacks(field));
+        if let Some(Some(needed)) = lacking.reduce(|one, other| one.and(other)) {
+            return Err(SweepError::UnusedField { field: field.clone(), needed });
+        }
     }
     if !all.iter().any(|candidate| candidate.is_default) {
         let own = agent.fields();
@@ -144,6 +150,8 @@ fn of_program(agent: &AgentConfig, values: &[(String, Value)]) -> AgentConfig {
 mod tests {
     use std::collections::BTreeMap;
 
+    use calib_agent::{OptimiserKind, ReplayKind};
+
     use super::*;
 
     fn candidates(sweep: &SweepConfig, agent: &AgentConfig) -> Result<Vec<Candidate>, SweepError> {
@@ -159,6 +167,48 @@ mod tests {
             })
             .collect::<BTreeMap<_, _>>();
         SweepConfig { grid, ..SweepConfig::default() }
+    }
+
+    #[test]
+    fn a_field_that_no_agent_uses_is_refused() {
+        let linear = AgentConfig {
+            value_function: calib_agent::ValueFunction::Linear,
+            ..AgentConfig::default()
+        };
+        let sgd = AgentConfig { optimiser: OptimiserKind::Sgd, ..AgentConfig::default() };
+        let online = AgentConfig { replay: ReplayKind::None, ..AgentConfig::default() };
+        for (field, agent, needed) in [
+            ("hidden_units", &linear, "value_function"),
+            ("hidden_layers", &linear, "value_function"),
+            ("beta1", &sgd, "optimiser"),
+            ("epsilon", &sgd, "optimiser"),
+            ("batch_size", &online, "replay"),
+            ("replay_capacity", &online, "replay"),
+        ] {
+            let values: &[f64] = if field.starts_with("beta") || field == "epsilon" {
+                &[0.1, 0.2]
+            } else {
+                &[3.0, 4.0]
+            };
+            let grid = values.iter().map(|&value| match value.fract() {
+                0.0 => Value::from(value as u64),
+                _ => Value::from(value),
+            });
+            let grid = BTreeMap::from([(field.to_owned(), grid.collect::<Vec<Value>>().into())]);
+            let sweep = SweepConfig { grid, ..SweepConfig::default() };
+            let refused = candidates(&sweep, agent).expect_err(field).to_string();
+            assert!(refused.contains(&format!("sweep.grid.{field} decides nothing")), "{refused}");
+            assert!(refused.contains(needed), "{refused}");
+        }
+        // Where one of the swept optimisers uses it, it is swept.
+        let both = vec![Value::from("adam"), Value::from("sgd")];
+        let of = |values: Vec<Value>| values.into();
+        let grid = BTreeMap::from([
+            ("optimiser".to_owned(), of(both)),
+            ("beta1".to_owned(), of(vec![0.1.into(), 0.2.into()])),
+        ]);
+        let sweep = SweepConfig { grid, ..SweepConfig::default() };
+        assert!(candidates(&sweep, &sgd).is_ok());
     }
 
     #[test]

@@ -29,6 +29,16 @@ pub enum SweepError {
         /// The value.
         value: String,
     },
+    /// A field that no agent of the sweep uses.
+    #[error(
+        "sweep.grid.{field} decides nothing: it is for agents with {needed}; leave it out, or set that"
+    )]
+    UnusedField {
+        /// The agent field.
+        field: String,
+        /// What uses it.
+        needed: &'static str,
+    },
     /// A result that is none of this sweep.
     #[error(
         "the result of {unit} is of value {candidate}, counted from 0, and the sweep has {candidates}"

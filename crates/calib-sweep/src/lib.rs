@@ -74,7 +74,7 @@ pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;
 pub use sink::UnitSink;
 pub use span::Span;
-pub use store::UnitStore;
+pub use store::{UnitStore, remove_states};
 pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
 pub use verdict::{
     Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, NO_WORSE,

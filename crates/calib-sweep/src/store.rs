@@ -7,8 +7,8 @@ use std::{
 };
 
 use calib_files::{
-    FileError, file_name, read_sealed_json, remove_empty_folder, remove_file, remove_folder,
-    write_sealed_json,
+    FileError, file_name, is_temporary, read_sealed_json, remove_empty_folder, remove_file,
+    remove_known, write_sealed_json,
 };
 
 use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink};
@@ -77,7 +77,7 @@ impl UnitStore {
         let kept = listed(&self.directory.join(UNFINISHED)).unwrap_or_default().into_iter();
         let written =
             |entry: DirEntry| Some((entry.path(), entry.metadata().ok()?.modified().ok()?));
-        kept.filter_map(written).collect()
+        kept.filter(|entry| is_state(&entry.path())).filter_map(written).collect()
     }
 
     /// Remove the states of unfinished runs that were there `before` and have not been written since: they are of other
@@ -98,7 +98,7 @@ impl UnitStore {
     /// If a file cannot be removed.
     pub fn clear(&self) -> Result<(), SweepError> {
         // What stays is not looked at again.
-        let _ = remove_folder(&self.directory.join(UNFINISHED));
+        let _ = remove_states(&self.directory.join(UNFINISHED));
         for sensor in folders(&self.directory)? {
             for environment in folders(&sensor)? {
                 for entry in listed(&environment)? {
@@ -145,6 +145,26 @@ fn is_unit(name: &str) -> bool {
     })
 }
 
+/// Whether a file is called as the state of an unfinished run, or as what a kill leaves of one.
+fn is_state(path: &Path) -> bool {
+    let is_ours = |name: &str| {
+        let run = name.strip_suffix(".safetensors")?.rsplit_once("-run-")?.1;
+        let (number, key) = run.split_once('-')?;
+        let is_key = key.bytes().all(|digit| digit.is_ascii_hexdigit());
+        Some(number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()) && is_key)
+    };
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.and_then(is_ours) == Some(true) || is_temporary(path)
+}
+
+/// Forget the states of unfinished runs in `folder`; what else lies there stays.
+///
+/// # Errors
+/// If one cannot be removed.
+pub fn remove_states(folder: &Path) -> Result<(), FileError> {
+    remove_known(folder, &mut is_state)
+}
+
 /// What lies in a folder, which need not be there; nothing at the end of a link.
 fn listed(folder: &Path) -> Result<Vec<DirEntry>, FileError> {
     let is_own = std::fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir());
@@ -187,8 +207,14 @@ mod tests {
             std::fs::create_dir_all(at(name).parent().expect("below")).expect("made");
             std::fs::write(at(name), b"content").expect("written");
         };
-        let own = ["units/P/online/run-0000.json", "units/P/member-0/run-12345.json"];
+        let own = [
+            "units/P/online/run-0000.json",
+            "units/P/member-0/run-12345.json",
+            "units/.unfinished/online-run-0003-0123456789ab.safetensors",
+        ];
         let foreign = [
+            "units/.unfinished/notes.txt",
+            "units/.unfinished/weights-run-3.safetensors",
             "units/notes.txt",
             "units/P/online/run-7.json",
             "units/P/online/deeper/run-0001.json",

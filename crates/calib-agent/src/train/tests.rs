@@ -329,6 +329,32 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
     assert!((500..600).contains(&advanced), "{advanced}");
 }
 
+/// Asks to stop when it was asked twenty times.
+struct Patience(AtomicU64);
+
+impl Monitor for Patience {
+    fn begin(&self, _task: &str, _total: u64) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn interrupted(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed) >= 20
+    }
+}
+
+#[test]
+fn a_step_of_many_updates_can_be_stopped() {
+    let stream = waves(200);
+    for agent in [linear(), mlp()] {
+        let agents = [AgentConfig { updates_per_step: usize::MAX / 2, ..agent }];
+        let curve = CurveRule { windows: 20 };
+        // Asked before each of the steps that fill a mini-batch, and then within the first that learns.
+        let monitor = Patience(AtomicU64::new(0));
+        let stopped = train(&stream, 0, &agents, curve, Seed::new(5), &monitor);
+        assert!(matches!(stopped, Err(AgentError::Interrupted)), "{stopped:?}");
+    }
+}
+
 #[test]
 fn a_trace_predicts_what_the_state_alone_cannot() {
     // 1, 0, 0, 1, 0, 0, …: after a 0 comes a 0 or a 1, and only memory tells which.

@@ -57,6 +57,30 @@ pub enum Algorithm {
     DeepQLearning,
 }
 
+impl Algorithm {
+    /// What it is called in a study.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ExpectedSarsa => "expected_sarsa",
+            Self::QLearning => "q_learning",
+            Self::DeepQLearning => "deep_q_learning",
+        }
+    }
+
+    /// Whether the field of an agent decides anything.
+    pub fn uses(self, field: &str) -> bool {
+        match field {
+            "temperature" | "lambda" => self == Self::ExpectedSarsa,
+            "epsilon" => self != Self::ExpectedSarsa,
+            "tilings" | "tiles" | "pairs" => self != Self::DeepQLearning,
+            "hidden_width" | "hidden_layers" | "batch" | "replay" | "target_steps" => {
+                self == Self::DeepQLearning
+            }
+            _ => true,
+        }
+    }
+}
+
 impl Default for AgentConfig {
     fn default() -> Self {
         Self {

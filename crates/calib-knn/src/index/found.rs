@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::{MemberLists, distance::stored};
+use crate::{KnnError, MemberLists, distance::stored};
 
 /// What was found for some queries: `[query, member, k]` neighbours and their distances.
 ///
@@ -13,12 +13,38 @@ pub struct Found {
     distances: Vec<f32>,
 }
 
+/// So many times the same number.
+///
+/// # Errors
+/// [`KnnError::Memory`] if there is no room for so many.
+pub(crate) fn filled<T: Copy>(cells: usize, value: T) -> Result<Vec<T>, KnnError> {
+    let mut all = Vec::new();
+    let bytes = cells.saturating_mul(size_of::<T>());
+    all.try_reserve_exact(cells).map_err(|_| KnnError::Memory { bytes })?;
+    all.resize(cells, value);
+    Ok(all)
+}
+
 impl Found {
     /// Nothing yet, for `queries` queries.
     pub fn new(queries: usize, members: usize, k: usize) -> Self {
         let cells = queries * members * k;
         let (neighbors, distances) = (vec![u32::MAX; cells], vec![f32::INFINITY; cells]);
         Self { members, k, neighbors, distances }
+    }
+
+    /// As [`new`](Self::new).
+    ///
+    /// # Errors
+    /// [`KnnError::Memory`] if there is no room for so many.
+    pub(crate) fn with_room(queries: usize, members: usize, k: usize) -> Result<Self, KnnError> {
+        let cells = queries.saturating_mul(members).saturating_mul(k);
+        Ok(Self {
+            members,
+            k,
+            neighbors: filled(cells, u32::MAX)?,
+            distances: filled(cells, f32::INFINITY)?,
+        })
     }
 
     /// What these cells say, if there are as many as `queries` queries have.

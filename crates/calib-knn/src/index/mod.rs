@@ -11,6 +11,7 @@ mod scan;
 
 pub use build::Planned;
 pub use found::Found;
+pub(crate) use found::filled;
 pub use join::Join;
 pub(crate) use join::{image_width, leaves};
 pub use kd_tree::KdTree;

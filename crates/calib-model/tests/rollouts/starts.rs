@@ -86,7 +86,7 @@ fn nearest_starts_are_recorded_states_near_the_deployment() {
     let starts =
         start_states(&member, StartSource::Nearest { states: &deployment }, 8, Seed::new(4))
             .expect("starts");
-    let nearest = member.nearest_sources(&deployment, 1).expect("found");
+    let nearest = member.nearest_sources(&deployment, 1, &Silent).expect("found");
     let sources: Vec<RowIndex> =
         nearest.iter().map(|near| model.transitions().source(near[0].transition)).collect();
     let mut seen = BTreeSet::new();

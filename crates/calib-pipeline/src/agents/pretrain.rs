@@ -75,7 +75,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         claim.begin()?;
         file.remove();
-        shares::remove(&directory)?;
+        shares::remove(&directory, &wanted)?;
     }
     let trained = missing.len() + of_shares.len();
     let pretrained = train(study, &parts, &missing, &file, printer)?;
@@ -104,7 +104,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     }
     claim.complete(&manifest)?;
     file.remove();
-    shares::remove(&directory)?;
+    shares::remove(&directory, &wanted)?;
     finish(job, &manifest, trained, clock, printer)?;
     Ok(tell_of_diverged(study, &manifest, printer))
 }

@@ -77,7 +77,7 @@ pub(crate) struct PretrainedAgent {
 }
 
 /// Names of the files of a sensor's agent: weights, moments.
-fn names(sensor: &str) -> [String; 2] {
+pub(super) fn names(sensor: &str) -> [String; 2] {
     ["safetensors", "moments.safetensors"].map(|kind| format!("{}.{kind}", file_name(sensor)))
 }
 

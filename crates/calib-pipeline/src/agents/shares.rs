@@ -1,16 +1,23 @@
 //! Agents that several processes pre-train, each for some of the sensors, and what they have made.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
 
 use calib_agent::{PretrainingDiverged, StateFile};
-use calib_files::{file_name, link_or_copy, read_sealed_json, remove_folder, write_sealed_json};
+use calib_files::{
+    FileError, file_name, is_temporary, link_or_copy, read_sealed_json, remove_known,
+    write_sealed_json,
+};
 use calib_study::{Job, Share};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     agents::{
         pretrain::{Wanted, train},
-        pretrain_files::{PretrainedAgent, write_agent},
+        pretrain_files::{self, PretrainedAgent, write_agent},
     },
     base::{artefact, outcome::Outcome},
     log::partition::Parts,
@@ -19,6 +26,10 @@ use crate::{
 
 /// Where shares say what they have made, below the directory of the agents; gone when all of them are put together.
 const SHARES: &str = "shares";
+
+/// What the name of a training that was put aside ends with, and digits of its key before that.
+const UNFINISHED: &str = ".unfinished.safetensors";
+const KEY_DIGITS: usize = 16;
 
 /// What became of a sensor.
 #[derive(Serialize, Deserialize)]
@@ -84,6 +95,7 @@ pub(super) fn run(
     printer: &Printer,
 ) -> anyhow::Result<Outcome> {
     let (study, directory) = (job.study(), job.layout().pretrain());
+    artefact::own(&directory)?;
     let own: Vec<&str> = wanted
         .iter()
         .enumerate()
@@ -95,7 +107,7 @@ pub(super) fn run(
     let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
     // Called by what it follows from: other shares keep theirs beside it.
     let key = artefact::key(&keys)?;
-    let name = format!("{}.unfinished.safetensors", &key[..16]);
+    let name = format!("{}{UNFINISHED}", &key[..KEY_DIGITS]);
     let file = StateFile::new(directory.join(SHARES).join(name), key);
     let width = parts.dataset.train.states().columns();
     for (Wanted { sensor, column, key }, ended) in
@@ -142,11 +154,42 @@ pub(super) fn take(directory: &Path, found: &OfShares) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// All of it is in the manifest.
-pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
-    Ok(remove_folder(&directory.join(SHARES))?)
+/// All of it is in the manifest; what else lies beside it stays.
+pub(super) fn remove(directory: &Path, wanted: &[Wanted]) -> Result<(), FileError> {
+    let shares = directory.join(SHARES);
+    let mut own: BTreeSet<String> = BTreeSet::new();
+    for Wanted { sensor, .. } in wanted {
+        own.extend(pretrain_files::names(sensor));
+        own.insert(record_name(sensor));
+    }
+    own.extend(of_others(&shares));
+    let is_ours = |path: &Path| {
+        let name = path.to_str().unwrap_or_default();
+        let is_state = name.strip_suffix(UNFINISHED).is_some_and(|key| {
+            key.len() == KEY_DIGITS && key.bytes().all(|digit| digit.is_ascii_hexdigit())
+        });
+        is_state || is_temporary(path) || own.contains(name)
+    };
+    remove_known(&shares, &mut { is_ours })
+}
+
+/// Files of sensors that the study pre-trained for before, by what is recorded of them.
+fn of_others(shares: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(shares).into_iter().flatten().flatten() {
+        let Ok(ended) = read_sealed_json::<Ended>(&entry.path()) else { continue };
+        found.push(entry.file_name().to_string_lossy().into_owned());
+        if let Ended::Trained(agent) = ended {
+            found.extend(agent.files.into_keys());
+        }
+    }
+    found
 }
 
 fn record(directory: &Path, sensor: &str) -> std::path::PathBuf {
-    directory.join(SHARES).join(format!("{}.json", file_name(sensor)))
+    directory.join(SHARES).join(record_name(sensor))
+}
+
+fn record_name(sensor: &str) -> String {
+    format!("{}.json", file_name(sensor))
 }

@@ -11,8 +11,8 @@ use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 pub(crate) use calib_files::Below;
 use calib_files::{
-    FileError, Fingerprint, Fingerprinter, Lock, Stamp, fingerprint_file, link_or_copy, lock,
-    read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
+    FileError, Fingerprint, Fingerprinter, FolderRecord, LOCK, Lock, Stamp, fingerprint_file,
+    link_or_copy, lock, read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -23,6 +23,9 @@ pub(crate) const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
 
 /// File that completes a directory; written last, removed first.
 pub(crate) const MANIFEST: &str = "manifest.json";
+
+/// File of a verdict about agents that act, which is beside no model.
+pub(crate) const CONTROL_VERDICT: &str = "verdict.json";
 
 /// What a manifest must tell about the inputs of its directory.
 pub(crate) trait Manifest: Serialize + DeserializeOwned {
@@ -92,8 +95,16 @@ pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
     if !path.exists() {
         bail!("{} does not exist; run `{command}` first", path.display());
     }
-    let manifest: M =
-        read_sealed_json(&path).with_context(|| format!("run `{command}` to make it again"))?;
+    let manifest: M = match read_sealed_json(&path) {
+        // Whole, and of something else.
+        Err(FileError::Json { .. }) if read_sealed_json::<serde_json::Value>(&path).is_ok() => {
+            bail!(
+                "{} has other results than those of `{command}`, or those of another calib; give the folder of these",
+                directory.display()
+            )
+        }
+        manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
+    };
     anyhow::ensure!(
         manifest.format() == M::FORMAT,
         "{} has format {}, this calib reads format {}; run `{command}`",
@@ -111,6 +122,7 @@ pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
 /// without locks, both write the same bytes, file by file as a whole.
 pub(crate) struct Claim {
     directory: PathBuf,
+    record: FolderRecord,
     /// Locked while it is open.
     _lock: Lock,
 }
@@ -119,30 +131,46 @@ impl Claim {
     /// Claim `directory`, and remove what a killed process left half-written in it.
     ///
     /// # Errors
-    /// If it cannot be written, or another process has claimed it.
+    /// If it cannot be written, another process has claimed it, or, where all below is to be calib's, it has something
+    /// else in it.
     pub(crate) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
-        match Self::of_nobody(directory, below)? {
-            Some(claim) => Ok(claim),
-            None => bail!(
-                "another calib is writing to {}; wait for it, or choose another --output",
-                directory.display()
-            ),
-        }
+        Self::of_nobody(directory, below)?.with_context(|| taken(directory))
     }
 
     /// As [`Claim::new`], of a directory that need not be written: none if another process has claimed it.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// As [`Claim::new`].
     pub(crate) fn of_nobody(directory: &Path, below: Below) -> anyhow::Result<Option<Self>> {
-        calib_files::create_directory(directory)?;
+        let record = match below {
+            Below::Ours => own(directory)?,
+            Below::Unknown => FolderRecord::open(directory)?,
+        };
+        Self::with(directory, record, below)
+    }
+
+    /// As [`Claim::new`], of a directory of which calib owns what its record names, and in which nothing else may be.
+    ///
+    /// # Errors
+    /// As [`Claim::new`].
+    pub(crate) fn of_named(directory: &Path) -> anyhow::Result<Self> {
+        let record = FolderRecord::open_own(directory)?;
+        Self::with(directory, record, Below::Unknown)?.with_context(|| taken(directory))
+    }
+
+    fn with(directory: &Path, record: FolderRecord, below: Below) -> anyhow::Result<Option<Self>> {
         let refused = || format!("cannot write to {}", directory.display());
-        let lock = lock(&directory.join(".lock")).with_context(refused)?;
+        let lock = lock(&directory.join(LOCK)).with_context(refused)?;
         if matches!(lock, Lock::Taken) {
             return Ok(None);
         }
         remove_temporaries(directory, below).with_context(refused)?;
-        Ok(Some(Self { directory: directory.to_owned(), _lock: lock }))
+        Ok(Some(Self { directory: directory.to_owned(), record, _lock: lock }))
+    }
+
+    /// What of the directory is calib's, and of what lies beside it.
+    pub(crate) fn record(&mut self) -> &mut FolderRecord {
+        &mut self.record
     }
 
     /// From here until [`complete`](Self::complete) the directory does not count as a result.
@@ -155,6 +183,36 @@ impl Claim {
     pub(crate) fn complete<M: Manifest>(&self, manifest: &M) -> anyhow::Result<()> {
         Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
     }
+}
+
+fn taken(directory: &Path) -> String {
+    format!(
+        "another calib is writing to {}; wait for it, or choose another folder",
+        directory.display()
+    )
+}
+
+/// Make a directory calib's as a whole; where results were made by a calib that noted nothing, their manifest shows whose
+/// they are.
+///
+/// # Errors
+/// If it has something in it that calib did not write, or cannot be written.
+pub(crate) fn own(directory: &Path) -> Result<FolderRecord, FileError> {
+    FolderRecord::take(directory, || has_manifest(directory))
+}
+
+/// Whether a directory could be made calib's; nothing is written.
+///
+/// # Errors
+/// As [`own`].
+pub(crate) fn check_own(directory: &Path) -> Result<(), FileError> {
+    FolderRecord::check(directory, || has_manifest(directory)).map(drop)
+}
+
+fn has_manifest(directory: &Path) -> bool {
+    let manifest = read_sealed_json::<serde_json::Value>(&directory.join(MANIFEST));
+    let tool = manifest.map(|manifest| manifest["tool"].as_str().map(str::to_owned));
+    matches!(tool, Ok(Some(tool)) if tool.starts_with("calib "))
 }
 
 /// Take over `files` and manifest of another directory, which were made from the same inputs: the models of a study

@@ -69,15 +69,30 @@ fn of_limits(limits: &str, status: &str) -> Option<u64> {
 }
 
 /// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
-pub(crate) fn require(needed: u64, what: &str, remedy: &str) -> anyhow::Result<()> {
+///
+/// # Errors
+/// If it would.
+pub fn require(needed: u64, what: &str, remedy: &str) -> Result<(), NoRoom> {
     match available() {
-        Some(available) if needed > available => anyhow::bail!(
-            "{what} may take {} of memory and {} are available; {remedy}",
-            bytes(needed),
-            bytes(available)
-        ),
+        Some(available) if needed > available => {
+            Err(NoRoom { what: what.to_owned(), needed, available, remedy: remedy.to_owned() })
+        }
         _ => Ok(()),
     }
+}
+
+/// Work that would take more memory than there is.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what} may take {} of memory and {} are available; {remedy}", bytes(*needed), bytes(*available))]
+pub struct NoRoom {
+    /// The work.
+    what: String,
+    /// Bytes that it would take.
+    needed: u64,
+    /// Bytes that there are.
+    available: u64,
+    /// What takes less.
+    remedy: String,
 }
 
 /// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.
@@ -106,7 +121,7 @@ pub fn check_log(data: &calib_data::DataConfig) -> anyhow::Result<()> {
 /// If it cannot, or the footer cannot be read.
 pub fn check_table(path: &Path, names: Option<&[&str]>) -> anyhow::Result<()> {
     let what = format!("reading {}", path.display());
-    require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")
+    Ok(require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")?)
 }
 
 /// `MemAvailable`, which counts what the system would free if asked.

@@ -80,14 +80,7 @@ pub enum ValidityExtent {
     Run,
 }
 
-/// What becomes of a file that is there already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
-    /// It stays, and nothing is written.
-    Kept,
-    /// It is replaced.
-    Replaced,
-}
+pub use calib_files::Standing;
 
 /// A study to write of a log that nobody has looked at.
 #[derive(Clone, Debug)]

@@ -5,6 +5,7 @@ use calib_control::ControlError;
 use calib_core::Monitor;
 use calib_data::DataError;
 use calib_dynamics::DynamicsError;
+use calib_files::FileError;
 use calib_knn::KnnError;
 use calib_model::{ModelError, RolloutError};
 use calib_represent::RepresentError;
@@ -50,6 +51,12 @@ pub struct StepError(anyhow::Error);
 impl From<anyhow::Error> for StepError {
     fn from(error: anyhow::Error) -> Self {
         Self(error)
+    }
+}
+
+impl From<FileError> for StepError {
+    fn from(error: FileError) -> Self {
+        Self(error.into())
     }
 }
 

@@ -74,6 +74,11 @@ impl Diary {
         diary
     }
 
+    /// Whether there was no attempt before it.
+    pub(crate) fn is_first(&self) -> bool {
+        self.attempt.lock().unwrap_or_else(PoisonError::into_inner).before == 0
+    }
+
     /// A pass begins.
     pub(crate) fn begins(&self, pass: &str) {
         self.change(|attempt| attempt.doing.push(pass.to_owned()));

@@ -39,6 +39,15 @@ const HELD_OUT: [&str; 2] = ["held_out.npy", "held_out.parquet"];
 const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
 
+/// The names of what [`write`] writes.
+pub(crate) fn names(setting: &Setting, stored: &BTreeMap<Unit, UnitResult>) -> Vec<String> {
+    let held_out = setting.dataset.held_out.is_some().then_some(HELD_OUT);
+    let starts = (!setting.starts.is_empty()).then_some(STARTS);
+    let stored = (!stored.is_empty()).then_some(STORED);
+    let own = held_out.into_iter().flatten().chain(starts).chain(stored).map(str::to_owned);
+    setting.model.manifest.lasting_files().into_keys().chain(own).collect()
+}
+
 /// Write what the shards of a part read to `directory`: files of the model are given a second name where they lie on the same
 /// disk, and copied elsewhere. Returns their fingerprints.
 pub(crate) fn write(

@@ -5,32 +5,33 @@ use std::{
     path::Path,
 };
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use calib_agent::training_bytes;
-use calib_files::{create_directory, remove_folder, write_sealed_json};
+use calib_files::{
+    FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
+};
 use calib_study::{Each, Job};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
 
 use crate::{
-    base::{artefact::Files, options::ClusterPlanOptions, outcome::Outcome},
+    base::{
+        artefact::{Claim, Files},
+        options::ClusterPlanOptions,
+        outcome::Outcome,
+    },
     cluster::{
         divide::{Division, evenly},
         inputs,
         maker::Maker,
         plan_file::{
-            Asked, FORMAT, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in, path_in,
+            Asked, FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in,
+            path_in,
         },
         results::{self, Header},
         status::summary,
     },
     output::Printer,
-    sweep::{
-        Found, Source,
-        cost::{Cost, Trained},
-        plan::agents_of,
-        setting::Setting,
-        unit_store,
-    },
+    sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
 };
 
 /// Memory of a process that has nothing to do.
@@ -49,23 +50,36 @@ pub(crate) fn make(
     );
     let directory = &options.directory;
     let path = path_in(directory);
-    ensure!(
-        !path.exists(),
-        "{} is a plan already; go on with `calib cluster status {}`, or plan into another folder",
-        directory.display(),
-        directory.display()
-    );
+    ensure!(!path.exists(), is_planned(directory));
+    let mut claim = None;
+    if job.policy().is_dry() {
+        FolderRecord::check(directory, || false)?;
+    } else {
+        claim = Some(Claim::of_named(directory)?);
+    }
+    // Another calib may have planned meanwhile.
+    ensure!(!path.exists(), is_planned(directory));
     let maker = Maker::here()?;
     let division = Division {
         secs: 60.0 * options.task_minutes,
         most: options.max_tasks,
         exactly: options.shards,
     };
-    let mut planning = Planning { directory, maker: &maker, division, seen: BTreeSet::new() };
-    if !job.policy().is_dry() {
+    let mut record = claim.as_mut().map(Claim::record);
+    if let Some(record) = &mut record {
         // What a planning that was killed has left is of nobody's plan.
-        remove_folder(&directory.join("inputs"))?;
+        remove_inputs(directory, record)?;
+        record.note([PLAN])?;
     }
+    let seen = BTreeSet::new();
+    let mut planning = Planning {
+        directory,
+        record,
+        maker: &maker,
+        division,
+        measured: MeasuredPasses::default(),
+        seen,
+    };
     let (mut parts, mut work) = (Vec::new(), Vec::new());
     for part in job.parts(Each::Deployment)? {
         let (model, deployment) = (part.model(), part.deployment());
@@ -88,10 +102,31 @@ pub(crate) fn make(
         return Ok(Outcome::Done);
     }
     create_directory(&directory.join("shards"))?;
-    write_sealed_json(&path, &plan)?;
+    match write_new_sealed_json(&path, &plan) {
+        // Where there are no locks.
+        Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
+        written => written?,
+    }
     told(&plan, printer)?;
     next(directory, &plan, printer);
     Ok(Outcome::Done)
+}
+
+/// Why nothing is planned there.
+fn is_planned(directory: &Path) -> String {
+    let place = directory.display();
+    format!(
+        "{place} is a plan already; go on with `calib cluster status {place}`, or plan into another folder"
+    )
+}
+
+/// Remove the inputs of a plan that was not finished; what else lies beside them stays.
+fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileError> {
+    let is_ours = |path: &Path| {
+        let name = Path::new(INPUTS).join(path);
+        is_temporary(path) || name.to_str().is_some_and(|name| record.names().contains(name))
+    };
+    remove_known(&directory.join(INPUTS), &mut { is_ours })
 }
 
 fn told(plan: &PlanFile, printer: &Printer) -> anyhow::Result<()> {
@@ -116,8 +151,12 @@ fn next(directory: &Path, plan: &PlanFile, printer: &Printer) {
 
 struct Planning<'a> {
     directory: &'a Path,
+    /// What was written into it; none where nothing is.
+    record: Option<&'a mut FolderRecord>,
     maker: &'a Maker,
     division: Division,
+    /// What passes take.
+    measured: MeasuredPasses,
     /// Keys of units that parts before make: those that are the same are made once.
     seen: BTreeSet<String>,
 }
@@ -158,7 +197,7 @@ impl Planning<'_> {
             return Ok(None);
         }
         printer.say("timing some steps of a pass");
-        let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
+        let cost = setting.cost(study, &self.measured, &printer.silent().progress())?;
         let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
         let secs = cost.of(sensors.len()) * runs.len() as f64;
         let groups = self.division.groups(runs.len(), sensors.len(), secs);
@@ -194,7 +233,7 @@ impl Planning<'_> {
 
     /// Write what the shards of a part read; the files, and how much of them a shard maps.
     fn inputs(
-        &self,
+        &mut self,
         number: usize,
         job: &Job,
         setting: &Setting,
@@ -202,17 +241,19 @@ impl Planning<'_> {
     ) -> anyhow::Result<(Files, u64)> {
         let place = inputs_in(self.directory, number);
         let described = &setting.environments.described;
-        if job.policy().is_dry() {
+        let Some(record) = self.record.as_deref_mut() else {
             let files = setting.model.manifest.lasting_files();
             let mapped = inputs::mapped_bytes(&job.layout().model(), &files, described);
             return Ok((files, mapped));
-        }
+        };
         let header = Header {
             format: results::FORMAT,
             plan: String::new(),
             shard: number,
             maker: self.maker.clone(),
         };
+        let own = inputs::names(setting, stored);
+        record.note(own.into_iter().map(|name| format!("{INPUTS}/{number}/{name}")))?;
         let files = inputs::write(&place, job, setting, stored, header)?;
         let mapped = inputs::mapped_bytes(&place, &files, described);
         Ok((files, mapped))

@@ -17,7 +17,10 @@ use crate::{
     sweep::environments::Described,
 };
 
-const PLAN: &str = "plan.json";
+/// The file of a plan.
+pub(crate) const PLAN: &str = "plan.json";
+/// The folder of what shards read.
+pub(crate) const INPUTS: &str = "inputs";
 
 /// Version of a plan and of what lies beside it.
 pub(crate) const FORMAT: u32 = 2;
@@ -270,5 +273,5 @@ pub(crate) fn path_in(directory: &Path) -> PathBuf {
 
 /// What the shards of a part read.
 pub(crate) fn inputs_in(directory: &Path, part: usize) -> PathBuf {
-    directory.join("inputs").join(part.to_string())
+    directory.join(INPUTS).join(part.to_string())
 }

@@ -8,8 +8,10 @@ use std::{
 
 use anyhow::bail;
 use calib_core::Monitor;
-use calib_files::remove_folder;
-use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult};
+use calib_files::FileError;
+use calib_sweep::{
+    EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult, remove_states,
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -69,6 +71,10 @@ impl Running<'_> {
                 return Ok(Outcome::Done);
             }
             Ok(results) => results.map_or_else(Units::new, |results| results.units),
+            // No attempt has been here that could have written it.
+            Err(_) if self.diary.is_first() => {
+                return Err(FileError::Foreign { path: opened.results(number) }.into());
+            }
             Err(error) => {
                 let told = StepError::told(&error);
                 self.printer.warn(&format!("{told}; shard {number} begins anew"));
@@ -102,7 +108,7 @@ impl Running<'_> {
             )));
         }
         sink.complete().map_err(unfinished)?;
-        let _ = remove_folder(&states);
+        let _ = remove_states(&states);
         let (made, took) = (count(sink.len() - had), duration(clock.elapsed()));
         self.printer.result(&format!("shard {number} is done: {made} units made in {took}"))?;
         Ok(Outcome::Done)

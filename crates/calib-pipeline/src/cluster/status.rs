@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use calib_files::{Below, host_name, remove_folder, remove_temporaries};
+use calib_files::{Below, host_name, remove_temporaries};
+use calib_sweep::remove_states;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -263,7 +264,7 @@ fn tell(
 fn clean(opened: &Opened) -> anyhow::Result<()> {
     for number in 0..opened.plan.shards.len() {
         if standing(opened, number).state == State::Done {
-            remove_folder(&opened.states(number))?;
+            remove_states(&opened.states(number))?;
         }
     }
     let shards = opened.directory.join("shards");

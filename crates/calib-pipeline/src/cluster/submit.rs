@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context as _, bail, ensure};
-use calib_files::write_atomically;
+use calib_files::{FolderRecord, write_atomically};
 use calib_study::shell_words;
 
 use crate::{
@@ -17,7 +17,11 @@ use crate::{
     },
     cluster::{
         config::ClusterConfig,
-        engines::{Demand, kubernetes, queue::Submitted, ray, slurm},
+        engines::{
+            Demand, kubernetes,
+            queue::{JOBS, Submitted},
+            ray, slurm,
+        },
         plan_file::Opened,
         status::missing,
     },
@@ -172,6 +176,11 @@ impl Submitting<'_> {
     /// Keep the scripts in the plan, or show them.
     fn write(&self, scripts: &[Script]) -> anyhow::Result<Vec<PathBuf>> {
         let mut written = Vec::new();
+        if !self.is_dry() {
+            let names = scripts.iter().map(|script| script.name.clone());
+            let jobs = (self.options.engine == Engine::Slurm).then(|| JOBS.to_owned());
+            FolderRecord::open(&self.opened.directory)?.note(names.chain(jobs))?;
+        }
         for Script { name, text } in scripts {
             let path = self.opened.directory.join(name);
             if self.is_dry() {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::described::LogTold;
 use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
 
-pub(super) const VERDICT: &str = "verdict.json";
+pub(super) use crate::base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
 
 /// `manifest.json` of the verdict.

@@ -36,8 +36,13 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
         files::kept(&directory, &files::key(study, &log.fingerprint)?)
     };
     if let Some((told, is_shown)) = kept {
-        if !is_shown && !job.policy().is_dry() {
-            page::write(&directory, job, &told)?;
+        if !job.policy().is_dry() {
+            if told.log.distance == Distance::Laplacian {
+                decisions::mend(job, log.material(), printer)?;
+            }
+            if !is_shown {
+                page::write(&directory, job, &told)?;
+            }
         }
         printer.say(&format!("{} is up to date", directory.display()));
         return show::show(&told, printer);

@@ -10,7 +10,7 @@ use calib_control::{
 };
 use calib_core::{Seed, Timestamp};
 use calib_data::table::write_log;
-use calib_files::write_atomically;
+use calib_files::{FolderRecord, check_output, write_output};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -79,12 +79,11 @@ pub(crate) fn simulate(wanted: &SimulateTask, printer: &Printer) -> anyhow::Resu
     ensure!(wanted.transitions > 0, "--transitions must be at least 1");
     let log = wanted.directory.join("log.parquet");
     let study = wanted.directory.join("study.toml");
-    if wanted.standing == crate::Standing::Kept {
-        for path in [&log, &study] {
-            ensure!(!path.exists(), "{} is there already; --force replaces it", path.display());
-        }
+    for path in [&log, &study] {
+        check_output(path, wanted.standing)?;
     }
-    calib_files::create_directory(&wanted.directory)?;
+    // What is replaced is what calib wrote: the folder was named, and not its files.
+    FolderRecord::open(&wanted.directory)?.note(["log.parquet", "study.toml"])?;
     printer.say(&format!("{} behaviour in {}", wanted.policy.name(), wanted.task.name()));
     match wanted.task {
         TaskKind::Acrobot => of(wanted, &Acrobot::default(), &log, &study),
@@ -116,7 +115,7 @@ fn of<T: Task>(
         record(&mut behaviour, &mut logged, wanted.transitions, timeout, seed.child("log"));
     write::<T>(log, &recorded, step(kind))?;
     let text = text(kind, T::continuous(), wanted.seed);
-    write_atomically(study, |file| file.write_all(text.as_bytes()))?;
+    write_output(study, wanted.standing, |file| file.write_all(text.as_bytes()))?;
     Ok(SimulatedTask {
         log: log.to_owned(),
         study: study.to_owned(),

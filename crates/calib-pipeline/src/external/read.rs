@@ -77,6 +77,7 @@ fn of_table(table: &Table, part: Part) -> anyhow::Result<Runs> {
     let measured = Measured::of(&columns)?;
     let mut units: BTreeMap<(String, EnvironmentId, u64), UnitResult> = BTreeMap::new();
     let mut order: Vec<String> = Vec::new();
+    let mut scales: BTreeMap<(&String, usize), f64> = BTreeMap::new();
     for row in 0..rows {
         let at = || format!("row {row}");
         let (environment, sensor) =
@@ -88,6 +89,18 @@ fn of_table(table: &Table, part: Part) -> anyhow::Result<Runs> {
         let result = units.entry((sensor.clone(), environment, runs[row]));
         let result = result.or_insert_with(|| measured.unit(row, unit.clone()));
         let candidate = numbers[row] as usize;
+        let start_row = measured.start_row[row];
+        ensure!(
+            u64::from(result.start_row) == start_row,
+            "row {row}: {unit} starts at row {start_row}, and at {} in a row before",
+            result.start_row
+        );
+        let scale = *scales.entry((sensor, candidate)).or_insert(measured.error_scale[row]);
+        ensure!(
+            scale.total_cmp(&measured.error_scale[row]).is_eq(),
+            "row {row}: the error_scale of {sensor} is {}, and {scale} in a row before",
+            measured.error_scale[row]
+        );
         ensure!(
             result.rows.iter().all(|other| other.candidate != candidate),
             "row {row}: candidate {candidate} has another row for {unit}"
@@ -114,6 +127,11 @@ struct Measured {
 
 impl Measured {
     fn of(columns: &Columns<'_>) -> anyhow::Result<Self> {
+        let start_row = columns.counts("start_row", Some(0))?;
+        let far = start_row.iter().position(|&start| start > u64::from(u32::MAX));
+        if let Some(row) = far {
+            bail!("row {row}: start_row is {}, expected at most {}", start_row[row], u32::MAX);
+        }
         Ok(Self {
             rmse: columns.table.numbers("rmse")?,
             error_scale: columns.numbers("error_scale", 1.0)?,
@@ -121,7 +139,7 @@ impl Measured {
             return_std: columns.numbers("return_std", 0.0)?,
             steps: columns.counts("steps", Some(0))?,
             scored_steps: columns.counts("scored_steps", Some(1))?,
-            start_row: columns.counts("start_row", Some(0))?,
+            start_row,
             updates: columns.counts("updates", Some(1))?,
         })
     }
@@ -131,6 +149,7 @@ impl Measured {
             key: String::new(),
             unit,
             seed: 0,
+            // Checked to fit.
             start_row: self.start_row[row] as u32,
             not_finite: None,
             rows: Vec::new(),
@@ -195,16 +214,36 @@ fn environment(text: &str) -> anyhow::Result<EnvironmentId> {
 fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Candidate>> {
     let count = numbers.iter().max().map_or(0, |most| *most as usize + 1);
     ensure!(count <= MOST_CANDIDATES, "candidate {} is not numbered from 0 on", count - 1);
-    let first = |candidate: usize| numbers.iter().position(|of| *of as usize == candidate);
+    let mut firsts: Vec<Option<usize>> = vec![None; count];
+    for (row, &candidate) in numbers.iter().enumerate() {
+        firsts[candidate as usize].get_or_insert(row);
+    }
     let labels = match columns.table.values("label") {
         None => None,
         Some(_) => Some(columns.table.column::<String>("label")?),
     };
     let defaults = columns.truths("is_default")?;
     let gamma = columns.numbers("gamma", AgentConfig::default().gamma)?;
+    for (row, &candidate) in numbers.iter().enumerate() {
+        let first = firsts[candidate as usize].unwrap_or(row);
+        let told = |what: String, before: String| {
+            format!("row {row}: candidate {candidate} {what}, and {before} in row {first}")
+        };
+        if let Some(labels) = labels {
+            let (here, there) = (&labels[row], &labels[first]);
+            ensure!(here == there, told(format!("is called \"{here}\""), format!("\"{there}\"")));
+        }
+        let (here, there) = (defaults[row], defaults[first]);
+        ensure!(here == there, told(format!("has is_default = {here}"), there.to_string()));
+        let (here, there) = (gamma[row], gamma[first]);
+        ensure!(
+            here.total_cmp(&there).is_eq(),
+            told(format!("has gamma = {here}"), there.to_string())
+        );
+    }
     let fields = fields(columns, numbers, count);
     let candidate = |index: usize| {
-        let row = first(index).with_context(|| {
+        let row = firsts[index].with_context(|| {
             format!("candidate {index} of {count} has no row; number them from 0 on")
         })?;
         let values = match labels {
@@ -218,7 +257,25 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Cand
         }
         Ok(Candidate { index, is_default: defaults[row], values, agent })
     };
-    (0..count).map(candidate).collect()
+    let all = (0..count).map(candidate).collect::<anyhow::Result<Vec<Candidate>>>()?;
+    let mut names: BTreeMap<String, usize> = BTreeMap::new();
+    for candidate in &all {
+        if let Some(other) = names.insert(candidate.label(), candidate.index) {
+            bail!(
+                "candidates {other} and {} are both \"{}\"; give each a label of its own",
+                candidate.index,
+                candidate.label()
+            );
+        }
+    }
+    let defaults: Vec<usize> = all.iter().filter(|of| of.is_default).map(|of| of.index).collect();
+    ensure!(
+        defaults.len() <= 1,
+        "candidates {} and {} are both the default (is_default); one can be",
+        defaults[0],
+        defaults[1]
+    );
+    Ok(all)
 }
 
 /// The values that a label tells: `learning_rate = 0.1, optimiser = adam`; one that tells none is a value itself.
@@ -316,6 +373,30 @@ mod tests {
         };
         assert_eq!(errors(0), [Some(1.0), Some(2.0)]);
         assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        let fine = || table(MEMBERS, [0, 1, 0, 1], [1.0, 2.0, 1.5, 0.5]);
+        let texts = |texts: [&str; 4]| texts.map(str::to_owned).to_vec();
+        assert!(
+            of_table(&fine().with("label", texts(["a", "b", "a", "b"])), Part::WholeRun).is_ok()
+        );
+        for (bad, told) in [
+            (
+                fine().with("label", texts(["a", "b", "a", "c"])),
+                "row 3: candidate 1 is called \"c\"",
+            ),
+            (fine().with("label", texts(["a", "a", "a", "a"])), "0 and 1 are both \"value = a\""),
+            (fine().with("is_default", vec![true, false, false, false]), "row 2: candidate 0 has"),
+            (fine().with("is_default", vec![true; 4]), "are both the default"),
+            (fine().with("gamma", vec![0.9, 0.9, 0.8, 0.9]), "row 2: candidate 0 has gamma = 0.8"),
+            (fine().with("error_scale", vec![1.0, 1.0, 2.0, 1.0]), "the error_scale of A is 2"),
+            (fine().with("start_row", vec![5_u32, 6, 7, 7]), "starts at row 6, and at 5"),
+            (fine().with("start_row", vec![5_i64, 5, 7, 1 << 40]), "expected at most 4294967295"),
+        ] {
+            assert!(refused(&bad).contains(told), "{told}: {}", refused(&bad));
+        }
     }
 
     #[test]

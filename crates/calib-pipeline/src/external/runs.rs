@@ -11,12 +11,16 @@ use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 
 use super::read::{Runs, read};
 use crate::{
-    base::{artefact::TOOL, outcome::Outcome},
+    base::{
+        artefact::{Below, Claim, TOOL},
+        outcome::Outcome,
+    },
     output::Printer,
     rollouts::figures,
     sweep::SweepManifest,
     verdict::{
         evaluate::{self, Summary},
+        report::{FIGURES, SUMMARY},
         verdict_rows::{self, sensitivity, verdict_row},
     },
 };
@@ -133,14 +137,17 @@ fn reproduction(path: &Path, study: &Study) -> anyhow::Result<Reproduction> {
 }
 
 fn write(directory: &Path, summary: &Summary, report: &Report) -> anyhow::Result<()> {
-    calib_files::create_directory(directory)?;
-    let figures = directory.join("figures");
-    calib_files::create_directory(&figures)?;
+    let named = |sensor: &str| format!("sensitivity-{sensor}");
+    let drawn = report.sensitivities.iter().flat_map(|of| figures::names(&named(&of.sensor)));
+    let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
+    // The folder may be the user's.
+    let mut claim = Claim::new(directory, Below::Unknown)?;
+    claim.record().note([SUMMARY, REPORT].map(str::to_owned).into_iter().chain(drawn))?;
     for sensitivity in &report.sensitivities {
-        let name = format!("sensitivity-{}", sensitivity.sensor);
-        figures::write(&figures, &name, &sensitivity.figure()?)?;
+        let name = named(&sensitivity.sensor);
+        figures::write(&directory.join(FIGURES), &name, &sensitivity.figure()?)?;
     }
-    write_json(&directory.join("summary.json"), summary)?;
+    write_json(&directory.join(SUMMARY), summary)?;
     let html = report.html()?;
     Ok(write_atomically(&directory.join(REPORT), |file| file.write_all(html.as_bytes()))?)
 }

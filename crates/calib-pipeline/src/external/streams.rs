@@ -5,7 +5,7 @@ use std::{fmt, path::Path};
 use calib_agent::{CurveRule, Part, RunOutcome, score_predictions};
 use calib_core::{Seed, Stream};
 use calib_data::Dataset;
-use calib_files::Fingerprint;
+use calib_files::{Fingerprint, FolderRecord};
 use calib_study::Job;
 use calib_sweep::{Candidate, EnvironmentId, ErrorScale, RunRow, Unit, UnitResult};
 use serde_json::Value;
@@ -15,7 +15,7 @@ use crate::{
         artefact::{self, TOOL},
         outcome::StepError,
     },
-    log::partition,
+    log::{partition, prepared},
     model::model_files,
     output::Printer,
     sweep::{
@@ -87,6 +87,7 @@ impl SweepStreams {
     /// # Errors
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
+        prepared::begin_command();
         Ok(Self::new(job, printer)?)
     }
 
@@ -209,7 +210,8 @@ impl SweepStreams {
     /// `curves.parquet`.
     ///
     /// # Errors
-    /// If a field has the name of another column, or the file cannot be written.
+    /// If a field has the name of another column, or one of the files is there and calib did not write it, or cannot be
+    /// written.
     pub fn write(
         &self,
         path: &Path,
@@ -231,6 +233,10 @@ impl SweepStreams {
         let units: Vec<UnitResult> = results.iter().map(|of| self.unit(of)).collect();
         let table = external_runs(&sweep, self.part, &units)?;
         let curves = curves_table(&sweep.candidates, &units);
+        // The folder is the user's.
+        let names = [path.file_name().unwrap_or_default().to_string_lossy().into_owned()];
+        let mut record = FolderRecord::open(path.parent().unwrap_or(Path::new("")))?;
+        record.note(names.into_iter().chain([FILES[1].to_owned()]))?;
         artefact::write_table(curves, &path.with_file_name(FILES[1]))?;
         Ok(artefact::write_table(table, path)?)
     }

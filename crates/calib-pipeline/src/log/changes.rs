@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_core::Timestamp;
 use calib_data::format_time;
-use calib_files::{remove_file, write_json};
+use calib_files::{FileError, FolderRecord, remove_file, write_json};
 use calib_plant::{Change, ChangeKind, Plant};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -46,10 +46,16 @@ impl DatedChange {
 }
 
 /// Leave the changes of `plant` beside its log; nothing, also of an earlier plant, where it does not change.
-pub(crate) fn write(directory: &Path, plant: &Plant) -> anyhow::Result<Vec<DatedChange>> {
+pub(crate) fn write(
+    directory: &Path,
+    record: &FolderRecord,
+    plant: &Plant,
+) -> Result<Vec<DatedChange>, FileError> {
     let path = directory.join(CHANGES);
     if plant.options().change.strength == 0.0 {
-        remove_file(&path)?;
+        if record.has(CHANGES) {
+            remove_file(&path)?;
+        }
         return Ok(Vec::new());
     }
     let changes: Vec<DatedChange> = plant.changes().into_iter().map(DatedChange::of).collect();

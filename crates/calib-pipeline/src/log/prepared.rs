@@ -81,6 +81,11 @@ pub(crate) enum Known {
 /// it was first read, and files are compared with what was written once.
 static OPENED: Mutex<Option<(PathBuf, BTreeMap<PathBuf, Prepared>)>> = Mutex::new(None);
 
+/// A command begins: what an earlier one of this process has opened may have changed meanwhile.
+pub(crate) fn begin_command() {
+    *OPENED.lock().unwrap_or_else(PoisonError::into_inner) = None;
+}
+
 /// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
 /// less of it; `memory` is how much there is, in bytes, if somebody says so.
 pub(crate) fn open(

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::table::write_log;
-use calib_files::{FileError, read_sealed_json, remove_file, write_sealed_json};
+use calib_files::{FileError, FolderRecord, read_sealed_json, remove_file, write_sealed_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
 use calib_study::Job;
 use schemars::JsonSchema;
@@ -43,6 +43,16 @@ impl Simulation {
 
     fn read(directory: &Path) -> Result<Self, FileError> {
         read_sealed_json(&directory.join(SIMULATION))
+    }
+
+    /// The names of all files of it: the day files, and what says what they are.
+    fn names(&self) -> anyhow::Result<Vec<String>> {
+        // What no plant can have is no record of one.
+        let plant = Plant::new(self.options.clone())?;
+        let changes = (plant.options().change.strength > 0.0).then_some(CHANGES);
+        let days = (0..plant.days()).map(|day| file_name(self.options.start, day));
+        let beside = [SIMULATION].into_iter().chain(changes).map(str::to_owned);
+        Ok(beside.chain(days).collect())
     }
 
     /// Refuse days that are there and not what was written: what is simulated would follow from them without a word.
@@ -125,9 +135,10 @@ pub(crate) fn simulate(
         channels: plant.schema().to_vec(),
         files: Files::new(),
     };
-    let _claim = Claim::new(directory, Below::Unknown)?;
-    let known = own(directory, &simulation, force)?;
-    let changes = changes::write(directory, &plant)?;
+    let mut claim = Claim::new(directory, Below::Unknown)?;
+    let record = claim.record();
+    let known = own(directory, record, &simulation, force)?;
+    let changes = changes::write(directory, record, &plant)?;
     let names: Vec<String> = plant.schema().iter().map(|channel| channel.name.clone()).collect();
     printer.say(&format!("simulate: {}", sentence(&plant)));
     let progress = printer.progress();
@@ -238,12 +249,25 @@ fn holds_logs(directory: &Path) -> bool {
 }
 
 /// Make the directory this simulation's, unless it is another one's. Returns what is known of days that are there.
-fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result<Files> {
+fn own(
+    directory: &Path,
+    record: &mut FolderRecord,
+    simulation: &Simulation,
+    force: bool,
+) -> anyhow::Result<Files> {
     let path = directory.join(SIMULATION);
     let damaged = || records(directory);
-    match Simulation::read(directory) {
+    let found = Simulation::read(directory);
+    if let Ok(found) = &found
+        && !record.has(SIMULATION)
+    {
+        // A calib that noted nothing has written these.
+        record.add(found.names()?)?;
+    }
+    match found {
         Ok(found) if !force && found.is_of_plant(simulation) => {
             found.check_days(directory)?;
+            record.note(simulation.names()?)?;
             return Ok(found.files);
         }
         Ok(_) if !force => bail!(
@@ -258,16 +282,9 @@ fn own(directory: &Path, simulation: &Simulation, force: bool) -> anyhow::Result
         _ => {}
     }
     if force {
-        remove_days(directory)?;
-        let days = Plant::new(simulation.options.clone())?.days();
-        let day = |day| directory.join(file_name(simulation.options.start, day));
-        if let Some(taken) = (0..days).map(day).find(|path| path.symlink_metadata().is_ok()) {
-            bail!(
-                "{} is in the way, and no simulation wrote it; move it, or choose another directory",
-                taken.display()
-            );
-        }
+        remove_days(directory, record)?;
     }
+    record.note(simulation.names()?)?;
     write_sealed_json(&path, simulation)?;
     Ok(Files::new())
 }
@@ -283,15 +300,9 @@ fn has_parquet(directory: &Path) -> bool {
 }
 
 /// Remove the days of the simulation that is being replaced; other Parquet files stay.
-fn remove_days(directory: &Path) -> anyhow::Result<()> {
-    let Ok(previous) = Simulation::read(directory) else { return Ok(()) };
-    // What no plant can have is no record of one.
-    let days = Plant::new(previous.options.clone())?.days();
-    for day in 0..days {
-        let path = directory.join(file_name(previous.options.start, day));
-        remove_file(&path)?;
-    }
-    Ok(())
+fn remove_days(directory: &Path, record: &FolderRecord) -> Result<(), FileError> {
+    let days = record.names().iter().filter(|name| name.ends_with(".parquet"));
+    days.map(|name| directory.join(name)).try_for_each(|path| remove_file(&path))
 }
 
 /// The date of a day of the plant, as a file name.

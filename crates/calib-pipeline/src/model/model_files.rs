@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
 use calib_data::{Dataset, Profile, table::Table};
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
@@ -249,6 +249,11 @@ pub(crate) fn open(job: &Job) -> anyhow::Result<OpenModel> {
 /// Open the model in a folder, whatever study it is of.
 pub(crate) fn open_directory(directory: &Path) -> anyhow::Result<OpenModel> {
     let build = "calib build-model STUDY";
+    ensure!(
+        !directory.join(artefact::CONTROL_VERDICT).exists(),
+        "{} has the verdict of `calib control`, which keeps no model: one with actions is made when it is asked for",
+        directory.display()
+    );
     opened(directory, artefact::require(directory, build)?, build)
 }
 

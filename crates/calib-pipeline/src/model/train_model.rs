@@ -192,11 +192,11 @@ fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> any
     if !is_native {
         return Ok(());
     }
-    memory::require(
+    Ok(memory::require(
         training_bytes(study, dataset),
         "training the network",
         "lower dynamics.hidden_units, dynamics.hidden_layers or dynamics.batch_size",
-    )
+    )?)
 }
 
 /// Train the network of the study, going on from a checkpoint if there is one, and write its weights.

@@ -2,6 +2,8 @@
 //! what its author reads.
 
 mod error;
+#[cfg(target_os = "linux")]
+mod guard;
 mod message;
 mod process;
 

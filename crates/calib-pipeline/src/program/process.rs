@@ -14,6 +14,8 @@ use std::{
 use calib_core::Monitor;
 use calib_sweep::Stopped;
 
+#[cfg(target_os = "linux")]
+use super::guard;
 use super::{
     Asked, ExternalAgents,
     error::{ProgramError, failed},
@@ -53,8 +55,10 @@ impl<'p> Process<'p> {
         command.args(arguments).current_dir(&program.folder);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // Ctrl-C is for calib, which then ends it.
-        #[cfg(unix)]
+        #[cfg(all(unix, not(target_os = "linux")))]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        #[cfg(target_os = "linux")]
+        guard::watch_over(&mut command);
         let mut child = command.spawn().map_err(|source| ProgramError::Start {
             command: program.shown(),
             folder: program.folder.clone(),
@@ -119,10 +123,12 @@ impl<'p> Process<'p> {
     pub(super) fn finish(mut self) -> Result<(), ProgramError> {
         self.messages = None;
         let command = self.program.shown();
-        if let Ok(line) = self.lines.recv_timeout(FAREWELL) {
+        let status = self.status();
+        // What it has said by now; whoever else holds its standard output is not waited for.
+        if let Ok(line) = self.lines.recv_timeout(LOOK) {
             return Err(ProgramError::More { command, line: shown(&line) });
         }
-        match self.status() {
+        match status {
             Some(status) if !status.success() => {
                 let (how, said) = (how(status), self.said_at_last());
                 Err(ProgramError::EndedBadly { command, how, said })
@@ -164,6 +170,12 @@ impl<'p> Process<'p> {
 }
 
 impl Drop for Process<'_> {
+    #[cfg(target_os = "linux")]
+    fn drop(&mut self) {
+        guard::end(&mut self.child);
+    }
+
+    #[cfg(not(target_os = "linux"))]
     fn drop(&mut self) {
         // One that has ended already cannot be ended, which is as well.
         #[cfg(unix)]
@@ -176,7 +188,7 @@ impl Drop for Process<'_> {
 }
 
 /// End a process that leads a group, and what it has started.
-#[cfg(unix)]
+#[cfg(all(unix, not(target_os = "linux")))]
 fn kill_group(leader: u32) {
     let Ok(leader) = libc::pid_t::try_from(leader) else { return };
     // SAFETY: no memory is involved; the leader was not waited for, so that its number is no other group's.

@@ -103,6 +103,43 @@ fn a_program_ends_as_it_should() {
     assert!(told.contains(r#"said "bye" after its last answer"#), "{told}");
 }
 
+/// Processes that live and were started with this word.
+#[cfg(target_os = "linux")]
+fn living(word: &str) -> usize {
+    let all = std::fs::read_dir("/proc").expect("there").flatten();
+    let own = |entry: std::fs::DirEntry| {
+        let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
+        line.split(|byte| *byte == 0).any(|of| of == word.as_bytes())
+    };
+    all.map(own).filter(|found| *found).count()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_program_has_started_ends_with_it() {
+    // In a session of its own; holding the pipes; a grandchild of a process that is gone.
+    let word = format!("{}.25", 100_000 + std::process::id());
+    let children = format!(
+        "setsid sleep {word} > /dev/null 2>&1 < /dev/null &\n sleep {word} &\n (setsid sh -c 'sleep {word} & exit' &)\n"
+    );
+    let got = asked(&program(&(children.clone() + COUNTING), 20.0), 1).expect("answers");
+    assert_eq!(got.len(), 1);
+    assert_eq!(living(&word), 0, "it ended well");
+    let told = asked(&program(&(children.clone() + "exit 3"), 20.0), 1).expect_err("it fails");
+    assert!(told.contains("exit status: 3"), "{told}");
+    assert_eq!(living(&word), 0, "it ended badly");
+    let told = asked(&program(&(children + "trap '' TERM; sleep 20"), 0.2), 1).expect_err("hangs");
+    assert!(told.contains("has not answered"), "{told}");
+    assert_eq!(living(&word), 0, "it was ended");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn how_a_program_was_killed_is_told() {
+    let told = asked(&program("kill -9 $$", 20.0), 1).expect_err("it is gone");
+    assert!(told.contains("signal: 9"), "{told}");
+}
+
 #[test]
 fn a_program_that_is_not_there_is_told() {
     let command = vec!["./no-such-agent".to_owned(), "x".to_owned()];

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::{DataConfig, Sketch, sketch};
-use calib_files::{check_writable, write_atomically};
+use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
 };
@@ -15,13 +15,10 @@ use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use self::trial::{Trials, Workplace};
+use self::trial::Trials;
 use crate::{
     base::{
-        clock::Stopwatch,
-        left_alone::text_left_alone,
-        memory,
-        options::{ProposeOptions, Standing},
+        clock::Stopwatch, left_alone::text_left_alone, memory, options::ProposeOptions,
         outcome::Outcome,
     },
     output::{Printer, count, duration, span},
@@ -62,15 +59,11 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
         args.study.extension().is_some_and(|extension| extension == "toml"),
         "{file}: expected the name of a study file, which ends in .toml"
     );
-    ensure!(
-        args.standing == Standing::Replaced || !args.study.exists(),
-        "{file} is there already; --force replaces it"
-    );
+    // Before the trials, and not after them.
+    check_output(&args.study, args.standing)?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = Look::at(args, printer)?;
-    // Before the trials, and not after them.
-    check_writable(&args.study)?;
     let is_given = args.set.iter().any(|one| one.trim_start().starts_with("data.contradictions"));
     if let Some((keep, why)) = look.cleaning.contradictions.as_ref().filter(|_| !is_given) {
         printer.warn(&format!(
@@ -78,7 +71,9 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
         ));
     }
     let chosen = Proposal::of(args, &path, &look, printer)?;
-    write_atomically(&args.study, |file| std::io::Write::write_all(file, chosen.text.as_bytes()))?;
+    write_output(&args.study, args.standing, |file| {
+        std::io::Write::write_all(file, chosen.text.as_bytes())
+    })?;
     show(args, &look, &chosen, printer)?;
     printer.say(&format!("looked and tried for {}", duration(clock.elapsed())));
     printer.next(&[format!(
@@ -176,7 +171,7 @@ impl Proposal {
         printer: &Printer,
     ) -> anyhow::Result<Self> {
         let Look { sketch, scope, sensors, .. } = look;
-        let place = Workplace::new()?;
+        let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, printer };
         let candidates = spacings(sketch, scope, look.cut.rows[0]);
         let draft = |spacing: usize, cut: &Cut, horizon, size: &Size, words: [&str; 2]| {

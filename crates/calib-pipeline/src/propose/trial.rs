@@ -1,8 +1,6 @@
 //! Small models of a log, and what they take.
 
-use std::path::PathBuf;
-
-use calib_files::{create_directory, remove_folder};
+use calib_files::TemporaryFolder;
 use calib_propose::{Costs, Horizon, Size};
 use calib_study::{Job, Request};
 
@@ -35,24 +33,6 @@ const WORTH: f64 = 0.01;
 const COSTS: &str = "costs";
 /// How often a horizon is halved until some step can be scored.
 const HALVED: usize = 6;
-
-/// A folder for what is thrown away.
-pub(super) struct Workplace(PathBuf);
-
-impl Workplace {
-    pub(super) fn new() -> anyhow::Result<Self> {
-        let folder = std::env::temp_dir().join(format!("calib-init-{}", std::process::id()));
-        create_directory(&folder)?;
-        Ok(Self(folder))
-    }
-}
-
-impl Drop for Workplace {
-    fn drop(&mut self) {
-        // What is left of it is in the folder for temporary files.
-        let _ = remove_folder(&self.0);
-    }
-}
 
 /// States of a model that is built in its share of `within` seconds, if one of [`ROWS`] states at most took `build_secs`: what exact search takes
 /// grows with their square at worst.
@@ -92,7 +72,7 @@ fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Cos
 /// What trials have in common.
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
-    pub(super) place: &'a Workplace,
+    pub(super) place: &'a TemporaryFolder,
     pub(super) printer: &'a Printer,
 }
 
@@ -100,7 +80,7 @@ impl Trials<'_> {
     /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
     fn job(&self, text: String, folder: &str) -> anyhow::Result<Job> {
         let request = Request {
-            output: Some(self.place.0.join(folder)),
+            output: Some(self.place.path().join(folder)),
             set: self.args.set.clone(),
             ..Request::new(&self.args.study)
         };
@@ -251,8 +231,8 @@ mod tests {
 
     #[test]
     fn the_workplace_leaves_nothing() {
-        let place = Workplace::new().expect("a folder");
-        let folder = place.0.clone();
+        let place = TemporaryFolder::new().expect("a folder");
+        let folder = place.path().to_owned();
         assert!(folder.is_dir());
         drop(place);
         assert!(!folder.exists());

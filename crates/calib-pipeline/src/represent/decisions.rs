@@ -29,6 +29,18 @@ pub(crate) fn of(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow
     Ok(read(directory, &manifest, &job.command("control"))?.psi)
 }
 
+/// Make what was trained again if it is there and damaged; what is the same is the same to the byte.
+///
+/// # Errors
+/// If it cannot be trained, or written.
+pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow::Result<()> {
+    let directory = &job.layout().control_representation();
+    if directory.exists() && up_to_date(directory, &key(job, material)?).is_none() {
+        of(job, material, printer)?;
+    }
+    Ok(())
+}
+
 /// ψ of every state, if it was trained and one qualified.
 pub(crate) fn kept(job: &Job, material: Material<'_>) -> anyhow::Result<Option<States>> {
     let directory = &job.layout().control_representation();

@@ -7,7 +7,8 @@ use std::{
 
 use calib_core::{Monitor as _, Seed};
 use calib_files::{
-    Fingerprint, Unfinished, fingerprint_file, read_sealed_json, remove_folder, write_sealed_json,
+    FileError, Fingerprint, Unfinished, fingerprint_file, is_temporary, read_sealed_json,
+    remove_known, write_sealed_json,
 };
 use calib_nn::Mlp;
 use calib_represent::{
@@ -42,6 +43,10 @@ struct TrainingRecord {
 }
 
 const RECORD: &str = "training.json";
+/// Where a training is put aside.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+/// Digits of the name of a candidate's directory.
+const KEY_DIGITS: usize = 16;
 
 /// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
 pub(super) fn train(
@@ -65,6 +70,7 @@ pub(super) fn train_share(
     share: Share,
     printer: &Printer,
 ) -> anyhow::Result<usize> {
+    artefact::own(directory)?;
     let grid = keyed(study, material)?.into_iter().enumerate();
     let own: Vec<Keyed> =
         grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
@@ -125,17 +131,23 @@ fn train_missing(
 
 /// Where the training of a candidate is put aside.
 fn checkpoint(directory: &Path, key: &str) -> Unfinished {
-    Unfinished::new(directory.join("checkpoint.safetensors"), key.to_owned())
+    Unfinished::new(directory.join(CHECKPOINT), key.to_owned())
 }
 
-/// Forget every candidate and every training that was put aside.
-pub(super) fn remove(directory: &Path) -> anyhow::Result<()> {
-    Ok(remove_folder(&directory.join(CANDIDATES))?)
+/// Forget every candidate and every training that was put aside; what else lies beside them stays.
+pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
+    let is_ours = |path: &Path| {
+        let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
+        let is_key = folder.len() == KEY_DIGITS && folder.bytes().all(|of| of.is_ascii_hexdigit());
+        let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
+        is_key && (is_named || is_temporary(path))
+    };
+    remove_known(&directory.join(CANDIDATES), &mut { is_ours })
 }
 
 /// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.
 fn short(key: &str) -> &str {
-    &key[..16]
+    &key[..KEY_DIGITS]
 }
 
 /// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken

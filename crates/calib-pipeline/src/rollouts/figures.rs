@@ -12,10 +12,15 @@ use crate::rollouts::trajectory_columns::Columns;
 /// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
 pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<[String; 2]> {
     let (svg, png) = (figure.svg(), figure.png()?);
-    let names = ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)));
+    let names = names(name);
     write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
     write_atomically(&directory.join(&names[1]), |file| file.write_all(&png))?;
     Ok(names)
+}
+
+/// What the files of a figure are called.
+pub(crate) fn names(name: &str) -> [String; 2] {
+    ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)))
 }
 
 /// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.

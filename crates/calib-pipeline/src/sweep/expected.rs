@@ -13,7 +13,7 @@ use crate::{
     model::model_files,
     output::{Printer, bytes, count, duration},
     sweep::{
-        cost::{Cost, Trained},
+        cost::{Cost, MEASURED_STEPS, Trained},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         setting::{candidates_of, scorable},
     },
@@ -105,9 +105,11 @@ pub(crate) fn before_model(
     let threads = rayon::current_num_threads();
     Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
     let frames = &dataset.train;
-    let states = streams.demand.span.states().min(frames.rows());
+    let states = streams.demand.span.states().min(frames.rows()).min(MEASURED_STEPS);
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
-    let cost = Cost::over(trained, &RunStream::complete(replayed, RowIndex::new(0)), 0.0)?;
+    let streamed = RunStream::complete(replayed, RowIndex::new(0));
+    let progress = printer.silent().progress();
+    let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
     let results = (units * candidates.len()) as u64;
     let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
     printer.say(&expected.line());

@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::{
     base::memory,
     output::{Printer, bytes, count, table},
-    sweep::expected::Expected,
+    sweep::{cost::MeasuredPasses, expected::Expected},
 };
 
 /// Units that a dry run of several models and deployments has counted: those that are the same are run once.
@@ -21,6 +21,7 @@ use crate::{
 pub(crate) struct Counted {
     units: RefCell<BTreeSet<String>>,
     expected: RefCell<Vec<OfPart>>,
+    measured: MeasuredPasses,
 }
 
 /// What the sweep of one model in one deployment will take.
@@ -43,6 +44,11 @@ impl Counted {
         let (model, deployment) = (job.model(), job.deployment());
         let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
         self.expected.borrow_mut().push(OfPart { model, deployment, expected });
+    }
+
+    /// What passes of models and deployments before took.
+    pub(crate) fn measured(&self) -> &MeasuredPasses {
+        &self.measured
     }
 
     /// What was remembered.

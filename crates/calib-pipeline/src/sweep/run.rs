@@ -19,7 +19,6 @@ use crate::{
     },
     output::{Printer, count, duration},
     sweep::{
-        cost::{Cost, Trained},
         expected::Expected,
         manifest::SweepManifest,
         notes::{failed_rollouts, saved},
@@ -116,7 +115,8 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        let cost = Cost::measure(Trained::of(study, &setting), &environments)?;
+        let progress = printer.silent().progress();
+        let cost = setting.cost(study, counted.measured(), &progress)?;
         let passes = plan.passes(&stored)?;
         let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
         counted.expect(job, expected.clone());

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use anyhow::bail;
 use calib_agent::Accelerator;
-use calib_core::Seed;
+use calib_core::{Monitor, Seed};
 use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{
-    Baselines, Candidate, Environment, Plan, PlanOptions, Program, Start, SweepError, candidates,
+    Baselines, Candidate, Environment, Plan, PlanOptions, Program, Span, Start, SweepError,
+    candidates,
 };
 
 use crate::{
@@ -18,6 +19,7 @@ use crate::{
     output::Printer,
     program::ExternalAgents,
     sweep::{
+        cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
         environments::{Environments, Sources, Streaming, open_all},
         notes::standing_still,
         standing_still::Still,
@@ -90,13 +92,33 @@ impl Setting {
 
     /// The environments, opened.
     pub(crate) fn open(&self, study: &Study) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+        self.open_of(study, self.streams.demand.span)
+    }
+
+    /// What their passes take, by some steps of one.
+    ///
+    /// # Errors
+    /// As [`Cost::measure`].
+    pub(crate) fn cost(
+        &self,
+        study: &Study,
+        measured: &MeasuredPasses,
+        monitor: &dyn Monitor,
+    ) -> anyhow::Result<Cost> {
+        let span = self.streams.demand.span;
+        let short = Span { steps: span.steps.min(MEASURED_STEPS), ..span };
+        let environments = self.open_of(study, short)?;
+        Cost::measure(Trained::of(study, self), &environments, measured, monitor)
+    }
+
+    fn open_of(&self, study: &Study, span: Span) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
         let sources = Sources {
             states: Some(&self.model.frames),
             model: Some(&*self.model.model),
             train: Some(&self.dataset.train),
             held_out: self.dataset.held_out.as_ref(),
         };
-        let rolling = Streaming::of(study, self.streams.demand.span)?;
+        let rolling = Streaming::of(study, span)?;
         open_all(&self.environments.described, sources, rolling)
     }
 

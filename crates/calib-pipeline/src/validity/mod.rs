@@ -27,7 +27,7 @@ use serde::Serialize;
 
 use crate::{
     base::{
-        artefact::{Below, Claim, TOOL},
+        artefact::{self, Below, Claim, TOOL},
         clock::Stopwatch,
         options::{ValidityExtent, ValidityOptions},
         outcome::Outcome,
@@ -108,6 +108,11 @@ pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<O
         plan::show(&listing, printer)?;
         printer.say(&format!("dry run: would write {}", directory.display()));
         return Ok(Outcome::Done);
+    }
+    match listing.protocol {
+        // Before anything of a plant is written into it.
+        Some(_) => drop(artefact::own(&directory)?),
+        None => artefact::check_own(&directory)?,
     }
     if let Some(share) = args.share {
         return run_share(share, &listing, args, printer);

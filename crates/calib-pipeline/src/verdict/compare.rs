@@ -210,21 +210,25 @@ fn same_arithmetic(names: &[String], parts: &[Part]) -> anyhow::Result<()> {
 fn write(job: &Job, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
     let paths = job.layout();
     kept_report::keep(job, whole, summaries, || {
-        write_figures(paths, whole)?;
+        let figures = write_figures(paths, whole)?;
         report::write_page(paths, whole)?;
-        Ok(write_json(&paths.evaluate().join("summary.json"), summaries)?)
+        write_json(&paths.evaluate().join(report::SUMMARY), summaries)?;
+        Ok(report::names(figures))
     })
 }
 
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
-fn write_figures(paths: &Layout, whole: &Report) -> anyhow::Result<()> {
-    let directory = paths.evaluate().join("figures");
+/// The names of the files.
+fn write_figures(paths: &Layout, whole: &Report) -> anyhow::Result<Vec<String>> {
+    let directory = paths.evaluate().join(report::FIGURES);
+    let mut written = Vec::new();
     let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
         let name = format!("sensitivity-{name}");
-        figures::write(&directory, &name, &sensitivity.figure()?)?;
+        written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
-    report::write_comparisons(&directory, whole)
+    written.extend(report::write_comparisons(&directory, whole)?);
+    Ok(written)
 }
 
 fn summaries(

@@ -21,7 +21,7 @@ use crate::{
     log::partition,
     model::model_files::{self, ModelManifest},
     output::Printer,
-    rollouts::rollout,
+    rollouts::{one_step, rollout},
     sweep::{SweepManifest, simple::SimpleErrors, unit_store},
     verdict::{
         report,
@@ -220,17 +220,20 @@ pub(crate) fn is_swept(job: &Job) -> bool {
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
 fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
-    let paths = job.layout();
-    let there = paths.rollout().join(MANIFEST).exists();
-    if there && rollout::finished(job, model)?.is_none() {
-        Ok(vec![format!(
-            "the rollouts in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
-            paths.rollout().display(),
-            job.command("rollout")
-        )])
+    let directory = job.layout().rollout();
+    let finished = rollout::finished(job, model)?;
+    let stale = if finished.is_none() && directory.join(MANIFEST).exists() {
+        "rollouts"
+    } else if finished.is_some() && one_step::is_stale(job, model) {
+        "one-step errors"
     } else {
-        Ok(Vec::new())
-    }
+        return Ok(Vec::new());
+    };
+    Ok(vec![format!(
+        "the {stale} in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
+        directory.display(),
+        job.command("rollout")
+    )])
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.

@@ -56,25 +56,38 @@ fn write_all(
     report: &Report,
     summary: &Summary,
     monitor: &dyn Monitor,
-) -> anyhow::Result<()> {
-    write_json(&paths.evaluate().join("summary.json"), summary)?;
-    let directory = paths.evaluate().join("figures");
-    write_comparisons(&directory, report)?;
+) -> anyhow::Result<Vec<String>> {
+    write_json(&paths.evaluate().join(SUMMARY), summary)?;
+    let directory = paths.evaluate().join(FIGURES);
+    let mut written = write_comparisons(&directory, report)?;
     for sensitivity in &report.sensitivities {
         go_on(monitor)?;
         let name = format!("sensitivity-{}", sensitivity.sensor);
-        figures::write(&directory, &name, &sensitivity.figure()?)?;
+        written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
     for curves in &report.learning {
         go_on(monitor)?;
         let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
-        figures::write(&directory, &name, &curves.figure()?)?;
+        written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
     for rollout in &report.rollouts {
         go_on(monitor)?;
-        figures::write(&directory, &format!("rollout-{}", rollout.sensor), &rollout.figure()?)?;
+        let name = format!("rollout-{}", rollout.sensor);
+        written.extend(figures::write(&directory, &name, &rollout.figure()?)?);
     }
-    write_page(paths, report)
+    write_page(paths, report)?;
+    Ok(names(written))
+}
+
+/// What is written beside the figures.
+pub(crate) const SUMMARY: &str = "summary.json";
+/// The folder of the figures.
+pub(crate) const FIGURES: &str = "figures";
+
+/// The names of the summary and of these figures.
+pub(crate) fn names(figures: Vec<String>) -> Vec<String> {
+    let figures = figures.into_iter().map(|name| format!("{FIGURES}/{name}"));
+    figures.chain([SUMMARY.to_owned()]).collect()
 }
 
 /// Write `report.html`.
@@ -86,19 +99,22 @@ pub(crate) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> 
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
 
-/// Write the figures that show all sensors, or all models, beside each other.
-pub(crate) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Result<()> {
+/// Write the figures that show all sensors, or all models, beside each other; the names of the files.
+pub(crate) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Result<Vec<String>> {
+    let mut written = Vec::new();
     if !report.sensitivities.is_empty() {
-        figures::write(directory, "sensitivity", &Sensitivity::panels(&report.sensitivities)?)?;
+        let panels = Sensitivity::panels(&report.sensitivities)?;
+        written.extend(figures::write(directory, "sensitivity", &panels)?);
     }
     for recorded in &report.recorded {
-        figures::write(directory, &format!("recorded-{}", recorded.sensor), &recorded.figure()?)?;
+        let name = format!("recorded-{}", recorded.sensor);
+        written.extend(figures::write(directory, &name, &recorded.figure()?)?);
     }
     let names = placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
     for (grid, name) in report.rollout_grids.iter().zip(names) {
-        figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?;
+        written.extend(figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?);
     }
-    Ok(())
+    Ok(written)
 }
 
 /// Sensors in a deployment or of a model, as parts of file names: "PIT300 (april)" is `PIT300-april`. Those that would

@@ -5,6 +5,9 @@ use std::{collections::BTreeMap, path::Path, process::Command};
 use calib_files::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+/// Where it is kept which jobs were submitted, in the folder of the plan.
+pub(crate) const JOBS: &str = "slurm/jobs.json";
+
 /// Jobs that were submitted of a plan, the last time.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Submitted {
@@ -16,13 +19,13 @@ pub(crate) struct Submitted {
 impl Submitted {
     /// Keep it beside the scripts.
     pub(crate) fn write(&self, plan: &Path) -> anyhow::Result<()> {
-        Ok(write_json(&plan.join("slurm/jobs.json"), self)?)
+        Ok(write_json(&plan.join(JOBS), self)?)
     }
 }
 
 /// What the queue says of each shard: `running`, `pending` and so on. Nothing where nothing was submitted, or no queue can be asked.
 pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
-    let Ok(submitted) = read_json::<Submitted>(&plan.join("slurm/jobs.json")) else {
+    let Ok(submitted) = read_json::<Submitted>(&plan.join(JOBS)) else {
         return BTreeMap::new();
     };
     let jobs = submitted.arrays.join(",");

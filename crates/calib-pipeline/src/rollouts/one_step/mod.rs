@@ -100,6 +100,13 @@ pub(crate) fn read(job: &Job, model: &str) -> Option<OneStep> {
     (stored.format == FORMAT && same).then_some(stored)
 }
 
+/// Whether there are one-step errors that cannot be used: they are of another model or range, or damaged.
+pub(crate) fn is_stale(job: &Job, model: &str) -> bool {
+    let directory = job.layout().rollout();
+    let is_there = directory.join(FILE).exists() || Steps::file(&directory).exists();
+    is_there && read(job, model).is_none()
+}
+
 /// Nothing is known one step ahead.
 pub(crate) fn remove(paths: &Layout) -> anyhow::Result<()> {
     for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {

@@ -1,0 +1,40 @@
+"""Arguments that are numbers, refused in words that say which and what was expected."""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+LARGEST = 2**63 - 1
+LARGEST_SEED = 2**64 - 1
+
+
+def whole(value: Any, name: str, least: int = 0, most: int = LARGEST) -> int:
+    """A whole number from ``least`` to ``most``.
+
+    Raises:
+        TypeError: It is no whole number.
+        ValueError: It is another one.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, expected a whole number, such as {max(least, 1)}") from None
+    if number < least:
+        raise ValueError(f"{name} is {number}, expected a whole number of at least {least}")
+    if number > most:
+        raise ValueError(f"{name} is {number}, expected a whole number of at most {most}")
+    return number
+
+
+def position(value: Any, name: str) -> int:
+    """A position, from 0 on.
+
+    Raises:
+        TypeError: It is no whole number.
+        IndexError: It is negative, or larger than any.
+    """
+    number = whole(value, name, -LARGEST, 2 * LARGEST)
+    if not 0 <= number <= LARGEST:
+        raise IndexError(f"{name} is {number}; positions count from 0 on")
+    return number
