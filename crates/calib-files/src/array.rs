@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::{FileError, read_regular};
+use crate::{FileError, npy_header::NpyHeader, read_regular};
 
 /// An array of numbers, as `f64`, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,27 +22,11 @@ pub fn read_array(path: &Path) -> Result<Array, FileError> {
 }
 
 fn parse(bytes: &[u8]) -> Result<Array, String> {
-    let cut = || "the header is cut off".to_owned();
-    let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
-        return Err("it does not begin as NumPy files do".to_owned());
-    };
-    let (version, rest) = rest.split_at_checked(2).ok_or_else(cut)?;
-    let (length, rest) = match version[0] {
-        1 => {
-            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-            (usize::from(u16::from_le_bytes(*length)), rest)
-        }
-        2 | 3 => {
-            let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-            (u32::from_le_bytes(*length) as usize, rest)
-        }
-        got => return Err(format!("expected format version 1 to 3, got {got}")),
-    };
-    let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
-    let header = std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
-    let kind = Kind::of(entry(header, "'descr'")?)?;
-    let shape = shape(entry(header, "'shape'")?)?;
-    let expected = shape.iter().try_fold(kind.size, |product, &length| product.checked_mul(length));
+    let header = NpyHeader::parse(bytes)?;
+    let kind = Kind::of(header.description)?;
+    let data = &bytes[header.data..];
+    let expected = header.bytes(kind.size);
+    let shape = header.shape;
     if expected != Some(data.len()) {
         return Err(format!(
             "expected {} bytes of data for the shape {shape:?}, got {}: the file is truncated or damaged",
@@ -53,7 +37,7 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
     let count = data.len() / kind.size;
     let mut values = room(count)?;
     values.extend(data.chunks_exact(kind.size).map(|chunk| kind.read(chunk)));
-    if entry(header, "'fortran_order'")?.starts_with("True") {
+    if header.is_column_major {
         values = row_major(&values, &shape, room(count)?);
     }
     Ok(Array { shape, values })
@@ -67,21 +51,6 @@ fn room(count: usize) -> Result<Vec<f64>, String> {
     Ok(values)
 }
 
-/// What follows `key` in the header's dictionary.
-fn entry<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
-    let start = header.find(key).ok_or_else(|| format!("the header has no {key}"))? + key.len();
-    Ok(header[start..].trim_start_matches([':', ' ']))
-}
-
-fn shape(text: &str) -> Result<Vec<usize>, String> {
-    let inner = text.strip_prefix('(').and_then(|rest| rest.split_once(')'));
-    let numbers = inner.and_then(|(inner, _)| {
-        let parts = inner.split(',').map(str::trim).filter(|part| !part.is_empty());
-        parts.map(|part| part.parse().ok()).collect()
-    });
-    numbers.ok_or_else(|| format!("the header has no usable shape: {text}"))
-}
-
 /// How a number is stored.
 struct Kind {
     letter: char,
@@ -90,9 +59,7 @@ struct Kind {
 }
 
 impl Kind {
-    fn of(text: &str) -> Result<Self, String> {
-        let name = text.strip_prefix('\'').and_then(|rest| rest.split('\'').next());
-        let name = name.unwrap_or(text.trim_end());
+    fn of(name: &str) -> Result<Self, String> {
         let expected = || format!("expected real numbers of at most 64 bits, got type '{name}'");
         let mut characters = name.chars();
         let order = characters.next().ok_or_else(expected)?;
@@ -123,6 +90,7 @@ impl Kind {
             ('f', 4) => f64::from(f32::from_bits(bits as u32)),
             ('f', _) => f64::from_bits(bits),
             ('i', _) => ((bits << unused) as i64 >> unused) as f64,
+            ('b', _) => f64::from(u8::from(bits != 0)),
             _ => bits as f64,
         }
     }
@@ -171,6 +139,7 @@ mod tests {
         assert_eq!(read("|i1", &[1, 0xff]), [1.0, -1.0]);
         assert_eq!(read("|u1", &[1, 0xff]), [1.0, 255.0]);
         assert_eq!(read("|b1", &[1, 0]), [1.0, 0.0]);
+        assert_eq!(read("|b1", &[7, 0]), [1.0, 0.0], "as NumPy has it");
         assert_eq!(read("<i2", &[1, 0, 0xfe, 0xff]), [1.0, -2.0]);
         assert_eq!(read(">i2", &[0, 1, 0xff, 0xfe]), [1.0, -2.0]);
         assert_eq!(read(">u4", &[0, 0, 0, 1, 0xff, 0, 0, 0]), [1.0, 4_278_190_080.0]);

@@ -37,6 +37,7 @@ mod json;
 mod lock;
 mod name;
 mod npy;
+mod npy_header;
 mod open;
 mod scratch;
 mod sealed;
