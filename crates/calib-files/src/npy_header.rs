@@ -77,7 +77,9 @@ impl<'a> Dictionary<'a> {
                 "descr" => description.replace(self.string()?).is_some(),
                 "fortran_order" => is_column_major.replace(self.truth()?).is_some(),
                 "shape" => shape.replace(self.shape()?).is_some(),
-                other => return Err(format!("the header has {other:?}, which NumPy does not know")),
+                other => {
+                    return Err(format!("the header has {other:?}, which NumPy does not know"));
+                }
             };
             if is_known {
                 return Err(format!("the header has two of {key:?}"));
@@ -111,7 +113,11 @@ impl<'a> Dictionary<'a> {
     }
 
     fn expect(&mut self, sign: &str) -> Result<(), String> {
-        if self.take(sign) { Ok(()) } else { Err(format!("expected {sign} in the header, got {}", self.shown())) }
+        if self.take(sign) {
+            Ok(())
+        } else {
+            Err(format!("expected {sign} in the header, got {}", self.shown()))
+        }
     }
 
     /// The next few letters.
@@ -130,7 +136,8 @@ impl<'a> Dictionary<'a> {
                 self.shown()
             ));
         };
-        let (text, rest) = self.rest.split_once(quote).ok_or("a quote in the header is not closed")?;
+        let (text, rest) =
+            self.rest.split_once(quote).ok_or("a quote in the header is not closed")?;
         if text.contains(['\\', '\n']) {
             return Err("text in the header is not plain".to_owned());
         }
@@ -160,7 +167,8 @@ impl<'a> Dictionary<'a> {
             if !self.take(",") {
                 self.expect(")")?;
                 let is_number = shape.len() == 1;
-                let number = || "the header has no usable shape: one length alone is written as (3,)";
+                let number =
+                    || "the header has no usable shape: one length alone is written as (3,)";
                 return if is_number { Err(number().to_owned()) } else { Ok(shape) };
             }
         }
@@ -205,7 +213,9 @@ mod tests {
         assert_eq!(shape("()"), Ok(vec![]));
         assert_eq!(shape("(3,)"), Ok(vec![3]));
         assert_eq!(shape(" ( 3 , 0 , ) "), Ok(vec![3, 0]));
-        for refused in ["(3)", "3", "[3]", "(-3,)", "(03,)", "(3 4)", "(,)", "(3,,4)", "(3,", "(3.0,)"] {
+        for refused in
+            ["(3)", "3", "[3]", "(-3,)", "(03,)", "(3 4)", "(,)", "(3,,4)", "(3,", "(3.0,)"]
+        {
             assert!(shape(refused).is_err(), "{refused}");
         }
         assert_eq!(shape(&format!("({})", "1,".repeat(64))).map(|shape| shape.len()), Ok(64));
@@ -230,13 +240,21 @@ mod tests {
             let error = parse(header).expect_err(header);
             assert!(error.contains(reason), "{header}: {error}");
         }
-        let long = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': (2,)}}{}", " ".repeat(10_000));
+        let long = format!(
+            "{{'descr': '<f8', 'fortran_order': False, 'shape': (2,)}}{}",
+            " ".repeat(10_000)
+        );
         assert!(parse(&long).expect_err("too long").contains("at most 10000"));
         for version in [[0, 0], [1, 1], [4, 0]] {
             let bytes = [&b"\x93NUMPY"[..], &version, &[0; 9]].concat();
-            assert!(NpyHeader::parse(&bytes).expect_err("unknown").contains("version"), "{version:?}");
+            assert!(
+                NpyHeader::parse(&bytes).expect_err("unknown").contains("version"),
+                "{version:?}"
+            );
         }
         assert!(NpyHeader::parse(b"PAR1").is_err());
-        assert!(NpyHeader::parse(b"\x93NUMPY\x01\x00\xff\xff{").expect_err("cut").contains("cut off"));
+        assert!(
+            NpyHeader::parse(b"\x93NUMPY\x01\x00\xff\xff{").expect_err("cut").contains("cut off")
+        );
     }
 }

@@ -64,8 +64,16 @@ fn is_of_the_kernel(path: &Path) -> bool {
     // PROC_SUPER_MAGIC, SYSFS_MAGIC, DEBUGFS_MAGIC, TRACEFS_MAGIC, SECURITYFS_MAGIC, CGROUP_SUPER_MAGIC, CGROUP2_SUPER_MAGIC,
     // BPF_FS_MAGIC, PSTOREFS_MAGIC, EFIVARFS_MAGIC, from linux/magic.h.
     const KERNEL: [u64; 10] = [
-        0x9fa0, 0x6265_6572, 0x6462_6720, 0x7472_6163, 0x7363_6673, 0x0027_e0eb, 0x6367_7270, 0xcafe_4a11,
-        0x6165_676c, 0xde5e_81e4,
+        0x9fa0,
+        0x6265_6572,
+        0x6462_6720,
+        0x7472_6163,
+        0x7363_6673,
+        0x0027_e0eb,
+        0x6367_7270,
+        0xcafe_4a11,
+        0x6165_676c,
+        0xde5e_81e4,
     ];
     // The type is signed on some machines.
     rustix::fs::statfs(path).is_ok_and(|of| KERNEL.contains(&(of.f_type as u64 & 0xffff_ffff)))

@@ -14,15 +14,22 @@ mod planned;
 mod read;
 mod resample;
 mod rows;
+mod seldom;
 mod series;
 mod shape;
 mod source;
 mod split;
 mod tag_of_path;
 mod times;
+mod union;
+mod units;
 mod values;
 
-use std::{collections::HashMap, ops::Range, path::PathBuf};
+use std::{
+    collections::{BTreeMap, HashMap},
+    ops::Range,
+    path::PathBuf,
+};
 
 use calib_core::{Monitor, Period, Timestamp};
 
@@ -34,7 +41,8 @@ pub(crate) use self::{
     place::{Contradiction, SHOWN},
     read::{Batch, ChannelValues, Codes},
     rows::{EXAMPLES, NO_TIME},
-    times::{guess_unit, typical},
+    seldom::{Neighbourhood, Seldom},
+    units::units,
     values::{LARGEST, NotNumbers},
 };
 use crate::{
@@ -56,6 +64,8 @@ pub(crate) struct Log {
     pub(crate) utc: bool,
     /// Samples that their quality made missing.
     pub(crate) bad_quality: u64,
+    /// Rows without a time because theirs names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
     pub(crate) channels: Vec<Channel>,
     pub(crate) period: Period,
     pub(crate) period_was_detected: bool,
@@ -117,6 +127,17 @@ impl Log {
         };
         let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
         Ok((log, wanted))
+    }
+
+    /// The channels of neither numbers nor text that the study does not leave out, with their types.
+    pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
+        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+        let is_missed = |channel: &&Channel| {
+            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
+            !channel.readable && included && exclude.matching(&channel.name).is_none()
+        };
+        let missed = self.channels.iter().filter(is_missed);
+        missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }
 
     /// What happens to contradictions.

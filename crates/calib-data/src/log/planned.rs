@@ -8,7 +8,7 @@ use super::{
     Channel, FileSummary, Log, Origin,
     file::{FieldKind, LogFile},
     gaps,
-    open::{Opened, refuse_pair},
+    open::{Opened, Tables, refuse_pair},
     resample::Grid,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
@@ -28,37 +28,32 @@ struct Planned {
     /// The first and the last instant of all.
     span: (i64, i64),
     bad_quality: u64,
+    undecided: u64,
 }
 
 impl Opened {
     pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
         let planned = match self {
-            Self::Tables(files, times, instants) => plan_tables(files, &times, &instants, data)?,
+            Self::Tables(tables) => plan_tables(tables, data)?,
             Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
         };
         Ok(Log { utc, ..planned.into_log(data)? })
     }
 }
 
-fn plan_tables(
-    files: Vec<LogFile>,
-    times: &[usize],
-    instants: &[Vec<i64>],
-    data: &DataConfig,
-) -> Result<Planned, DataError> {
+fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> {
+    let Tables { files, times, instants, undecided } = tables;
     let total: usize = instants.iter().map(Vec::len).sum();
-    if u32::try_from(total).is_err() {
-        return Err(DataError::TooManyRows { rows: total as u64 });
-    }
+    require_rows(total as u64, data, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
     };
     let split = Split::new(data, first, last)?;
-    let rows = Rows::plan(instants, &split.window());
+    let rows = Rows::plan(&instants, &split.window());
     refuse_mixed_partitions(&files, &rows.irregularities)?;
     Ok(Planned {
-        channels: list_channels(&files, times),
+        channels: list_channels(&files, &times),
         files: files
             .iter()
             .map(|file| FileSummary {
@@ -73,6 +68,7 @@ fn plan_tables(
         split,
         span: (first, last),
         bad_quality: 0,
+        undecided,
     })
 }
 
@@ -82,7 +78,8 @@ fn plan_samples(
     sink: Sink,
     data: &DataConfig,
 ) -> Result<Planned, DataError> {
-    let (null_timestamps, bad_quality) = (sink.null_times, sink.bad_quality);
+    let null_timestamps = sink.null_times;
+    let (bad_quality, undecided) = (sink.bad_quality, sink.undecided);
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -90,6 +87,7 @@ fn plan_samples(
     let split = Split::new(data, first, last)?;
     let window = split.window();
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
+    require_rows(timestamps.len() as u64, data, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
     let channel = |tag: &super::series::Tag| Channel {
         name: tag.name.clone(),
@@ -107,19 +105,21 @@ fn plan_samples(
         split,
         span: (first, last),
         bad_quality,
+        undecided,
     })
 }
 
 impl Planned {
     fn into_log(self, data: &DataConfig) -> Result<Log, DataError> {
-        let Self { origin, files, shape, channels, rows, split, span, bad_quality } = self;
+        let Self { origin, files, shape, channels, rows, split, span, bad_quality, undecided } =
+            self;
         let (rows, recorded, grid) =
             match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
                 None => (rows, None, None),
                 Some((resample, period)) => {
                     let ranges = split.ranges_inside(span);
-                    let grid = Grid::new(resample, period, data.max_age(period), ranges)?;
-                    let timestamps = grid_rows(&grid, &origin, &rows)?;
+                    let grid = Grid::new(resample, period, data.max_age(period), ranges);
+                    let timestamps = grid_rows(&grid, &origin, &rows, data)?;
                     (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
                 }
             };
@@ -151,6 +151,7 @@ impl Planned {
             grid,
             utc: false,
             bad_quality,
+            undecided,
             channels,
             period,
             train,
@@ -163,6 +164,7 @@ fn grid_rows(
     grid: &Grid,
     origin: &Origin,
     recorded: &Rows,
+    data: &DataConfig,
 ) -> Result<Vec<calib_core::Timestamp>, DataError> {
     let mut coverage = grid.coverage();
     match origin {
@@ -177,7 +179,34 @@ fn grid_rows(
             }
         }
     }
-    Ok(grid.rows(&coverage))
+    require_rows(coverage.rows(), data, data.period_secs)?;
+    Ok(grid.rows(&mut coverage))
+}
+
+/// Per row: the timestamp, two channels at least that are read together, and flags. Channels that are put on another clock are
+/// held as they were recorded, and as they are on it.
+const BYTES_PER_ROW: u64 = 8 + 2 * 8 + 2;
+const BYTES_PER_RESAMPLED_ROW: u64 = BYTES_PER_ROW + 2 * 8;
+
+/// Refuse a log of more rows than can be indexed, or held. `every_secs` is how far apart they are if the study says.
+fn require_rows(rows: u64, data: &DataConfig, every_secs: Option<f64>) -> Result<(), DataError> {
+    let (what, each, remedy) = match every_secs {
+        Some(secs) => (
+            format!("a log of {rows} rows, one every {secs} s (data.period_secs),"),
+            BYTES_PER_RESAMPLED_ROW,
+            "raise data.period_secs, or lower data.max_age_secs",
+        ),
+        None => (
+            format!("a log of {rows} rows"),
+            BYTES_PER_ROW,
+            "choose fewer files with data.path, or fewer rows with data.train and data.held_out",
+        ),
+    };
+    data.require_memory(rows.saturating_mul(each), what, remedy)?;
+    match u32::try_from(rows) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(DataError::TooManyRows { rows, resampled: every_secs.is_some() }),
+    }
 }
 
 /// Wells and plants logged at the same time are not one log, however similar their channels.

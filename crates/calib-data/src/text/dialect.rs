@@ -1,10 +1,13 @@
 //! What the first rows of a text file tell: what separates its cells, its header, its units.
 
-use std::collections::BTreeMap;
+use std::{
+    collections::{BTreeMap, HashSet},
+    path::Path,
+};
 
 use super::{
     blocks::Marks,
-    number::{Decimal, Sign, parse, sign_of},
+    number::{Decimal, Signs, parse},
     record::RecordReader,
     stamps::Candidates,
 };
@@ -100,31 +103,15 @@ impl Dialect {
         cells.map(|cell| cell.trim()).filter(|cell| !cell.is_empty()).collect()
     }
 
-    /// What the cells of all columns but `time` say about the decimal sign.
-    pub(crate) fn decimal(&self, time: usize) -> Result<Decimal, String> {
-        let mut seen: BTreeMap<&'static str, &str> = BTreeMap::new();
+    /// What the cells of all columns but `time` say about the decimal sign, in the file at `path`.
+    pub(crate) fn signs(&self, time: usize, path: &Path) -> Signs {
+        let mut signs = Signs::default();
         for column in (0..self.columns.len()).filter(|&column| column != time) {
             for cell in self.cells(column) {
-                let sign = match sign_of(cell) {
-                    Sign::Point => "point",
-                    Sign::Comma => "comma",
-                    Sign::Either => "either",
-                    Sign::Nothing => continue,
-                };
-                seen.entry(sign).or_insert(cell);
+                signs.note(cell, path);
             }
         }
-        match (seen.get("point"), seen.get("comma"), seen.get("either")) {
-            (Some(point), Some(comma), _) => Err(format!(
-                "it has {point} and {comma}: say with data.decimal = \".\" or \",\" which sign separates fractions"
-            )),
-            (Some(_), None, _) => Ok(Decimal::Point),
-            (None, Some(_), _) => Ok(Decimal::Comma),
-            (None, None, Some(either)) => Err(format!(
-                "{either} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
-            )),
-            (None, None, None) => Ok(Decimal::Unknown),
-        }
+        signs
     }
 }
 
@@ -224,12 +211,13 @@ fn is_about_columns(cells: &[String]) -> bool {
 
 fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
     let cells = &cells[..width_of(cells)];
-    let mut columns: Vec<TextColumn> = Vec::new();
+    let mut columns: Vec<TextColumn> = Vec::with_capacity(cells.len());
+    let mut known = HashSet::with_capacity(cells.len());
     for (position, cell) in cells.iter().enumerate() {
         let name = cell.trim();
         let name =
             if name.is_empty() { format!("column {}", position + 1) } else { name.to_owned() };
-        if columns.iter().any(|column| column.name == name) {
+        if !known.insert(name.clone()) {
             return Err(format!("two columns are called {name:?}; rename one"));
         }
         columns.push(TextColumn { name, ..TextColumn::default() });
@@ -277,14 +265,18 @@ mod tests {
         dialect.columns.iter().map(|column| column.name.as_str()).collect()
     }
 
+    fn decimal(dialect: &Dialect) -> Decimal {
+        dialect.signs(0, Path::new("a.csv")).decimal().expect("told")
+    }
+
     #[test]
     fn separators_are_told_by_rows_of_equal_length() {
         let comma = dialect("time,a,b\n2024-01-01 00:00:00,1.5,2\n2024-01-01 00:01:00,,3\n");
         assert_eq!((comma.marks.separator, names(&comma)), (b',', vec!["time", "a", "b"]));
-        assert_eq!(comma.decimal(0), Ok(Decimal::Point));
+        assert_eq!(decimal(&comma), Decimal::Point);
         assert_eq!(comma.sample.len(), 2);
         let german = dialect("Zeit;a;b\r\n01.01.2024 00:00;1,5;2,25\r\n01.01.2024 00:01;1,5;\r\n");
-        assert_eq!((german.marks.separator, german.decimal(0)), (b';', Ok(Decimal::Comma)));
+        assert_eq!((german.marks.separator, decimal(&german)), (b';', Decimal::Comma));
         assert_eq!(german.skip, (10, 1));
         let tabs = dialect("time\ta, total\n2024-01-01\t1\n");
         assert_eq!((tabs.marks.separator, names(&tabs)), (b'\t', vec!["time", "a, total"]));
@@ -320,19 +312,5 @@ mod tests {
         let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
         assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("expected a header"));
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
-    }
-
-    #[test]
-    fn a_decimal_sign_that_nothing_tells_is_asked_for() {
-        let of = |cells: &str| {
-            dialect(&format!("time;a\n2024-01-01;{}\n", cells.replace(' ', "\n2024-01-02;")))
-                .decimal(0)
-        };
-        assert_eq!(of("1 2"), Ok(Decimal::Unknown));
-        assert!(of("1,234 2,500").expect_err("asked").contains("data.decimal"));
-        assert_eq!(of("1,234 2,5"), Ok(Decimal::Comma));
-        assert_eq!(of("1,234 2.5"), Ok(Decimal::Point));
-        assert_eq!(of("1,234 2,345,678"), Ok(Decimal::Point));
-        assert!(of("1,5 2.5").expect_err("asked").contains("1,5"));
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
-use calib_data::{DataConfig, Sketch, sketch};
+use calib_data::{Sketch, sketch};
 use calib_files::{check_writable, write_atomically};
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
@@ -113,7 +113,7 @@ struct Look {
 impl Look {
     fn at(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Self> {
         let study = calib_study::of_data(&args.logs, &args.set)?;
-        let mut data = DataConfig { scratch: memory::working_files(), ..study.data };
+        let mut data = memory::on_this_machine(study.data);
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
