@@ -65,6 +65,22 @@ fn what_the_log_does_not_support_is_refused() {
     assert!(ran.contains("end in a terminal"), "{ran}");
 }
 
+/// More neighbours than there are transitions are all of them; what takes more memory than there is names the key.
+#[test]
+fn neighbours_without_bound_take_no_memory_without_bound() {
+    let place = place();
+    let with = |neighbors: &str, members: &str| {
+        let neighbors = format!("control.model.neighbors={neighbors}");
+        let members = format!("control.model.members={members}");
+        let args =
+            ["control", "pole/study.toml", "--dry-run", "--set", &neighbors, "--set", &members];
+        place.calib(&args)
+    };
+    with("1000000000", "3").succeeds();
+    let refused = with("1000000000", "1000000").fails(2);
+    assert!(refused.contains("control.model.neighbors"), "{refused}");
+}
+
 /// A pump of two speeds, forty rows: on in every other one, from the first.
 fn pump(line: impl Fn(usize) -> String) -> Place {
     let place = Place::new();
