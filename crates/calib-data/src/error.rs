@@ -47,7 +47,7 @@ pub enum DataError {
         reason: String,
     },
     /// The partition filter leaves no file.
-    #[error("no file lies in a folder {key}={value}; there are: {available}")]
+    #[error("data.partitions: no file lies in a folder {key}={value}; there are: {available}")]
     NoPartition {
         /// Hive key.
         key: String,

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{
     Contradictions, DataConfig, DataError, Shape,
-    log::{Batch, Codes, Log, SHOWN},
+    log::{Batch, Codes, Log, Room, SHOWN},
     survey::told,
 };
 
@@ -77,9 +77,9 @@ pub fn import(
 ) -> Result<Imported, DataError> {
     let (log, wanted) = Log::open_whole(data, monitor)?;
     let rows = log.rows.timestamps.len();
-    data.require_memory(
+    Room::of(data).require(
         writer_bytes(rows, wanted.len()),
-        format!("writing {rows} rows of {} channels", wanted.len()),
+        || format!("writing {rows} rows of {} channels", wanted.len()),
         "choose channels with data.include, or put them on one clock with data.resample",
     )?;
     let mut imported = Imported {

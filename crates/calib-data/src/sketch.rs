@@ -6,7 +6,7 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    DataConfig, DataError, Shape,
+    BridgedStops, DataConfig, DataError, Shape,
     channel::{Moments, Movement},
     log::{Batch, ChannelValues, Log, Seldom},
     outliers::Fences,
@@ -14,8 +14,11 @@ use crate::{
 
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
-/// Values at most of a channel that are kept for comparisons with others.
+/// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
 const THINNED: usize = 4_000;
+/// The same of all channels, and of each at least.
+const ALL_THINNED: usize = 32 << 20;
+const LEAST_THINNED: usize = 250;
 /// Distances, in rows, over which it is seen how far channels move.
 const LAGS: [usize; 19] =
     [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 150, 200, 300, 600, 1_000, 2_000, 3_000, 6_000, 10_000];
@@ -63,6 +66,8 @@ pub struct ChannelSketch {
     pub spikes: u64,
     /// Values that another one of the same time contradicts.
     pub contradicting: u64,
+    /// Stops of its recording over which the last value stood, under `data.resample`.
+    pub bridged: BridgedStops,
     /// Values at evenly spread rows, NaN where missing; all channels have the same rows.
     pub thinned: Vec<f64>,
     /// The longest run of rows that most runs of missing values do not exceed (the 95 % quantile); 0 without one.
@@ -81,7 +86,8 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let count = BINS.min(rows);
     let bins: Vec<Range<usize>> =
         (0..count).map(|bin| bin * rows / count..(bin + 1) * rows / count).collect();
-    let look = Look { log: &log, bins: &bins };
+    let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
+    let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
@@ -107,6 +113,8 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
 struct Look<'a> {
     log: &'a Log,
     bins: &'a [Range<usize>],
+    /// Rows from one value that is kept to the next.
+    every: usize,
 }
 
 impl Look<'_> {
@@ -120,7 +128,6 @@ impl Look<'_> {
         let values = &*values;
         let moments = Moments::of(values);
         let changes = Changes::of(values, stretches);
-        let step = values.len().div_ceil(THINNED).max(1);
         let is_there = |row: &usize| !values[*row].is_nan();
         let there = stretches.iter().enumerate().flat_map(|(stretch, rows)| {
             rows.clone().filter(is_there).map(move |row| (stretch, row))
@@ -138,7 +145,8 @@ impl Look<'_> {
                 .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
             spikes,
             contradicting: channel.contradictions.count,
-            thinned: values.iter().step_by(step).copied().collect(),
+            bridged: channel.bridged.told(),
+            thinned: values.iter().step_by(self.every).copied().collect(),
             missing_run: missing_run(there),
             own_period_secs: own_period(
                 (0..values.len()).filter(is_there).map(|row| timestamps[row]),
@@ -171,10 +179,9 @@ impl Look<'_> {
             let values: Vec<f64> = inside(bin).iter().map(|sample| sample.value).collect();
             moves(&values)
         };
-        let step = timestamps.len().div_ceil(THINNED).max(1);
-        let mut thinned = vec![f64::NAN; timestamps.len().div_ceil(step)];
-        for sample in there.iter().filter(|sample| sample.row % step == 0) {
-            thinned[sample.row / step] = sample.value;
+        let mut thinned = vec![f64::NAN; timestamps.len().div_ceil(self.every)];
+        for sample in there.iter().filter(|sample| sample.row % self.every == 0) {
+            thinned[sample.row / self.every] = sample.value;
         }
         let share = |bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64;
         ChannelSketch {
@@ -190,6 +197,7 @@ impl Look<'_> {
                 .map_or_else(Vec::new, |of| autocorrelation_of_samples(&there, of.std().powi(2))),
             spikes,
             contradicting,
+            bridged: BridgedStops::default(),
             thinned,
             missing_run: missing_run(there.iter().map(|sample| (sample.stretch, sample.row))),
             own_period_secs: own_period(there.iter().map(|sample| timestamps[sample.row])),

@@ -301,11 +301,7 @@ impl Scan<'_> {
             non_finite: channel.not_numbers.non_finite,
             words: frequent_words(&channel.not_numbers),
             far_out: looked.far_out,
-            bridged: BridgedStops {
-                count: channel.bridged.count,
-                longest_secs: channel.bridged.longest as f64 / 1e6,
-                usual_secs: channel.bridged.usual as f64 / 1e6,
-            },
+            bridged: channel.bridged.told(),
             imputed,
             unfilled,
             ..profile

@@ -364,21 +364,6 @@ impl DataConfig {
         TimeRange { start: moved(&range.start), end: moved(&range.end) }
     }
 
-    /// Refuse what takes more memory than there is: `what` takes `needed` bytes at least, and `remedy` says what takes less.
-    pub(crate) fn require_memory(
-        &self,
-        needed: u64,
-        what: String,
-        remedy: &'static str,
-    ) -> Result<(), DataError> {
-        match self.memory {
-            Some(available) if needed > available => {
-                Err(DataError::TooLarge { what, needed, available, remedy })
-            }
-            _ => Ok(()),
-        }
-    }
-
     /// How long a recorded value stands for what follows it, in microseconds.
     pub(crate) fn max_age(&self, period: Period) -> i64 {
         let given = self.max_age_secs.and_then(Period::from_secs);

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
 use crate::{
     DataConfig, DataError,
-    text::{Candidates, Decimal, Notation, Signs, TextFile, Unreadable, Walls, Zone},
+    text::{Candidates, Decimal, Notation, Signs, TextFile, Unreadable, Walls, Zone, shown},
     time::Stamp,
 };
 
@@ -146,7 +146,8 @@ pub(crate) fn notations(
 fn checked(found: Candidates, path: &Path, column: &str) -> Result<Candidates, DataError> {
     let reason = match &found.unreadable {
         Some(Unreadable::Cell(text)) if found.left.is_empty() => format!(
-            "{text:?} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\""
+            "{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
+            shown(text)
         ),
         Some(Unreadable::Numbers(reason)) if found.left.is_empty() => reason.clone(),
         _ => return Ok(found),

@@ -3,15 +3,16 @@
 use std::{ops::Range, sync::Arc};
 
 use calib_core::Monitor;
-use calib_files::{FileError, ScratchPlace, Spill};
+use calib_files::{FileError, Spill};
 
 use super::{
     clock::{Clock, Fractions, Instants},
+    room::Room,
     rows::NO_TIME,
 };
 use crate::{
-    DataError,
-    text::{Cell, Notation, Records, Signs, TextFile, Words, cell_of, either_way},
+    DataConfig, DataError,
+    text::{Cell, Notation, Records, Signs, TextFile, Words, cell_of, either_way, shown},
     time::Stamp,
 };
 
@@ -21,6 +22,7 @@ pub(crate) struct Store {
     pub(crate) spill: Spill,
     pub(crate) words: Words,
     pub(crate) signs: Signs,
+    pub(crate) room: Room,
 }
 
 /// What cells were read into beside their values.
@@ -32,8 +34,13 @@ pub(crate) struct Seen {
 }
 
 impl Store {
-    pub(crate) fn new(place: &ScratchPlace) -> Result<Self, DataError> {
-        Ok(Self { spill: Spill::new(place)?, words: Words::bounded(), signs: Signs::default() })
+    pub(crate) fn new(data: &DataConfig) -> Result<Self, DataError> {
+        Ok(Self {
+            spill: Spill::new(&data.scratch)?,
+            words: Words::bounded(),
+            signs: Signs::default(),
+            room: Room::of(data),
+        })
     }
 
     /// Make `cells`, which were read into `seen`, cells of this store.
@@ -146,7 +153,8 @@ impl Imported {
         let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));
         self.columns.rows += rows;
-        Ok(())
+        // Packed text may be any number of rows.
+        store.room.require_rows(self.columns.rows as u64, None)
     }
 }
 
@@ -203,7 +211,8 @@ pub(crate) fn stamp(
     }
     notation.read(text).map(Some).ok_or_else(|| {
         records.refused(format!(
-            "{text:?} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            "{} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            shown(text),
             notation.name()
         ))
     })

@@ -164,7 +164,8 @@ impl Part {
     }
 
     fn pour(mut self, into: &mut Pouring<'_>) -> Result<(), DataError> {
-        let tags: Vec<usize> = self.names.list.iter().map(|name| into.sink.tag(name)).collect();
+        let tags = self.names.list.iter().map(|name| into.sink.tag(name));
+        let tags: Vec<usize> = tags.collect::<Result<_, _>>()?;
         into.sink.store.adopt(self.seen, &mut self.cells)?;
         into.sink.bad_quality += self.bad_quality;
         for ((tag, stamp), cell) in self.tags.into_iter().zip(self.stamps).zip(self.cells) {
@@ -270,7 +271,7 @@ pub(crate) fn stream_annotated(
             let tag = if let Some(&tag) = known.get(sample.key) {
                 tag
             } else {
-                let tag = pouring.sink.add_tag();
+                let tag = pouring.sink.add_tag()?;
                 known.insert(sample.key.clone(), tag);
                 tag
             };

@@ -13,6 +13,7 @@ mod place;
 mod planned;
 mod read;
 mod resample;
+mod room;
 mod rows;
 mod seldom;
 mod series;
@@ -40,6 +41,7 @@ pub(crate) use self::{
     known::{TAGS, plain},
     place::{Contradiction, SHOWN},
     read::{Batch, ChannelValues, Codes},
+    room::Room,
     rows::{EXAMPLES, NO_TIME},
     seldom::{Neighbourhood, Seldom},
     units::units,

@@ -83,7 +83,7 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
             samples(shape, &heads, &roles, &TextRead { notations, fractions }, data, monitor)
         }
         Recognised::Annotated => {
-            let mut sink = Sink::new(Store::new(&data.scratch)?);
+            let mut sink = Sink::new(Store::new(data)?);
             let clock = Clock::new(Notation::Iso, data);
             stream_annotated(&heads, &clock, &mut sink, monitor)?;
             let files = heads.iter().map(|head| summary(head, 0)).collect();
@@ -104,7 +104,7 @@ struct TextRead {
 impl TextRead {
     /// What text is read into.
     fn store(&self, data: &DataConfig) -> Result<Store, DataError> {
-        let mut store = Store::new(&data.scratch)?;
+        let mut store = Store::new(data)?;
         store.signs.adopt(self.fractions.told_by.clone().unwrap_or_default());
         Ok(store)
     }

@@ -10,6 +10,7 @@ use super::{
     gaps,
     open::{Opened, Tables, refuse_pair},
     resample::Grid,
+    room::Room,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
     series::Sink,
@@ -44,7 +45,7 @@ impl Opened {
 fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> {
     let Tables { files, times, instants, undecided } = tables;
     let total: usize = instants.iter().map(Vec::len).sum();
-    require_rows(total as u64, data, None)?;
+    Room::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -87,7 +88,7 @@ fn plan_samples(
     let split = Split::new(data, first, last)?;
     let window = split.window();
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
-    require_rows(timestamps.len() as u64, data, None)?;
+    Room::of(data).require_rows(timestamps.len() as u64, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
     let channel = |tag: &super::series::Tag| Channel {
         name: tag.name.clone(),
@@ -179,34 +180,8 @@ fn grid_rows(
             }
         }
     }
-    require_rows(coverage.rows(), data, data.period_secs)?;
+    Room::of(data).require_rows(coverage.rows(), data.period_secs)?;
     Ok(grid.rows(&mut coverage))
-}
-
-/// Per row: the timestamp, two channels at least that are read together, and flags. Channels that are put on another clock are
-/// held as they were recorded, and as they are on it.
-const BYTES_PER_ROW: u64 = 8 + 2 * 8 + 2;
-const BYTES_PER_RESAMPLED_ROW: u64 = BYTES_PER_ROW + 2 * 8;
-
-/// Refuse a log of more rows than can be indexed, or held. `every_secs` is how far apart they are if the study says.
-fn require_rows(rows: u64, data: &DataConfig, every_secs: Option<f64>) -> Result<(), DataError> {
-    let (what, each, remedy) = match every_secs {
-        Some(secs) => (
-            format!("a log of {rows} rows, one every {secs} s (data.period_secs),"),
-            BYTES_PER_RESAMPLED_ROW,
-            "raise data.period_secs, or lower data.max_age_secs",
-        ),
-        None => (
-            format!("a log of {rows} rows"),
-            BYTES_PER_ROW,
-            "choose fewer files with data.path, or fewer rows with data.train and data.held_out",
-        ),
-    };
-    data.require_memory(rows.saturating_mul(each), what, remedy)?;
-    match u32::try_from(rows) {
-        Ok(_) => Ok(()),
-        Err(_) => Err(DataError::TooManyRows { rows, resampled: every_secs.is_some() }),
-    }
 }
 
 /// Wells and plants logged at the same time are not one log, however similar their channels.

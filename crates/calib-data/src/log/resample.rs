@@ -8,7 +8,7 @@ use std::ops::Range;
 use calib_core::{Period, Timestamp};
 
 use super::union::Union;
-use crate::Resample;
+use crate::{BridgedStops, Resample};
 
 /// The rows of a resampled log.
 #[derive(Clone, Debug)]
@@ -31,6 +31,17 @@ pub(crate) struct Bridged {
     pub(crate) longest: i64,
     /// The usual step of the channel, in microseconds.
     pub(crate) usual: i64,
+}
+
+impl Bridged {
+    /// As a profile has them.
+    pub(crate) fn told(self) -> BridgedStops {
+        BridgedStops {
+            count: self.count,
+            longest_secs: self.longest as f64 / 1e6,
+            usual_secs: self.usual as f64 / 1e6,
+        }
+    }
 }
 
 /// Rows that were chosen: the first and the one after the last of runs of them, in periods since 1970.

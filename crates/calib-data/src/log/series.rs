@@ -61,18 +61,19 @@ impl Sink {
     }
 
     /// The position of the tag called `name`, which is new or known.
-    pub(crate) fn tag(&mut self, name: &str) -> usize {
+    pub(crate) fn tag(&mut self, name: &str) -> Result<usize, DataError> {
         if let Some(&position) = self.positions.get(name) {
-            return position;
+            return Ok(position);
         }
-        let position = self.add_tag();
+        let position = self.add_tag()?;
         name.clone_into(&mut self.tags[position].name);
         self.positions.insert(name.to_owned(), position);
-        position
+        Ok(position)
     }
 
     /// The position of a tag that gets its name later.
-    pub(crate) fn add_tag(&mut self) -> usize {
+    pub(crate) fn add_tag(&mut self) -> Result<usize, DataError> {
+        self.store.room.require_channels(self.tags.len())?;
         self.tags.push(Tag {
             name: String::new(),
             pieces: Vec::new(),
@@ -83,7 +84,7 @@ impl Sink {
             first: i64::MAX,
             last: i64::MIN,
         });
-        self.tags.len() - 1
+        Ok(self.tags.len() - 1)
     }
 
     /// A sample of a tag. One without a value still says that the tag was looked at.
@@ -112,6 +113,8 @@ impl Sink {
             let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
             self.store.append(&tag.cells)?;
             tag.pieces.push((at, tag.times.len()));
+            let samples = tag.pieces.iter().map(|(_, count)| *count as u64).sum();
+            self.store.room.require_samples(samples, &tag.name)?;
             tag.times.clear();
             tag.cells.clear();
         }
@@ -206,16 +209,16 @@ impl Series {
 
 #[cfg(test)]
 mod tests {
-    use calib_files::ScratchPlace;
 
     use super::*;
+    use crate::DataConfig;
 
     #[test]
     fn samples_come_back_by_tag_and_time() {
-        let store = Store::new(&ScratchPlace::Memory).expect("memory");
+        let store = Store::new(&DataConfig::default()).expect("memory");
         let mut sink = Sink::new(store);
-        let (b, a) = (sink.tag("b"), sink.tag("a"));
-        assert_eq!(sink.tag("b"), b);
+        let [b, a] = ["b", "a"].map(|name| sink.tag(name).expect("memory"));
+        assert_eq!(sink.tag("b").expect("memory"), b);
         let number = |value: f64| Cell::Number(value).encode();
         for (tag, time, value) in [(b, 2, 1.0), (a, 5, 2.0), (b, 1, 3.0)] {
             sink.push(tag, time, number(value)).expect("memory");

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Notation, compact_pattern, is_time_of_day},
+    text::{Notation, compact_pattern, is_time_of_day, shown},
     time::Stamp,
 };
 
@@ -58,7 +58,8 @@ pub(crate) fn refuse_dates_apart(head: &Head, time: usize) -> Result<(), DataErr
             column: columns[time].name.clone(),
             reason: format!(
                 "it has dates, such as {}, and {:?} has the times of day; write both into one column, such as 2022-11-01 06:00:00",
-                dates[0], columns[clock].name
+                shown(dates[0]),
+                columns[clock].name
             ),
         }),
     }
@@ -216,8 +217,9 @@ fn text_stamps(
         None | Some("") => Ok(None),
         Some(text) => notation.read(text).map(Some).ok_or_else(|| {
             format!(
-                "row {} is {text:?}; expected {expected}, or data.timestamp_format to say how times are written",
-                start + row
+                "row {} is {}; expected {expected}, or data.timestamp_format to say how times are written",
+                start + row,
+                shown(text)
             )
         }),
     }

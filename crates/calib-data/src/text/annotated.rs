@@ -17,6 +17,7 @@ use super::{
     input::{self, unreadable},
     number::{Decimal, cell},
     record::RecordReader,
+    shown,
 };
 use crate::{
     DataError,
@@ -146,13 +147,15 @@ impl Annotated {
             }
         };
         let time = table.position("_time").map_or("", text);
-        let time =
-            match time {
-                "" => None,
-                time => Some(parse_stamp(time).ok_or_else(|| {
-                    self.refused(line, format!("{time:?} is no time of RFC 3339"))
-                })?),
-            };
+        let time = match time {
+            "" => None,
+            time => Some(parse_stamp(time).ok_or_else(|| {
+                self.refused(
+                    line,
+                    format!("{} is no time of RFC 3339; export it again", shown(time)),
+                )
+            })?),
+        };
         let key = table.key(&text);
         for column in table.values() {
             let mut key = key.clone();

@@ -25,7 +25,44 @@ pub(crate) struct Dialect {
     /// Bytes and lines before the first row of values.
     pub(crate) skip: (u64, u64),
     /// The first rows of values.
-    pub(crate) sample: Vec<Vec<String>>,
+    sample: Sample,
+}
+
+/// Cells of some rows. A log may have thousands of files, so they lie one after the other.
+#[derive(Clone, Debug, Default)]
+struct Sample {
+    text: String,
+    /// Where each cell ends in the text, and each row in these.
+    cells: Vec<u32>,
+    rows: Vec<u32>,
+}
+
+impl Sample {
+    fn of(rows: impl Iterator<Item = Vec<String>>) -> Self {
+        let mut sample = Self::default();
+        for row in rows {
+            for cell in row {
+                sample.text.push_str(cell.trim());
+                sample.cells.push(sample.text.len() as u32);
+            }
+            sample.rows.push(sample.cells.len() as u32);
+        }
+        sample.text.shrink_to_fit();
+        sample
+    }
+
+    /// The cells of a column, where a row has one.
+    fn column(&self, column: usize) -> impl Iterator<Item = &str> {
+        let starts = std::iter::once(0).chain(self.rows.iter().copied());
+        starts.zip(&self.rows).filter_map(move |(start, &end)| {
+            let cell = start as usize + column;
+            if cell >= end as usize {
+                return None;
+            }
+            let begins = cell.checked_sub(1).map_or(0, |before| self.cells[before] as usize);
+            Some(&self.text[begins..self.cells[cell] as usize])
+        })
+    }
 }
 
 /// A column as the header has it.
@@ -93,14 +130,13 @@ impl Dialect {
             above.extend(rows.next().map(|row| row.cells));
         }
         describe(&mut columns, &above);
-        let sample = rows.map(|row| row.cells).collect();
+        let sample = Sample::of(rows.map(|row| row.cells));
         Ok(Self { marks, columns, skip, sample })
     }
 
     /// The cells of a column in the first rows that are not empty.
     pub(crate) fn cells(&self, column: usize) -> Vec<&str> {
-        let cells = self.sample.iter().filter_map(|row| row.get(column));
-        cells.map(|cell| cell.trim()).filter(|cell| !cell.is_empty()).collect()
+        self.sample.column(column).filter(|cell| !cell.is_empty()).collect()
     }
 
     /// What the cells of all columns but `time` say about the decimal sign, in the file at `path`.
@@ -274,7 +310,7 @@ mod tests {
         let comma = dialect("time,a,b\n2024-01-01 00:00:00,1.5,2\n2024-01-01 00:01:00,,3\n");
         assert_eq!((comma.marks.separator, names(&comma)), (b',', vec!["time", "a", "b"]));
         assert_eq!(decimal(&comma), Decimal::Point);
-        assert_eq!(comma.sample.len(), 2);
+        assert_eq!(comma.sample.rows.len(), 2);
         let german = dialect("Zeit;a;b\r\n01.01.2024 00:00;1,5;2,25\r\n01.01.2024 00:01;1,5;\r\n");
         assert_eq!((german.marks.separator, decimal(&german)), (b';', Decimal::Comma));
         assert_eq!(german.skip, (10, 1));
@@ -296,7 +332,8 @@ mod tests {
         assert_eq!(found.columns[0].unit, None);
         let (bytes, lines) = found.skip;
         assert_eq!((&text[bytes as usize..][..10], lines), ("01.02.2024", 6));
-        assert_eq!(found.sample[0][..3], ["01.02.2024 00:00", "1", "2"]);
+        let cells: Vec<&str> = (0..3).flat_map(|column| found.cells(column)).collect();
+        assert_eq!(cells, ["01.02.2024 00:00", "1", "2"]);
         let latin = Dialect::of(b"time,T [\xB0C]\n2024-01-01,1\n", None).expect("a table");
         assert_eq!(names(&latin), ["time", "T [°C]"]);
     }
@@ -305,7 +342,7 @@ mod tests {
     fn headers_may_lack_and_must_be_clear() {
         let bare = dialect("2024-01-01 00:00:00,1.5\n2024-01-01 00:01:00,1.6\n");
         assert_eq!(
-            (names(&bare), bare.skip, bare.sample.len()),
+            (names(&bare), bare.skip, bare.sample.rows.len()),
             (vec!["timestamp", "value"], (0, 0), 2)
         );
         assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);

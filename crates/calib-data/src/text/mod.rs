@@ -29,3 +29,12 @@ pub(crate) use self::{
     stamps::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day},
     zone::{Walls, Zone},
 };
+
+/// As much of a cell as a message shows, in quotes.
+pub(crate) fn shown(cell: &str) -> String {
+    const LETTERS: usize = 60;
+    match cell.char_indices().nth(LETTERS) {
+        None => format!("{cell:?}"),
+        Some((end, _)) => format!("{:?}…", &cell[..end]),
+    }
+}
