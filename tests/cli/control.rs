@@ -92,6 +92,21 @@ fn pump(line: impl Fn(usize) -> String) -> Place {
     place
 }
 
+/// An action whose name would be a pattern of the only channel of the states.
+#[test]
+fn names_of_actions_are_no_patterns() {
+    let place =
+        pump(|row| format!("2024-03-01 06:{row:02}:00,{},{}\n", 10 + row * row % 7, row % 2));
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "V1,V[1]"));
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    place.write("study.toml", &study.replace("\"pump\"", "\"V[1]\""));
+    let told = place.calib(&["inspect", "study.toml", "--json"]);
+    told.ends(&[0, 1]);
+    let told: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    assert_eq!(told["control"]["columns"][0]["name"], "V1", "{}", told["control"]["columns"]);
+}
+
 #[test]
 fn an_action_costs_in_the_step_that_it_was_taken_in() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));

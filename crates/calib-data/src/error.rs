@@ -187,6 +187,19 @@ pub enum DataError {
         /// Whether they are those of a clock that the study asks for.
         resampled: bool,
     },
+    /// A clock that is far finer than what was recorded.
+    #[error(
+        "data.period_secs = {period_secs} makes {values} values of {samples} that were recorded; raise it, lower data.max_age_secs, \
+         or choose channels with data.include"
+    )]
+    TooFine {
+        /// From one row to the next, in seconds.
+        period_secs: f64,
+        /// Values of all channels on the clock.
+        values: u64,
+        /// Values that were recorded.
+        samples: u64,
+    },
     /// Reading the log takes more memory than there is.
     #[error("{what} takes {} of memory at least, and {} are available; {remedy}", size(*needed), size(*available))]
     TooLarge {

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use glob::Pattern;
 
-use crate::DataError;
+use crate::{DataConfig, DataError};
 
 /// Names of channels, some of them patterns.
 pub(crate) struct Names<'a> {
@@ -76,6 +76,26 @@ impl<'a> Names<'a> {
                 hint: hint(pattern, channels),
             }),
         }
+    }
+}
+
+/// The channels that a study asks for.
+pub(crate) struct Chosen<'a> {
+    /// None for all.
+    include: Option<Names<'a>>,
+    exclude: Names<'a>,
+}
+
+impl<'a> Chosen<'a> {
+    pub(crate) fn of(data: &'a DataConfig) -> Self {
+        let include = (!data.include.is_empty()).then(|| Names::new(&data.include));
+        Self { include, exclude: Names::new(&data.exclude) }
+    }
+
+    /// Whether `channel` is one.
+    pub(crate) fn has(&self, channel: &str) -> bool {
+        let included = self.include.as_ref().is_none_or(|names| names.matching(channel).is_some());
+        included && self.exclude.matching(channel).is_none()
     }
 }
 

@@ -48,7 +48,9 @@ pub(crate) use self::{
     values::{LARGEST, NotNumbers},
 };
 use crate::{
-    Contradictions, DataConfig, DataError, Description, Shape, names::Names, time::format_time,
+    Contradictions, DataConfig, DataError, Description, Shape,
+    names::{Chosen, Names},
+    time::format_time,
 };
 
 /// Everything about the log except the values of its channels.
@@ -121,23 +123,18 @@ impl Log {
     ) -> Result<(Self, Vec<usize>), DataError> {
         let whole = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
         let log = Self::open(&whole, monitor)?;
-        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
-        include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
-        let is_wanted = |channel: &Channel| {
-            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
-            channel.readable && included && exclude.matching(&channel.name).is_none()
-        };
+        Names::new(&data.include)
+            .check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+        let chosen = Chosen::of(data);
+        let is_wanted = |channel: &Channel| channel.readable && chosen.has(&channel.name);
         let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
         Ok((log, wanted))
     }
 
     /// The channels of neither numbers nor text that the study does not leave out, with their types.
     pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
-        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
-        let is_missed = |channel: &&Channel| {
-            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
-            !channel.readable && included && exclude.matching(&channel.name).is_none()
-        };
+        let chosen = Chosen::of(data);
+        let is_missed = |channel: &&Channel| !channel.readable && chosen.has(&channel.name);
         let missed = self.channels.iter().filter(is_missed);
         missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }

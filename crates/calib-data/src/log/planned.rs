@@ -16,7 +16,7 @@ use super::{
     series::Sink,
     split::{self, Split},
 };
-use crate::{DataConfig, DataError, Description, Shape, time::format_time};
+use crate::{DataConfig, DataError, Description, Shape, names::Chosen, time::format_time};
 
 /// What rows there are, before they are cut into ranges.
 struct Planned {
@@ -121,6 +121,11 @@ impl Planned {
                     let ranges = split.ranges_inside(span);
                     let grid = Grid::new(resample, period, data.max_age(period), ranges);
                     let timestamps = grid_rows(&grid, &origin, &rows, data)?;
+                    let recorded = match &origin {
+                        Origin::Tables(_) => rows.timestamps.len() as u64 * channels.len() as u64,
+                        Origin::Series(series, _) => series.count(),
+                    };
+                    refuse_too_fine(timestamps.len(), recorded, &channels, data)?;
                     (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
                 }
             };
@@ -182,6 +187,25 @@ fn grid_rows(
     }
     Room::of(data).require_rows(coverage.rows(), data.period_secs)?;
     Ok(grid.rows(&mut coverage))
+}
+
+/// More values than this are not made of a thousandth of them: what would come of it is what was recorded, again and again.
+const MANY: u64 = 10_000_000_000;
+
+fn refuse_too_fine(
+    rows: usize,
+    samples: u64,
+    channels: &[Channel],
+    data: &DataConfig,
+) -> Result<(), DataError> {
+    let chosen = Chosen::of(data);
+    let is_read = |channel: &&Channel| channel.readable && chosen.has(&channel.name);
+    let values = (rows as u64).saturating_mul(channels.iter().filter(is_read).count() as u64);
+    if values > MANY && values / 1_000 > samples {
+        let period_secs = data.period_secs.unwrap_or_default();
+        return Err(DataError::TooFine { period_secs, values, samples });
+    }
+    Ok(())
 }
 
 /// Wells and plants logged at the same time are not one log, however similar their channels.

@@ -153,6 +153,11 @@ impl Tag {
 }
 
 impl Series {
+    /// Samples of all tags.
+    pub(crate) fn count(&self) -> u64 {
+        self.tags.iter().flat_map(|tag| &tag.pieces).map(|(_, count)| *count as u64).sum()
+    }
+
     /// The first and the last time of all.
     pub(crate) fn span(&self) -> Option<(i64, i64)> {
         let first = self.tags.iter().map(|tag| tag.first).min()?;

@@ -339,6 +339,21 @@ fn a_clock_of_more_rows_than_memory_holds_is_refused() {
         error.contains("data.period_secs") && error.contains("4.0 GiB are available"),
         "{error}"
     );
+    let mut long = String::from("time,tag,value\n");
+    for tag in 0..2_000 {
+        writeln!(long, "2024-01-01 00:00:00,t{tag},1\n2024-01-01 02:00:00,t{tag},2")
+            .expect("memory");
+    }
+    let long = text("a.csv", &long);
+    let many = DataConfig { path: long.data().path, ..fine(all, 1 << 40) };
+    let error = refused(&many, &PreprocessConfig::default()).to_string();
+    assert!(error.contains("14400002000 values of 4000 that were recorded"), "{error}");
+    let few = DataConfig {
+        include: vec!["t1".to_owned(), "t2".to_owned()],
+        period_secs: Some(0.1),
+        ..many
+    };
+    assert_eq!(load_with(&few, &PreprocessConfig::default()).train.rows(), 72_001);
     let finer = DataConfig { period_secs: Some(0.0001), memory: None, ..fine(all, 0) };
     let error = refused(&finer, &PreprocessConfig::default()).to_string();
     assert!(error.contains("data.period_secs") && error.contains("calib can index"), "{error}");

@@ -3,7 +3,7 @@ use calib_control::{
     ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
 };
 use calib_core::{Bounds, RowIndex, States};
-use calib_data::{DataConfig, Resample};
+use calib_data::{DataConfig, Resample, entry_of};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
 use calib_study::Job;
@@ -51,7 +51,8 @@ pub(super) fn read(
 ) -> anyhow::Result<ActionLog> {
     let study = job.study();
     let mut data = DataConfig { held_out: None, ..data_of(job)? };
-    data.exclude.extend(config.beside_the_state());
+    // They are names here, and not patterns.
+    data.exclude.extend(config.beside_the_state().iter().map(|name| entry_of(name, |_| false)));
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
         "data.resample makes actions of what was set before and after, which nobody took; set data.resample = \"last\""
