@@ -1,6 +1,10 @@
 use anyhow::ensure;
-use calib_data::{DataConfig, Imported, Shape};
-use calib_pipeline::{Outcome, Printer, Standing, output::counted, text_left_alone, working_files};
+use calib_data::{Dropped, Imported, Shape};
+use calib_pipeline::{
+    Outcome, Printer, Standing, check_log, on_this_machine,
+    output::{count, counted},
+    text_left_alone,
+};
 
 use crate::cli::ImportArgs;
 
@@ -12,28 +16,61 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcom
         "{out}: expected the name of a file that ends in .parquet"
     );
     let study = calib_study::of_data(&args.logs, &args.set)?;
-    let data = DataConfig { scratch: working_files(), ..study.data };
+    let data = on_this_machine(study.data);
     printer.say(&format!("import: reading {}", data.path.0.join(", ")));
     text_left_alone(&data, printer)?;
+    check_log(&data)?;
     let standing = if args.force { Standing::Replaced } else { Standing::Kept };
     let imported = calib_data::import(&data, &args.out, standing, &printer.progress())?;
     if printer.is_for_machines() {
         printer.json(&imported)?;
         return Ok(Outcome::Done);
     }
-    let Imported { shape, rows, channels, words } = imported;
+    let Imported { shape, rows, channels, .. } = imported;
     printer.result(&format!(
         "{out}: {} of {}, from {}",
         counted(rows, "row"),
         counted(channels, "channel"),
         shape_name(shape)
     ))?;
-    for (channel, words) in words {
+    show_dropped(&imported, printer)?;
+    for (channel, words) in &imported.words {
         let words: Vec<String> =
             words.iter().take(WORDS).map(|(word, times)| format!("\"{word}\" x{times}")).collect();
         printer.result(&format!("{channel}: {} became missing values", words.join(", ")))?;
     }
+    for (channel, times) in &imported.non_finite {
+        printer.result(&format!(
+            "{channel}: {} not finite or beyond ±1e150 became missing",
+            counted(*times as usize, "value")
+        ))?;
+    }
+    for (channel, type_name) in &imported.unreadable {
+        printer.result(&format!("{channel}: left out, its type is {type_name}"))?;
+    }
     Ok(Outcome::Done)
+}
+
+/// What of the files is not in the rows.
+fn show_dropped(imported: &Imported, printer: &Printer) -> anyhow::Result<()> {
+    let Dropped { without_time, undecided, repeated, bad_quality } = imported.dropped;
+    let told = [
+        (without_time, "without a timestamp of the years 1 to 9998: dropped"),
+        (
+            undecided,
+            "among these of an hour that clocks showed twice or never (data.time_zone), which no other row decides",
+        ),
+        (repeated, "of the same time as another: one with it"),
+        (bad_quality, "of bad quality: missing values"),
+    ];
+    for (number, what) in told.into_iter().filter(|(number, _)| *number > 0) {
+        printer.result(&format!(
+            "{} of {} {what}",
+            count(number as usize),
+            counted(imported.file_rows as usize, "row")
+        ))?;
+    }
+    Ok(())
 }
 
 /// Words of a channel that are shown.

@@ -3,9 +3,9 @@ use calib_data::{
     Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
 };
 use calib_pipeline::{
-    Descriptions, Job, LogTold, Outcome, Printer, Request, check_log, data_of,
+    Descriptions, Job, LogTold, Outcome, Printer, Request, check_log, data_of, on_this_machine,
     output::{bytes, count, counted, span, table},
-    text_left_alone, working_files,
+    text_left_alone,
 };
 
 use schemars::JsonSchema;
@@ -107,7 +107,7 @@ fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
         );
         calib_study::of_data(&args.data, &args.set)?
     };
-    let data = DataConfig { scratch: working_files(), ..study.data };
+    let data = on_this_machine(study.data);
     Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }
 
@@ -147,6 +147,10 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
         (profile.bad_quality, "samples of bad quality (missing values)"),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
         (profile.null_timestamps, "rows without a timestamp of the years 1 to 9998 (dropped)"),
+        (
+            profile.undecided_times,
+            "of these of an hour that clocks showed twice or never (data.time_zone), which no other row decides",
+        ),
         (profile.short_steps, "steps shorter than the period (tolerated)"),
         (profile.overlapping_files, "files that overlap another (merged by time)"),
         (profile.rows_outside, "rows outside the training and held-out ranges"),

@@ -69,6 +69,22 @@ fn what_the_log_does_not_support_is_refused() {
     assert!(ran.contains("end in a terminal"), "{ran}");
 }
 
+/// More neighbours than there are transitions are all of them; what takes more memory than there is names the key.
+#[test]
+fn neighbours_without_bound_take_no_memory_without_bound() {
+    let place = place();
+    let with = |neighbors: &str, members: &str| {
+        let neighbors = format!("control.model.neighbors={neighbors}");
+        let members = format!("control.model.members={members}");
+        let args =
+            ["control", "pole/study.toml", "--dry-run", "--set", &neighbors, "--set", &members];
+        place.calib(&args)
+    };
+    with("1000000000", "3").succeeds();
+    let refused = with("1000000000", "1000000").fails(2);
+    assert!(refused.contains("control.model.neighbors"), "{refused}");
+}
+
 /// A pump of two speeds, forty rows: on in every other one, from the first.
 fn pump(line: impl Fn(usize) -> String) -> Place {
     let place = Place::new();
@@ -78,6 +94,21 @@ fn pump(line: impl Fn(usize) -> String) -> Place {
     let data = "[data]\npath = \"log.csv\"\ntrain_fraction = 1.0\n";
     place.write("study.toml", &format!("{data}[control.model]\nmembers = 2\n{control}"));
     place
+}
+
+/// An action whose name would be a pattern of the only channel of the states.
+#[test]
+fn names_of_actions_are_no_patterns() {
+    let place =
+        pump(|row| format!("2024-03-01 06:{row:02}:00,{},{}\n", 10 + row * row % 7, row % 2));
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "V1,V[1]"));
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    place.write("study.toml", &study.replace("\"pump\"", "\"V[1]\""));
+    let told = place.calib(&["inspect", "study.toml", "--json"]);
+    told.ends(&[0, 1]);
+    let told: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    assert_eq!(told["control"]["columns"][0]["name"], "V1", "{}", told["control"]["columns"]);
 }
 
 #[test]

@@ -67,3 +67,55 @@ fn a_spike_is_told_and_harmless() {
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(json["channels"][0]["values"]["max"], 1510.0);
 }
+
+#[test]
+fn an_import_says_what_it_dropped() {
+    let place = Place::new();
+    let mut text = String::from("time,LIT100,FIT200\n");
+    for minute in 0..60_u32 {
+        writeln!(text, "2024-03-13 05:{minute:02}:00,{minute},1e200").expect("memory");
+        writeln!(text, "9999-12-31 00:00:00,{minute},{minute}").expect("memory");
+        if minute < 5 {
+            writeln!(text, "2024-03-13 05:{minute:02}:00,{minute},").expect("memory");
+        }
+    }
+    place.write("log.csv", &text);
+    let said = place.calib(&["import", "log.csv", "wide.parquet"]).succeeds();
+    assert!(said.contains("60 rows of 2 channels"), "{said}");
+    assert!(said.contains("60 of 125 rows without a timestamp of the years 1 to 9998"), "{said}");
+    assert!(said.contains("5 of 125 rows of the same time as another"), "{said}");
+    assert!(said.contains("FIT200: 60 values not finite or beyond ±1e150"), "{said}");
+    let json = place.calib(&["import", "log.csv", "again.parquet", "--json"]).succeeds();
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(json["dropped"]["without_time"], 60);
+    assert_eq!(json["dropped"]["repeated"], 5);
+    let whole = "time,LIT100\n2024-03-13 05:00:00,1\n2024-03-13 05:01:00,2\n";
+    place.write("whole.csv", whole);
+    let said = place.calib(&["import", "whole.csv", "whole.parquet"]).succeeds();
+    assert_eq!(said.lines().count(), 1, "nothing was dropped: {said}");
+}
+
+/// Three samples and a period of a millisecond.
+#[test]
+fn what_memory_cannot_hold_is_refused_with_the_key() {
+    let place = Place::new();
+    place.write(
+        "log.csv",
+        "time,a\n2024-01-01 00:00:00,1\n2024-01-20 00:00:00,2\n2024-02-18 00:00:00,3\n",
+    );
+    let with = |secs: &str| {
+        let max_age = format!("data.max_age_secs={secs}");
+        let args = ["inspect", "log.csv", "--set", "data.resample=last", "--set"];
+        let args = [&args[..], &["data.period_secs=1e-5", "--set", &max_age]].concat();
+        place.calib(&args)
+    };
+    let refused = with("1e7").fails(2);
+    assert!(refused.contains("data.period_secs"), "{refused}");
+    let few = with("1e-4");
+    few.ends(&[0, 1]);
+    assert!(
+        few.stdout().contains("23 rows") || few.stdout().contains("3 rows in 1 file"),
+        "{}",
+        few.stdout()
+    );
+}

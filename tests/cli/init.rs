@@ -76,6 +76,45 @@ fn what_was_given_holds_for_the_study() {
     assert!(study.contains("exclude = [\"FIT*\", \"FQ*\"]  # given"), "{study}");
 }
 
+/// Names of channels that would be keys, comments or patterns of the study.
+#[test]
+fn names_of_channels_are_nothing_but_names() {
+    let place = Place::new();
+    let names = [
+        ("LIT100", "LIT\n[evaluate]\nresamples = 7\n#"),
+        ("TIT200", "T °"),
+        ("FIT300", "\"\"\"\r\nseed = 9"),
+        ("FQ300", "T [°C]"),
+        ("XV400", "*"),
+    ];
+    let (header, rows) = log()
+        .split_once('\n')
+        .map(|(header, rows)| (header.to_owned(), rows.to_owned()))
+        .expect("rows");
+    let header = names.iter().fold(header, |header, (plain, odd)| {
+        header.replace(plain, &format!("\"{}\"", odd.replace('"', "\"\"")))
+    });
+    place.write("log.csv", &format!("{header}\n{rows}"));
+    let said = place.calib(&["init", "log.csv", "--within=1s", "--json"]).succeeds();
+    let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    assert_eq!(said["channels"], 3, "a pattern leaves out no other: {said}");
+    let study: toml::Table = toml::from_str(&read(&place, "study.toml")).expect("TOML");
+    assert_eq!(study["seed"].as_integer(), Some(0));
+    let sections: Vec<&str> = study.keys().map(String::as_str).collect();
+    assert!(!sections.contains(&"evaluate"), "{sections:?}");
+    let shown = place.calib(&["inspect", "study.toml", "--json"]).succeeds();
+    let shown: serde_json::Value = serde_json::from_str(&shown).expect("JSON");
+    assert_eq!(shown["unused_excludes"], serde_json::json!([]));
+    let kept: Vec<&str> = shown["channels"]
+        .as_array()
+        .expect("channels")
+        .iter()
+        .filter(|of| of["dropped"].is_null())
+        .filter_map(|of| of["name"].as_str())
+        .collect();
+    assert_eq!(kept, [names[0].1, names[1].1, names[2].1]);
+}
+
 /// What is not a log, and what to do about it.
 #[test]
 fn what_is_no_log_is_told_at_once() {

@@ -237,6 +237,12 @@ fn imports_that_do_not_fit_are_refused() {
     write_npy(&path, &broken, rows, 4).expect("written");
     let broken = refused();
     assert!(broken.contains("state 7 is not finite in dimension 2"), "{broken}");
+    let mut huge = psi.clone();
+    huge[4 * 7 + 2] = 3e38;
+    write_npy(&path, &huge, rows, 4).expect("written");
+    let huge = refused();
+    assert!(huge.contains("ψ of state 7 is 3e38 in dimension 2"), "{huge}");
+    assert!(huge.contains("representation.path"), "{huge}");
     write_npy(&path, &psi, rows, 4).expect("written");
     let sidecar = |data: &Value| {
         let beside = place.path().join("psi.npy.json");

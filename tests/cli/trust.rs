@@ -159,6 +159,20 @@ fn what_belongs_to_others_stays() {
     assert!(align("/dev/stdout", &[]).succeeds().contains("query,reference"));
 }
 
+#[test]
+#[cfg(target_os = "linux")]
+fn what_the_kernel_says_of_itself_is_no_log() {
+    let place = Place::new();
+    for path in ["/proc/kmsg", "/proc/self/mounts", "/proc/sys/kernel/hostname"] {
+        for args in
+            [&["import", path, "wide.parquet"][..], &["inspect", path], &["dtw", path, path]]
+        {
+            let refused = place.calib(args).fails(2);
+            assert!(refused.contains(path), "{refused}");
+        }
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn pipes_are_refused_instead_of_waited_for() {

@@ -115,6 +115,33 @@ fn corpus(name: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("readable")).collect()
 }
 
+/// Logs as text, as other programs write them.
+fn logs_as_text() -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/calib-data/tests/it/formats");
+    let mut paths: Vec<_> = fs::read_dir(&folder)
+        .expect("the formats")
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of != "parquet"))
+        .collect();
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).expect("readable")).collect()
+}
+
+/// Read a log in every way that text is read in.
+fn read_text(path: &Path) {
+    for time_zone in [None, Some("Europe/Paris".to_owned())] {
+        let data = DataConfig { time_zone, memory: Some(1 << 30), ..DataConfig::at(path) };
+        let _ = inspect(&data, &PreprocessConfig::default(), &calib_core::Silent);
+    }
+    let data = DataConfig { memory: Some(1 << 30), ..DataConfig::at(path) };
+    let _ = calib_data::sketch(&data, &calib_core::Silent);
+    let written = path.with_extension("parquet");
+    let _ =
+        calib_data::import(&data, &written, calib_files::Standing::Replaced, &calib_core::Silent);
+    let _ = calib_data::read_tags(path);
+}
+
 fn tensors() -> Tensors {
     let tensors = vec![
         Tensor {
@@ -213,6 +240,25 @@ proptest! {
         if Declared::of(&data).is_ok_and(|declared| declared.least_bytes < 1 << 30) {
             let _ = inspect(&data, &PreprocessConfig::default(), &calib_core::Silent);
         }
+    }
+
+    #[test]
+    fn texts(edits in edits(), which in any::<Index>()) {
+        let whole = logs_as_text();
+        let (_place, path) = Place::with("a.csv", &edited(&whole[which.index(whole.len())], &edits));
+        read_text(&path);
+    }
+
+    #[test]
+    fn columns_of_times(
+        cells in vec("\\PC{0,12}|[-+0-9TtZz:. /,apmAPM]{0,24}|[0-9]{1,18}|\\PC{0,3}[0-9]{1,2}:[0-9]{2}", 1..6),
+        name in "\\PC{0,8}",
+    ) {
+        let quoted = |cell: &String| format!("\"{}\",1\n", cell.replace('"', "\"\""));
+        let rows: String = cells.iter().map(quoted).collect();
+        let text = format!("time,\"{}\"\n{rows}", name.replace('"', "\"\""));
+        let (_place, path) = Place::with("a.csv", text.as_bytes());
+        read_text(&path);
     }
 
     #[test]

@@ -89,9 +89,11 @@ fn limit(command: &mut std::process::Command) {
 
 /// Words by which a message says what to do, what was expected, or what there is instead; a caret below the place of a
 /// TOML file that is no TOML says as much.
-const REMEDIES: [&str; 47] = [
+const REMEDIES: [&str; 49] = [
     "expected",
     "run `",
+    "say which",
+    "say how",
     "choose",
     "give ",
     "remove",

@@ -5,7 +5,8 @@
 use crate::{
     campaign::{Draws, neighbours, number, on_all_cores},
     faults::copied,
-    limits::{Tally, run},
+    harness::Place,
+    limits::{Ended, Tally, run},
 };
 
 /// Cases with the other tests.
@@ -131,11 +132,71 @@ const WORK: [&[&str]; 3] = [
     ],
 ];
 
+/// What is done with keys of `[control]`, in a study that has it.
+const CONTROL: [&[&str]; 4] = [
+    &["control", "study.toml", "--dry-run"],
+    &["inspect", "study.toml"],
+    &["control", "study.toml", "--set", "control.steps=60", "--set", "control.runs=2"],
+    &["control", "study.toml"],
+];
+/// What is done with keys of `[data]`, on a log that is text.
+const TEXT: [&[&str]; 2] = [&["inspect", "log.csv"], &["import", "log.csv", "wide.parquet"]];
+
+/// Logs on which the keys are set.
+struct Bases {
+    /// After `run`, without the sweep; and a log as text.
+    plain: Place,
+    /// A log of decisions.
+    control: Place,
+}
+
+impl Bases {
+    fn new() -> Self {
+        let plain = neighbours();
+        plain.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+        std::fs::remove_dir_all(plain.path().join("study-results/sweep")).expect("swept");
+        let rows: String = (0..120)
+            .flat_map(|row| {
+                let time = format!("2024-03-01 06:{:02}:{:02}", row / 60, row % 60);
+                ["PIT300", "TIT100"].map(|tag| format!("{time};{tag};{},5;192\n", row % 7))
+            })
+            .collect();
+        plain.write("log.csv", &format!("time;tag;value;quality\n{rows}"));
+        let control = Place::new();
+        let simulate = ["simulate", ".", "--task", "puddle-world", "--policy", "random"];
+        control.calib(&[&simulate[..], &["--transitions", "600"]].concat()).succeeds();
+        let text = std::fs::read_to_string(control.path().join("study.toml")).expect("written");
+        let small = text.lines().map(|line| match line.split_once(" = ") {
+            Some(("steps", _)) => "steps = 300\n".to_owned(),
+            _ => format!("{line}\n"),
+        });
+        control.write("study.toml", &small.collect::<String>());
+        Self { plain, control }
+    }
+
+    fn case(&self, key: &str, draws: &mut Draws) -> (String, Ended) {
+        let plan = draws.below(3) > 0;
+        let value =
+            if plan && draws.below(3) == 0 { *draws.of(&LARGE) } else { *draws.of(&VALUES) };
+        let (base, args) = match key.split('.').next() {
+            Some("control") if plan => (&self.control, *draws.of(&CONTROL[..2])),
+            Some("control") => (&self.control, *draws.of(&CONTROL)),
+            Some("data") if draws.below(2) == 0 => (&self.plain, *draws.of(&TEXT)),
+            _ if plan => (&self.plain, *draws.of(&PLANS)),
+            _ => (&self.plain, *draws.of(&WORK)),
+        };
+        let set = format!("{key}={value}");
+        let args = [args, &["--set", &set]].concat();
+        let last = key.rsplit('.').next().unwrap_or(key);
+        // A plant that is another one now is no value that is wrong.
+        let names = [last, "[simulate]: data holds another simulation"];
+        (args.join(" "), run(&copied(base), &args, &names))
+    }
+}
+
 #[test]
 fn odd_values() {
-    let base = neighbours();
-    base.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
-    std::fs::remove_dir_all(base.path().join("study-results/sweep")).expect("swept");
+    let bases = Bases::new();
     let keys = keys();
     assert!(keys.len() > 120, "{keys:?}");
     let cases = number("CALIB_CASES", SLICE) as usize;
@@ -143,20 +204,8 @@ fn odd_values() {
     let ended = on_all_cores(cases, |case| {
         let mut draws = Draws(seed << 32 | 1 << 31 | case as u64);
         let key = draws.of(&keys).clone();
-        let plan = draws.below(3) > 0;
-        let value =
-            if plan && draws.below(3) == 0 { *draws.of(&LARGE) } else { *draws.of(&VALUES) };
-        let args = if plan { *draws.of(&PLANS) } else { *draws.of(&WORK) };
-        let set = format!("{key}={value}");
-        let place = copied(&base);
-        let args = [args, &["--set", &set]].concat();
-        let last = key.rsplit('.').next().unwrap_or(&key);
-        let ended = run(
-            &place,
-            &args,
-            &[last, "data", "study", "sensor", "Parquet file at", "no file lies in a folder"],
-        );
-        (key, args.join(" "), ended)
+        let (args, ended) = bases.case(&key, &mut draws);
+        (key, args, ended)
     });
     let mut tally = Tally::default();
     for (case, (key, args, ended)) in ended.into_iter().enumerate() {

@@ -38,6 +38,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         period_was_detected: log.period_was_detected,
         sampled_period_secs: log.period.as_secs(),
         null_timestamps: irregular.null_timestamps,
+        undecided_times: log.undecided,
         duplicates: Duplicates {
             identical: recorded.duplicates.len() as u64 - conflicting,
             conflicting,

@@ -47,7 +47,7 @@ pub enum DataError {
         reason: String,
     },
     /// The partition filter leaves no file.
-    #[error("no file lies in a folder {key}={value}; there are: {available}")]
+    #[error("data.partitions: no file lies in a folder {key}={value}; there are: {available}")]
     NoPartition {
         /// Hive key.
         key: String,
@@ -177,12 +177,40 @@ pub enum DataError {
     },
     /// The log has more rows than are counted in 32 bits.
     #[error(
-        "the log has {rows} rows, more than the {} that calib can index; choose a part of it",
-        u32::MAX
+        "the log has {rows} rows, more than the {} that calib can index; choose a part of it{}",
+        u32::MAX,
+        if *resampled { ", or raise data.period_secs" } else { "" }
     )]
     TooManyRows {
         /// Number of rows.
         rows: u64,
+        /// Whether they are those of a clock that the study asks for.
+        resampled: bool,
+    },
+    /// A clock that is far finer than what was recorded.
+    #[error(
+        "data.period_secs = {period_secs} makes {values} values of {samples} that were recorded; raise it, lower data.max_age_secs, \
+         or choose channels with data.include"
+    )]
+    TooFine {
+        /// From one row to the next, in seconds.
+        period_secs: f64,
+        /// Values of all channels on the clock.
+        values: u64,
+        /// Values that were recorded.
+        samples: u64,
+    },
+    /// Reading the log takes more memory than there is.
+    #[error("{what} takes {} of memory at least, and {} are available; {remedy}", size(*needed), size(*available))]
+    TooLarge {
+        /// What takes it.
+        what: String,
+        /// How much it takes, in bytes.
+        needed: u64,
+        /// How much there is.
+        available: u64,
+        /// What takes less.
+        remedy: &'static str,
     },
     /// The sample period cannot be told.
     #[error("one row at {at} does not tell the sample period: set data.period_secs, or add rows")]
@@ -260,6 +288,14 @@ pub enum DataError {
         /// What was found and expected.
         reason: String,
     },
+    /// A channel of text has more words than are told apart.
+    #[error(
+        "channel {name} has more different words, or longer ones, than calib tells apart; leave it out with data.exclude"
+    )]
+    TooManyWords {
+        /// The channel.
+        name: String,
+    },
     /// No channel is left.
     #[error(
         "no channel is left of {channels} in the training range: {reasons}. `calib inspect` shows every channel; \
@@ -300,6 +336,15 @@ pub enum DataError {
     /// The user asked to stop.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// A number of bytes as people read it.
+fn size(bytes: u64) -> String {
+    const MIB: f64 = (1_u64 << 20) as f64;
+    match bytes as f64 / MIB {
+        mib if mib < 1024.0 => format!("{mib:.0} MiB"),
+        mib => format!("{:.1} GiB", mib / 1024.0),
+    }
 }
 
 impl DataError {

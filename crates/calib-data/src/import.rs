@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{
     Contradictions, DataConfig, DataError, Shape,
-    log::{Batch, Codes, Log, SHOWN, log_files},
+    log::{Batch, Codes, Log, Room, SHOWN, log_files},
     survey::told,
 };
 
@@ -25,12 +25,33 @@ const GROUP_ROWS: usize = 1 << 20;
 pub struct Imported {
     /// What a row of the files was.
     pub shape: Shape,
+    /// Rows in the files: samples, where a row was one.
+    pub file_rows: u64,
     /// Rows, each instant once.
     pub rows: usize,
     /// Columns beside the timestamp.
     pub channels: usize,
+    /// What of the files is not in the rows as it was.
+    pub dropped: Dropped,
     /// Words that are missing values now, by channel, the most frequent first.
     pub words: BTreeMap<String, Vec<(String, u64)>>,
+    /// NaN, infinite values and those beyond ±1e150 that are missing values now, by channel.
+    pub non_finite: BTreeMap<String, u64>,
+    /// Columns of neither numbers nor text, with their types.
+    pub unreadable: BTreeMap<String, String>,
+}
+
+/// Rows of files that are not rows of the log.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Dropped {
+    /// Those without a timestamp of the years 1 to 9998.
+    pub without_time: u64,
+    /// Those among them whose local time is of an hour that clocks showed twice, or never, and which no other row decides.
+    pub undecided: u64,
+    /// Those of the same time as another (samples: of the same tag too), which became one with it.
+    pub repeated: u64,
+    /// Samples whose quality made them missing.
+    pub bad_quality: u64,
 }
 
 /// Where the values of a channel wait for their row groups.
@@ -61,19 +82,51 @@ pub fn import(
         return Err(FileError::Input { path: path.to_owned() }.into());
     }
     let (log, wanted) = Log::open_whole(data, monitor)?;
-    let mut spill = Spill::new(&data.scratch)?;
-    let mut words = BTreeMap::new();
-    let columns = spill_columns(&log, &wanted, &mut spill, &mut words, monitor)?;
     let rows = log.rows.timestamps.len();
+    Room::of(data).require(
+        writer_bytes(rows, wanted.len()),
+        || format!("writing {rows} rows of {} channels", wanted.len()),
+        "choose channels with data.include, or put them on one clock with data.resample",
+    )?;
+    let mut imported = Imported {
+        shape: log.shape,
+        file_rows: log.files.iter().map(|file| file.rows as u64).sum(),
+        rows,
+        channels: wanted.len(),
+        dropped: Dropped {
+            without_time: log.recorded().irregularities.null_timestamps,
+            undecided: log.undecided,
+            repeated: log.recorded().duplicates.len() as u64,
+            bad_quality: log.bad_quality,
+        },
+        words: BTreeMap::new(),
+        non_finite: BTreeMap::new(),
+        unreadable: log.unreadable(data),
+    };
+    let mut spill = Spill::new(&data.scratch)?;
+    let columns = spill_columns(&log, &wanted, &mut spill, &mut imported, monitor)?;
     write((path, standing), &log.rows.timestamps, &columns, &spill, monitor)?;
-    Ok(Imported { shape: log.shape, rows, channels: columns.len(), words })
+    Ok(imported)
+}
+
+/// Rows of a row group.
+fn group_rows(columns: usize) -> usize {
+    (GROUP_BYTES / ((columns + 1) * size_of::<f64>())).clamp(1, GROUP_ROWS)
+}
+
+/// Memory that writing takes: for each column, and for each column in each row group what the footer says of it.
+fn writer_bytes(rows: usize, columns: usize) -> u64 {
+    const COLUMN: u64 = 12 << 10;
+    const CHUNK: u64 = 1 << 9;
+    let groups = rows.div_ceil(group_rows(columns)) as u64;
+    (columns as u64).saturating_mul(groups.saturating_mul(CHUNK).saturating_add(COLUMN))
 }
 
 fn spill_columns(
     log: &Log,
     wanted: &[usize],
     spill: &mut Spill,
-    words: &mut BTreeMap<String, Vec<(String, u64)>>,
+    imported: &mut Imported,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Column>, DataError> {
     let mut columns = Vec::with_capacity(wanted.len());
@@ -87,6 +140,10 @@ fn spill_columns(
             let found = std::mem::take(&mut values.contradictions);
             contradicting += found.count;
             examples.extend(found.first.into_iter().map(|of| told(&name, &of)));
+            imported.dropped.repeated += values.repeated;
+            if values.not_numbers.non_finite > 0 {
+                imported.non_finite.insert(name.clone(), values.not_numbers.non_finite);
+            }
             let has_words = !values.not_numbers.words.is_empty();
             let labels = if has_words && values.values.iter().all(|value| value.is_nan()) {
                 let Codes { codes, labels } = log.read_codes(channel, monitor)?;
@@ -100,7 +157,7 @@ fn spill_columns(
                     found.sort_by(|left, right| {
                         right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0))
                     });
-                    words.insert(name.clone(), found);
+                    imported.words.insert(name.clone(), found);
                 }
                 None
             };
@@ -122,8 +179,7 @@ fn write(
     spill: &Spill,
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
-    let row_bytes = (columns.len() + 1) * size_of::<f64>();
-    let group = (GROUP_BYTES / row_bytes).clamp(1, GROUP_ROWS);
+    let group = group_rows(columns.len());
     monitor.begin("writing rows", timestamps.len() as u64);
     let mut interrupted = false;
     let written = write_output(path, standing, |file| {

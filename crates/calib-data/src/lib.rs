@@ -7,6 +7,7 @@
 //! - [`import`]: a log of any form as one wide Parquet file.
 //! - [`write_arrow_stream`]: a table in memory, handed over by another program, as a Parquet file.
 //! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
+//! - [`entry_of`]: a channel as `data.exclude` names it and no other.
 //! - [`read_tags`]: units and labels of channels, from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
 //! - [`parse_time`], [`format_time`]: instants as text.
@@ -57,6 +58,7 @@ mod refuse;
 mod sample;
 mod select;
 mod sketch;
+mod statistics;
 mod survey;
 pub mod table;
 mod tags;
@@ -71,12 +73,13 @@ pub use config::{
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use guard::may_be_of_a_reader;
-pub use import::{Imported, import};
+pub use import::{Dropped, Imported, import};
 pub use log::{Declared, log_files, text_left_alone};
+pub use names::entry_of;
 pub use outliers::Fences;
 pub use profile::{
-    BackwardStep, BackwardSteps, ChannelProfile, ContradictionsFound, Description, Duplicates,
-    FarOut, Gaps, PartProfile, Profile, ValueProfile,
+    BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
+    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use select::DropReason;
 pub use sketch::{ChannelSketch, Sketch, sketch};

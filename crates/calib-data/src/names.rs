@@ -1,18 +1,45 @@
 //! Channels by name or pattern.
 
-use crate::DataError;
+use std::collections::{HashMap, HashSet};
+
+use glob::Pattern;
+
+use crate::{DataConfig, DataError};
 
 /// Names of channels, some of them patterns.
-pub(crate) struct Names<'a>(&'a [String]);
+pub(crate) struct Names<'a> {
+    entries: &'a [String],
+    /// The first entry that is each of these names, as it stands or as a pattern of nothing but letters that stand for
+    /// themselves.
+    literal: HashMap<String, usize>,
+    /// Entries that may match other names too.
+    patterns: Vec<(usize, Pattern)>,
+}
 
 impl<'a> Names<'a> {
-    pub(crate) fn new(names: &'a [String]) -> Self {
-        Self(names)
+    pub(crate) fn new(entries: &'a [String]) -> Self {
+        let mut literal = HashMap::new();
+        let mut patterns = Vec::new();
+        for (position, entry) in entries.iter().enumerate() {
+            // Tag names may hold brackets: a name that is equal matches, whatever it means as a pattern.
+            literal.entry(entry.clone()).or_insert(position);
+            if let Some(name) = literally(entry) {
+                literal.entry(name).or_insert(position);
+            } else if let Ok(pattern) = Pattern::new(entry) {
+                patterns.push((position, pattern));
+            }
+        }
+        Self { entries, literal, patterns }
     }
 
     /// The first entry that is `channel`, or a pattern that matches it.
     pub(crate) fn matching(&self, channel: &str) -> Option<&'a str> {
-        self.0.iter().find(|pattern| matches(pattern, channel)).map(String::as_str)
+        let named = self.literal.get(channel).copied();
+        let mut before =
+            self.patterns.iter().take_while(|(at, _)| named.is_none_or(|named| *at < named));
+        let matched = before.find(|(_, pattern)| pattern.matches(channel));
+        let position = matched.map(|(at, _)| *at).or(named)?;
+        Some(&self.entries[position])
     }
 
     /// The entries that match none of `channels`.
@@ -20,11 +47,21 @@ impl<'a> Names<'a> {
         &self,
         channels: &(impl Iterator<Item = &'b str> + Clone),
     ) -> Vec<&'a str> {
-        self.0
+        let names: HashSet<&str> = channels.clone().collect();
+        let mut unused: Vec<bool> = self
+            .entries
             .iter()
-            .filter(|pattern| !channels.clone().any(|channel| matches(pattern, channel)))
-            .map(String::as_str)
-            .collect()
+            .map(|entry| {
+                let plain = literally(entry);
+                !names.contains(entry.as_str())
+                    && !plain.is_some_and(|plain| names.contains(plain.as_str()))
+            })
+            .collect();
+        for (position, pattern) in &self.patterns {
+            unused[*position] &= !names.iter().any(|channel| pattern.matches(channel));
+        }
+        let unused = self.entries.iter().zip(unused).filter(|(_, unused)| *unused);
+        unused.map(|(entry, _)| entry.as_str()).collect()
     }
 
     /// Refuse entries that match none of `channels`.
@@ -42,9 +79,58 @@ impl<'a> Names<'a> {
     }
 }
 
-/// Tag names may hold brackets: a name that is equal matches, whatever it means as a pattern.
-fn matches(pattern: &str, channel: &str) -> bool {
-    pattern == channel || glob::Pattern::new(pattern).is_ok_and(|pattern| pattern.matches(channel))
+/// The channels that a study asks for.
+pub(crate) struct Chosen<'a> {
+    /// None for all.
+    include: Option<Names<'a>>,
+    exclude: Names<'a>,
+}
+
+impl<'a> Chosen<'a> {
+    pub(crate) fn of(data: &'a DataConfig) -> Self {
+        let include = (!data.include.is_empty()).then(|| Names::new(&data.include));
+        Self { include, exclude: Names::new(&data.exclude) }
+    }
+
+    /// Whether `channel` is one.
+    pub(crate) fn has(&self, channel: &str) -> bool {
+        let included = self.include.as_ref().is_none_or(|names| names.matching(channel).is_some());
+        included && self.exclude.matching(channel).is_none()
+    }
+}
+
+/// The only name that a pattern matches, if it is one of letters that stand for themselves: `T [[]°C]` is `T [°C]`.
+fn literally(pattern: &str) -> Option<String> {
+    let mut name = String::with_capacity(pattern.len());
+    let mut rest = pattern.chars();
+    while let Some(letter) = rest.next() {
+        name.push(match letter {
+            '*' | '?' => return None,
+            '[' => {
+                let inside = rest.next().filter(|inside| *inside != '!')?;
+                (rest.next() == Some(']')).then_some(inside)?
+            }
+            letter => letter,
+        });
+    }
+    Some(name)
+}
+
+/// The entry of `data.include` or `data.exclude` that is the channel called `name` and no other of the log, whose channels are
+/// those that `is_channel`: names may hold signs that mean something in patterns.
+pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
+    if !name.contains(['*', '?', '[']) {
+        return name.to_owned();
+    }
+    // Another channel may be called as the pattern is written, and an equal name matches: `[**]` is a star as `[*]` is.
+    let repeated = |times: usize| -> String {
+        let escaped = |letter: char| match letter {
+            '*' | '?' | '[' => format!("[{}]", letter.to_string().repeat(times)),
+            letter => letter.to_string(),
+        };
+        name.chars().map(escaped).collect()
+    };
+    (1..).map(repeated).find(|entry| !is_channel(entry)).unwrap_or_default()
 }
 
 /// `; did you mean A or B?`, or nothing.
@@ -78,6 +164,22 @@ mod tests {
         assert_eq!(names.matching("PIT301"), None);
         let channels = ["PIT300", "T[1]", "FLUX"];
         assert_eq!(names.unused(&channels.into_iter()), ["FLOW_*"]);
+    }
+
+    #[test]
+    fn an_entry_is_one_channel_whatever_it_is_called() {
+        let channels =
+            ["T [°C]", "T °", "*", "a*", "a[*]", "a[**]", "P?", "Px", "[!x]", "[", "]", "T[[]1"];
+        for name in channels {
+            let entry = [entry_of(name, |other| channels.contains(&other))];
+            let names = Names::new(&entry);
+            let matched: Vec<&str> =
+                channels.into_iter().filter(|channel| names.matching(channel).is_some()).collect();
+            assert_eq!(matched, [name], "{entry:?}");
+            assert!(names.unused(&channels.into_iter()).is_empty(), "{entry:?}");
+        }
+        assert_eq!(entry_of("PIT300", |_| false), "PIT300");
+        assert_eq!(entry_of("T [°C]", |_| false), "T [[]°C]");
     }
 
     #[test]

@@ -46,6 +46,10 @@ pub struct Profile {
     pub sampled_period_secs: f64,
     /// Rows without a timestamp; they are dropped.
     pub null_timestamps: u64,
+    /// Rows among these whose local time is of an hour that clocks showed twice, or never, when summer time ended or began, and
+    /// which no other row decides. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub undecided_times: u64,
     /// Rows whose timestamp another row has.
     pub duplicates: Duplicates,
     /// Steps back in time inside a file.
@@ -189,6 +193,9 @@ pub struct ChannelProfile {
     /// Spikes, and held-out values far outside of the training range. Default: none.
     #[serde(default, skip_serializing_if = "FarOut::is_none")]
     pub far_out: FarOut,
+    /// Stops of its recording over which the last value stood, under `data.resample`. Default: none.
+    #[serde(default, skip_serializing_if = "BridgedStops::is_none")]
+    pub bridged: BridgedStops,
     /// Missing values that were filled.
     pub imputed: u64,
     /// Missing values that were not, so that their rows were dropped.
@@ -214,6 +221,25 @@ impl FarOut {
     /// Whether there is nothing to tell.
     pub fn is_none(&self) -> bool {
         self.spikes == 0 && self.held_out == 0
+    }
+}
+
+/// Stops of a channel over which `data.max_age_secs` let the last value stand: of more than ten of its usual steps, and of ten
+/// periods.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BridgedStops {
+    /// How many.
+    pub count: u64,
+    /// The longest, in seconds.
+    pub longest_secs: f64,
+    /// The usual step of the channel, in seconds.
+    pub usual_secs: f64,
+}
+
+impl BridgedStops {
+    /// Whether there are none.
+    pub fn is_none(&self) -> bool {
+        self.count == 0
     }
 }
 
@@ -310,9 +336,17 @@ impl Profile {
     /// log.
     pub fn value_doubts(&self) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
-        for channel in self.kept().filter(|channel| !channel.far_out.is_none()) {
+        for channel in self.kept() {
             let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
             let name = channel.name.as_str();
+            let BridgedStops { count, longest_secs, usual_secs } = channel.bridged;
+            if count > 0 {
+                let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
+                doubts.push((name, format!(
+                    "{name} was not recorded {times}, for up to {longest_secs} s where it usually is every {usual_secs} s, and its last value stands in: \
+                     lower data.max_age_secs, which is one for all channels, if it was not what the plant did"
+                )));
+            }
             if spikes > 0 {
                 let example = channel.far_out.examples.first();
                 let example = example.map_or_else(String::new, |(time, value)| {

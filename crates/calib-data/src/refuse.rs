@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{ChannelProfile, Contradictions, DataError, DropReason, PartProfile, survey::Survey};
+use crate::{
+    ChannelProfile, Contradictions, DataConfig, DataError, DropReason, PartProfile,
+    PreprocessConfig, survey::Survey,
+};
 
 impl Survey {
     /// Refuse a log that says two things of one time, unless the study says which counts.
@@ -15,7 +18,11 @@ impl Survey {
     }
 
     /// Refuse a log without channels, or a range without transitions.
-    pub(crate) fn refuse_empty(&self) -> Result<(), DataError> {
+    pub(crate) fn refuse_empty(
+        &self,
+        data: &DataConfig,
+        preprocess: &PreprocessConfig,
+    ) -> Result<(), DataError> {
         let profile = &self.profile;
         if self.sensors.is_empty() {
             let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
@@ -39,7 +46,7 @@ impl Survey {
                     rows: part.log_rows as usize,
                     dropped: part.dropped_rows as usize,
                     segments: part.segments as usize,
-                    culprits: self.culprits(key, part),
+                    culprits: self.culprits(key, part, data, preprocess.subsample),
                 });
             }
         }
@@ -48,11 +55,26 @@ impl Survey {
 
     /// The channels that cost most rows of the range `key`. What is missing in the held-out range alone, no limit of the training range
     /// drops.
-    fn culprits(&self, key: &str, part: &PartProfile) -> String {
+    fn culprits(
+        &self,
+        key: &str,
+        part: &PartProfile,
+        data: &DataConfig,
+        subsample: usize,
+    ) -> String {
+        if subsample > 1 && part.dropped_rows + 1 < part.log_rows {
+            return format!(
+                ". preprocess.subsample keeps one row in {subsample}: lower it, or check data.period_secs and data.gap_tolerance"
+            );
+        }
         let mut channels: Vec<&ChannelProfile> =
             self.profile.kept().filter(|channel| channel.unfilled > 0).collect();
         if part.dropped_rows == 0 || channels.is_empty() {
-            return ". Check data.period_secs and data.gap_tolerance".to_owned();
+            let fraction = match data.train {
+                Some(_) => "",
+                None => ", and data.train_fraction, which says where the training range ends",
+            };
+            return format!(". Check data.period_secs and data.gap_tolerance{fraction}");
         }
         channels.sort_by_key(|channel| (u64::MAX - channel.unfilled, channel.name.as_str()));
         let worst: Vec<String> = channels

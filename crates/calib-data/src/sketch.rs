@@ -6,16 +6,19 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    DataConfig, DataError, Shape,
+    BridgedStops, DataConfig, DataError, Shape,
     channel::{Moments, Movement},
-    log::{Batch, ChannelValues, Log},
+    log::{Batch, ChannelValues, Log, Seldom},
     outliers::Fences,
 };
 
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
-/// Values at most of a channel that are kept for comparisons with others.
+/// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
 const THINNED: usize = 4_000;
+/// The same of all channels, and of each at least.
+const ALL_THINNED: usize = 32 << 20;
+const LEAST_THINNED: usize = 250;
 /// Distances, in rows, over which it is seen how far channels move.
 const LAGS: [usize; 19] =
     [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 150, 200, 300, 600, 1_000, 2_000, 3_000, 6_000, 10_000];
@@ -63,6 +66,8 @@ pub struct ChannelSketch {
     pub spikes: u64,
     /// Values that another one of the same time contradicts.
     pub contradicting: u64,
+    /// Stops of its recording over which the last value stood, under `data.resample`.
+    pub bridged: BridgedStops,
     /// Values at evenly spread rows, NaN where missing; all channels have the same rows.
     pub thinned: Vec<f64>,
     /// The longest run of rows that most runs of missing values do not exceed (the 95 % quantile); 0 without one.
@@ -81,12 +86,13 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let count = BINS.min(rows);
     let bins: Vec<Range<usize>> =
         (0..count).map(|bin| bin * rows / count..(bin + 1) * rows / count).collect();
-    let look = Look { log: &log, bins: &bins };
+    let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
+    let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
-        let read = log.read(some, &mut batch, monitor)?;
+        let read = log.look(some, &mut batch, monitor)?;
         let sketched = read
             .par_iter_mut()
             .zip(some)
@@ -107,22 +113,25 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
 struct Look<'a> {
     log: &'a Log,
     bins: &'a [Range<usize>],
+    /// Rows from one value that is kept to the next.
+    every: usize,
 }
 
 impl Look<'_> {
     fn channel(&self, name: String, channel: &mut ChannelValues) -> ChannelSketch {
+        if let Some(seldom) = &channel.seldom {
+            return self.seldom(name, seldom, channel.contradictions.count);
+        }
         let values = &mut channel.values;
         let (timestamps, stretches) = (&self.log.rows.timestamps, &self.log.steps.stretches);
-        let movement = Movement::of(values, timestamps, stretches);
-        let mut spikes = 0;
-        if let Some(fences) = Fences::of(values, movement.smallest_change) {
-            fences.spikes(values, stretches, |_| spikes += 1);
-            fences.treat(values, stretches, crate::Outliers::Missing);
-        }
+        let (movement, spikes) = treated(values, timestamps, stretches);
         let values = &*values;
         let moments = Moments::of(values);
         let changes = Changes::of(values, stretches);
-        let step = values.len().div_ceil(THINNED).max(1);
+        let is_there = |row: &usize| !values[*row].is_nan();
+        let there = stretches.iter().enumerate().flat_map(|(stretch, rows)| {
+            rows.clone().filter(is_there).map(move |row| (stretch, row))
+        });
         ChannelSketch {
             name,
             present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
@@ -136,11 +145,86 @@ impl Look<'_> {
                 .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
             spikes,
             contradicting: channel.contradictions.count,
-            thinned: values.iter().step_by(step).copied().collect(),
-            missing_run: missing_run(values, stretches),
-            own_period_secs: own_period(values, timestamps),
+            bridged: channel.bridged.told(),
+            thinned: values.iter().step_by(self.every).copied().collect(),
+            missing_run: missing_run(there),
+            own_period_secs: own_period(
+                (0..values.len()).filter(is_there).map(|row| timestamps[row]),
+            ),
         }
     }
+
+    /// The same of a channel that has a value in few rows, by these rows alone.
+    fn seldom(&self, name: String, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
+        let timestamps = &self.log.rows.timestamps;
+        let mut near = seldom.with_neighbours(&self.log.steps.stretches);
+        let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
+        let (movement, spikes) = treated(&mut near.values, &times, &near.stretches);
+        let moments = Moments::of(&near.values);
+        let changes = Changes::of(&near.values, &near.stretches);
+        let mut there: Vec<Sample> = Vec::with_capacity(seldom.rows.len());
+        for (stretch, places) in near.stretches.iter().enumerate() {
+            let samples = places.clone().filter(|&place| !near.values[place].is_nan());
+            there.extend(samples.map(|place| Sample {
+                stretch,
+                row: near.rows[place],
+                value: near.values[place],
+            }));
+        }
+        let inside = |bin: &Range<usize>| {
+            let before = |limit: usize| there.partition_point(|sample| sample.row < limit);
+            &there[before(bin.start)..before(bin.end)]
+        };
+        let moves = |bin: &Range<usize>| {
+            let values: Vec<f64> = inside(bin).iter().map(|sample| sample.value).collect();
+            moves(&values)
+        };
+        let mut thinned = vec![f64::NAN; timestamps.len().div_ceil(self.every)];
+        for sample in there.iter().filter(|sample| sample.row % self.every == 0) {
+            thinned[sample.row / self.every] = sample.value;
+        }
+        let share = |bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64;
+        ChannelSketch {
+            name,
+            present: self.bins.iter().map(share).collect(),
+            moves: self.bins.iter().map(moves).collect(),
+            distinct: movement.distinct,
+            range: moments.map(|of| [of.min, of.max]),
+            rises: changes.rises,
+            even: changes.even,
+            unchanged: movement.unchanged,
+            autocorrelation: moments
+                .map_or_else(Vec::new, |of| autocorrelation_of_samples(&there, of.std().powi(2))),
+            spikes,
+            contradicting,
+            bridged: BridgedStops::default(),
+            thinned,
+            missing_run: missing_run(there.iter().map(|sample| (sample.stretch, sample.row))),
+            own_period_secs: own_period(there.iter().map(|sample| timestamps[sample.row])),
+        }
+    }
+}
+
+/// A value of a channel.
+struct Sample {
+    stretch: usize,
+    row: usize,
+    value: f64,
+}
+
+/// How values move, and how many spikes they had, which are missing now.
+fn treated(
+    values: &mut [f64],
+    timestamps: &[Timestamp],
+    stretches: &[Range<usize>],
+) -> (Movement, u64) {
+    let movement = Movement::of(values, timestamps, stretches);
+    let mut spikes = 0;
+    if let Some(fences) = Fences::of(values, movement.smallest_change) {
+        fences.spikes(values, stretches, |_| spikes += 1);
+        fences.treat(values, stretches, crate::Outliers::Missing);
+    }
+    (movement, spikes)
 }
 
 fn present(values: &[f64]) -> f64 {
@@ -178,40 +262,71 @@ impl Changes {
 }
 
 fn autocorrelation(values: &[f64], stretches: &[Range<usize>], variance: f64) -> Vec<(usize, f64)> {
-    if variance <= 0.0 {
-        return Vec::new();
-    }
-    let at = |lag: usize| {
-        let (mut sum, mut pairs) = (0.0, 0_usize);
+    variogram(variance, |lag, pairs| {
         for stretch in stretches.iter().filter(|stretch| stretch.len() > lag) {
             let (first, second) = (
                 &values[stretch.start..stretch.end - lag],
                 &values[stretch.start + lag..stretch.end],
             );
-            for (first, second) in first.iter().zip(second) {
-                let square = (second - first) * (second - first);
-                if !square.is_nan() {
-                    sum += square;
-                    pairs += 1;
-                }
+            first.iter().zip(second).for_each(|(first, second)| pairs.add(*first, *second));
+        }
+    })
+}
+
+fn autocorrelation_of_samples(samples: &[Sample], variance: f64) -> Vec<(usize, f64)> {
+    variogram(variance, |lag, pairs| {
+        let mut later = samples.iter().peekable();
+        for first in samples {
+            let place = (first.stretch, first.row + lag);
+            while later.next_if(|second| (second.stretch, second.row) < place).is_some() {}
+            if let Some(second) = later.peek().filter(|of| (of.stretch, of.row) == place) {
+                pairs.add(first.value, second.value);
             }
         }
-        (pairs >= 30).then(|| (lag, 1.0 - sum / pairs as f64 / (2.0 * variance)))
+    })
+}
+
+/// Squared differences of pairs of values.
+#[derive(Default)]
+struct Pairs {
+    sum: f64,
+    count: usize,
+}
+
+impl Pairs {
+    fn add(&mut self, first: f64, second: f64) {
+        let square = (second - first) * (second - first);
+        if !square.is_nan() {
+            self.sum += square;
+            self.count += 1;
+        }
+    }
+}
+
+/// `1 - mean((x[i + lag] - x[i])²) / (2 variance)` at each of [`LAGS`] that has enough pairs, which `pairs_at` adds.
+fn variogram(variance: f64, pairs_at: impl Fn(usize, &mut Pairs)) -> Vec<(usize, f64)> {
+    if variance <= 0.0 {
+        return Vec::new();
+    }
+    let at = |lag: usize| {
+        let mut pairs = Pairs::default();
+        pairs_at(lag, &mut pairs);
+        let Pairs { sum, count } = pairs;
+        (count >= 30).then(|| (lag, 1.0 - sum / count as f64 / (2.0 * variance)))
     };
     LAGS.iter().filter_map(|&lag| at(lag)).collect()
 }
 
-/// The 95 % quantile of the lengths of runs of missing values between two that are there, in a stretch.
-fn missing_run(values: &[f64], stretches: &[Range<usize>]) -> usize {
+/// The 95 % quantile of the lengths of runs of missing values between two that are there, in a stretch. `there` has the stretch and the
+/// row of each value.
+fn missing_run(there: impl Iterator<Item = (usize, usize)>) -> usize {
     let mut runs: Vec<usize> = Vec::new();
-    for stretch in stretches {
-        let mut last = None;
-        for row in stretch.clone().filter(|&row| !values[row].is_nan()) {
-            if let Some(last) = last.filter(|last| row - last > 1) {
-                runs.push(row - last - 1);
-            }
-            last = Some(row);
+    let mut before = None;
+    for (stretch, row) in there {
+        if let Some((_, last)) = before.filter(|(of, last)| *of == stretch && row - last > 1) {
+            runs.push(row - last - 1);
         }
+        before = Some((stretch, row));
     }
     if runs.is_empty() {
         return 0;
@@ -220,13 +335,8 @@ fn missing_run(values: &[f64], stretches: &[Range<usize>]) -> usize {
     *runs.select_nth_unstable(at).1
 }
 
-fn own_period(values: &[f64], timestamps: &[Timestamp]) -> Option<f64> {
-    let there: Vec<Timestamp> = values
-        .iter()
-        .zip(timestamps)
-        .filter(|(value, _)| !value.is_nan())
-        .map(|(_, time)| *time)
-        .collect();
+fn own_period(there: impl Iterator<Item = Timestamp>) -> Option<f64> {
+    let there: Vec<Timestamp> = there.collect();
     let mut steps: Vec<i64> = there.windows(2).map(|pair| pair[1].micros_since(pair[0])).collect();
     if steps.is_empty() {
         return None;
@@ -265,12 +375,13 @@ mod tests {
 
     #[test]
     fn runs_of_missing_values_are_between_values() {
-        let mut values = vec![1.0; 100];
-        values[..3].fill(f64::NAN);
-        values[10..14].fill(f64::NAN);
-        values[95..].fill(f64::NAN);
-        assert_eq!(missing_run(&values, from_ref(&(0..100))), 4);
-        assert_eq!(missing_run(&values[20..90], from_ref(&(0..70))), 0);
+        let there = |rows: &[Range<usize>]| {
+            let rows: Vec<usize> = rows.iter().flat_map(Range::clone).collect();
+            missing_run(rows.into_iter().map(|row| (row / 100, row)))
+        };
+        assert_eq!(there(&[3..10, 14..95]), 4);
+        assert_eq!(there(&[20..90]), 0);
+        assert_eq!(there(&[20..90, 110..120]), 0, "a gap is no run");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! First pass over the values: what every channel is like, what is kept, which rows are dropped.
 
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     ops::Range,
     sync::{
@@ -13,12 +14,15 @@ use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut, Fences,
-    PartProfile, PreprocessConfig, Profile, ValueProfile,
+    BridgedStops, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut,
+    Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement},
     describe::describe_rows,
     impute::{clean, impute},
-    log::{Batch, ChannelValues, Contradiction, EXAMPLES, Log, NotNumbers, SHOWN},
+    log::{
+        Batch, ChannelValues, Contradiction, EXAMPLES, Log, Neighbourhood, NotNumbers, SHOWN,
+        Seldom,
+    },
     modes::Modes,
     names::Names,
     sample::Samples,
@@ -85,8 +89,13 @@ impl Survey {
         let part = |rows: &Range<usize>| -> Result<(Part, PartProfile), DataError> {
             let inside = crate::log::inside(&stretches, rows);
             let runs = clean(&inside, |row| dropped[row].load(Relaxed));
-            let samples = Samples::of(&runs, preprocess.subsample, preprocess.reduce)
-                .map_err(|_| DataError::TooManyRows { rows: log.rows.timestamps.len() as u64 })?;
+            let samples =
+                Samples::of(&runs, preprocess.subsample, preprocess.reduce).map_err(|_| {
+                    DataError::TooManyRows {
+                        rows: log.rows.timestamps.len() as u64,
+                        resampled: data.resample.is_some(),
+                    }
+                })?;
             let profile = PartProfile {
                 start: log.rows.timestamps[rows.start],
                 end: log.rows.timestamps[rows.end - 1],
@@ -200,6 +209,7 @@ impl Scan<'_> {
                 non_finite: 0,
                 words: Vec::new(),
                 far_out: FarOut::default(),
+                bridged: BridgedStops::default(),
                 imputed: 0,
                 unfilled: 0,
             });
@@ -212,7 +222,7 @@ impl Scan<'_> {
         let mut batch = Batch::default();
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
-            let values = self.log.read(channels, &mut batch, monitor)?;
+            let values = self.log.look(channels, &mut batch, monitor)?;
             let scanned: Vec<_> = values
                 .par_iter_mut()
                 .zip(channels)
@@ -243,36 +253,36 @@ impl Scan<'_> {
             found.count += channel.contradictions.count;
             found.first.insert(index, channel.contradictions.first.clone());
         }
-        let values = &mut channel.values;
-        let train = log.train.clone();
-        let movement = Movement::of(values, &log.rows.timestamps, &log.steps.stretches);
-        let mut far_out = self.treat_spikes(values, movement.smallest_change);
-        let in_train = Moments::of(&values[train.clone()]);
-        let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
-        let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
-        let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
-        let missing = values.len() - count(moments);
-        let missing_fraction = 1.0 - count(in_train) as f64 / train.len() as f64;
-        if let (Some(moments), Some(held_out)) = (in_train, &log.held_out) {
-            note_held_out(&values[held_out.clone()], moments, &mut far_out);
-        }
-        let value_profile = moments.map(|moments| ValueProfile {
-            min: moments.min,
-            max: moments.max,
-            mean: moments.mean,
-            std: moments.std(),
-            constant: moments.min == moments.max,
-            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
-            smallest_change: movement.smallest_change,
-            unchanged: movement.unchanged,
-            distinct: movement.distinct,
-        });
         let has_words = !channel.not_numbers.words.is_empty();
-        let bounds = fit(&values[train], in_train, has_words, self.preprocess);
+        let seldom = channel.seldom.take();
+        let (looked, bounds) = match seldom.as_ref().filter(|seldom| self.misses_too_much(seldom)) {
+            Some(seldom) => {
+                let mut near = seldom.with_neighbours(&log.steps.stretches);
+                let looked = self.looked(&mut Viewed::some(&mut near, self));
+                let bounds = match looked.in_train {
+                    Some(_) => {
+                        let limit = self.preprocess.max_missing;
+                        Err(DropReason::Missing { fraction: looked.missing_fraction, limit })
+                    }
+                    None => fit(&[], None, has_words, self.preprocess),
+                };
+                (looked, bounds)
+            }
+            None => {
+                if let Some(seldom) = seldom {
+                    channel.values = seldom.into_all(log.rows.timestamps.len());
+                }
+                let values = &mut channel.values;
+                let looked = self.looked(&mut Viewed::all(values, self));
+                let in_train = &values[log.train.clone()];
+                let bounds = fit(in_train, looked.in_train, has_words, self.preprocess);
+                (looked, bounds)
+            }
+        };
         let (mut imputed, mut unfilled) = (0, 0);
-        if bounds.is_ok() && missing > 0 {
+        if bounds.is_ok() && looked.missing > 0 {
             imputed = impute(
-                values,
+                &mut channel.values,
                 &log.rows.timestamps,
                 self.stretches,
                 self.preprocess.missing,
@@ -285,38 +295,129 @@ impl Scan<'_> {
         }
         let profile = ChannelProfile {
             dropped: bounds.as_ref().err().cloned(),
-            values: value_profile,
-            missing: missing as u64,
-            missing_fraction,
+            values: looked.profile,
+            missing: looked.missing as u64,
+            missing_fraction: looked.missing_fraction,
             non_finite: channel.not_numbers.non_finite,
             words: frequent_words(&channel.not_numbers),
-            far_out,
+            far_out: looked.far_out,
+            bridged: channel.bridged.told(),
             imputed,
             unfilled,
             ..profile
         };
         (profile, bounds.ok())
     }
-}
 
-impl Scan<'_> {
+    /// Whether a channel is dropped for what it misses in the training range.
+    fn misses_too_much(&self, seldom: &Seldom) -> bool {
+        let train = &self.log.train;
+        let missing = 1.0 - seldom.count(train) as f64 / train.len() as f64;
+        missing > self.preprocess.max_missing
+    }
+
+    /// What the values are like; spikes are treated as the study says.
+    fn looked(&self, viewed: &mut Viewed<'_>) -> Looked {
+        let movement = Movement::of(viewed.values, &viewed.timestamps, &viewed.stretches);
+        let mut far_out = self.treat_spikes(viewed, movement.smallest_change);
+        let Viewed { values, train, held_out, .. } = viewed;
+        let in_train = Moments::of(&values[train.clone()]);
+        let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
+        let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
+        let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
+        if let (Some(moments), Some(held_out)) = (in_train, held_out) {
+            note_held_out(&values[held_out.clone()], moments, &mut far_out);
+        }
+        Looked {
+            in_train,
+            missing: self.log.rows.timestamps.len() - count(moments),
+            missing_fraction: 1.0 - count(in_train) as f64 / self.log.train.len() as f64,
+            profile: moments.map(|moments| ValueProfile {
+                min: moments.min,
+                max: moments.max,
+                mean: moments.mean,
+                std: moments.std(),
+                constant: moments.min == moments.max,
+                longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+                smallest_change: movement.smallest_change,
+                unchanged: movement.unchanged,
+                distinct: movement.distinct,
+            }),
+            far_out,
+        }
+    }
+
     /// Find the spikes of a channel, and do with them what the study says.
-    fn treat_spikes(&self, values: &mut [f64], smallest_change: Option<f64>) -> FarOut {
+    fn treat_spikes(&self, viewed: &mut Viewed<'_>, smallest_change: Option<f64>) -> FarOut {
+        let Viewed { values, timestamps, cut, train, .. } = viewed;
         let mut found = FarOut::default();
-        let fences = Fences::of(&values[self.log.train.clone()], smallest_change);
-        let Some(fences) = fences else { return found };
+        let Some(fences) = Fences::of(&values[train.clone()], smallest_change) else {
+            return found;
+        };
         found.fences = Some(fences);
-        fences.spikes(values, self.stretches, |row| {
+        fences.spikes(values, cut, |row| {
             found.spikes += 1;
             if found.examples.len() < EXAMPLES {
-                found.examples.push((self.log.rows.timestamps[row], values[row]));
+                found.examples.push((timestamps[row], values[row]));
             }
         });
         if found.spikes > 0 {
-            fences.treat(values, self.stretches, self.preprocess.outliers);
+            fences.treat(values, cut, self.preprocess.outliers);
         }
         found
     }
+}
+
+/// The values of a channel in all rows of the log, or in those that say something of it.
+struct Viewed<'a> {
+    values: &'a mut [f64],
+    timestamps: Cow<'a, [Timestamp]>,
+    /// Stretches without a gap.
+    stretches: Cow<'a, [Range<usize>]>,
+    /// The same, cut at the ends of the ranges.
+    cut: Cow<'a, [Range<usize>]>,
+    train: Range<usize>,
+    held_out: Option<Range<usize>>,
+}
+
+impl<'a> Viewed<'a> {
+    fn all(values: &'a mut [f64], scan: &Scan<'a>) -> Self {
+        let log = scan.log;
+        Self {
+            values,
+            timestamps: Cow::Borrowed(&log.rows.timestamps),
+            stretches: Cow::Borrowed(&log.steps.stretches),
+            cut: Cow::Borrowed(scan.stretches),
+            train: log.train.clone(),
+            held_out: log.held_out.clone(),
+        }
+    }
+
+    fn some(near: &'a mut Neighbourhood, scan: &Scan<'a>) -> Self {
+        let log = scan.log;
+        let train = near.positions(&log.train);
+        let held_out = log.held_out.as_ref().map(|rows| near.positions(rows));
+        let mut parts: Vec<&Range<usize>> = [&train].into_iter().chain(&held_out).collect();
+        parts.sort_by_key(|part| part.start);
+        let cut = parts.into_iter().flat_map(|part| crate::log::inside(&near.stretches, part));
+        Self {
+            timestamps: near.rows.iter().map(|&row| log.rows.timestamps[row]).collect(),
+            cut: cut.collect(),
+            stretches: Cow::Borrowed(&near.stretches),
+            values: &mut near.values,
+            train,
+            held_out,
+        }
+    }
+}
+
+/// What the values of a channel are like.
+struct Looked {
+    in_train: Option<Moments>,
+    missing: usize,
+    missing_fraction: f64,
+    profile: Option<ValueProfile>,
+    far_out: FarOut,
 }
 
 /// Count what lies further from the training range than it is wide.

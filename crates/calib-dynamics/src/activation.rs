@@ -3,7 +3,6 @@
 /// e^x within 2e-7 of it, relatively; 0 below -87 and e^87 above 87.
 ///
 /// e^x = 2^k · e^r with |r| ≤ ln 2 / 2, and e^r by its series to the sixth power.
-#[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 fn exp(x: f32) -> f32 {
     const LN_2_HIGH: f32 = 0.693_359_4;
@@ -21,14 +20,12 @@ fn exp(x: f32) -> f32 {
 }
 
 /// 1 / (1 + e^−x).
-#[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// 1 − 2 / (1 + e^2x), within 2e-7.
-#[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn tanh(x: f32) -> f32 {
     1.0 - 2.0 / (1.0 + exp(2.0 * x))

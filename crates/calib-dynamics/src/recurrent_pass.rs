@@ -276,6 +276,7 @@ impl LayerPass {
 }
 
 /// Products of the three gates for one row, without their biases.
+#[derive(Clone, Copy)]
 pub(crate) struct Products<'a> {
     pub(crate) of_input: &'a [f32],
     pub(crate) of_hidden: &'a [f32],
@@ -295,9 +296,10 @@ pub(crate) struct Activated<'a> {
 /// The gates and the new hidden state of one row.
 pub(crate) fn activate(products: Products<'_>, past: &[f32], to: Activated<'_>) {
     let Products { of_input, of_hidden, bias_ih, bias_hh } = products;
+    let Activated { reset, keep, new, new_hidden, hidden: next } = to;
     let units = past.len();
     let gate = |number: usize| number * units..(number + 1) * units;
-    for (number, gate_values) in [(0, &mut *to.reset), (1, &mut *to.keep)] {
+    for (number, gate_values) in [(0, &mut *reset), (1, &mut *keep)] {
         let input = of_input[gate(number)].iter().zip(&bias_ih[gate(number)]);
         let hidden = of_hidden[gate(number)].iter().zip(&bias_hh[gate(number)]);
         for ((value, (input, a)), (hidden, b)) in gate_values.iter_mut().zip(input).zip(hidden) {
@@ -305,21 +307,22 @@ pub(crate) fn activate(products: Products<'_>, past: &[f32], to: Activated<'_>) 
         }
     }
     let hidden = of_hidden[gate(2)].iter().zip(&bias_hh[gate(2)]);
-    for (value, (hidden, bias)) in to.new_hidden.iter_mut().zip(hidden) {
+    for (value, (hidden, bias)) in new_hidden.iter_mut().zip(hidden) {
         *value = hidden + bias;
     }
     let input = of_input[gate(2)].iter().zip(&bias_ih[gate(2)]);
-    let gated = to.reset.iter().zip(&*to.new_hidden);
-    for ((value, (input, bias)), (reset, hidden)) in to.new.iter_mut().zip(input).zip(gated) {
+    let gated = reset.iter().zip(&*new_hidden);
+    for ((value, (input, bias)), (reset, hidden)) in new.iter_mut().zip(input).zip(gated) {
         *value = tanh((input + bias) + reset * hidden);
     }
-    let kept = to.keep.iter().zip(past);
-    for ((value, new), (keep, past)) in to.hidden.iter_mut().zip(&*to.new).zip(kept) {
+    let kept = keep.iter().zip(past);
+    for ((value, new), (keep, past)) in next.iter_mut().zip(&*new).zip(kept) {
         *value = (1.0 - keep) * new + keep * past;
     }
 }
 
 /// What the activations of one row were, and the hidden state before them.
+#[derive(Clone, Copy)]
 struct Past<'a> {
     reset: &'a [f32],
     keep: &'a [f32],

@@ -1,6 +1,6 @@
 use std::{io::Read as _, path::Path};
 
-use crate::{FileError, open_regular, read_regular};
+use crate::{FileError, npy_header::NpyHeader, open_regular, read_regular};
 
 /// An array of numbers, as `f64`, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,77 +31,36 @@ pub fn array_bytes(path: &Path) -> Result<u64, FileError> {
     let length = file.metadata().map_err(refused)?.len();
     let mut begin = Vec::new();
     file.take(LONGEST_HEADER).read_to_end(&mut begin).map_err(refused)?;
-    let header = Header::of(&begin);
-    let bytes = header.and_then(|header| {
-        let data = length.saturating_sub((begin.len() - header.data.len()) as u64);
-        Ok(length.saturating_add(8_u64.saturating_mul(header.count(data)?)))
+    let numbers = NpyHeader::parse(&begin).and_then(|header| {
+        let size = Kind::of(header.description)?.size;
+        count(&header, size, length.saturating_sub(header.data as u64))
     });
+    let bytes = numbers.map(|count| length.saturating_add(8_u64.saturating_mul(count)));
     bytes.map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
 }
 
 /// Bytes of a file that its header is looked for in; NumPy itself writes headers of some hundred.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// What stands before the numbers, and what follows.
-struct Header<'a> {
-    kind: Kind,
-    shape: Vec<usize>,
-    is_column_major: bool,
-    data: &'a [u8],
-}
-
-impl Header<'_> {
-    /// How many numbers there are in so many bytes of data, which must be as many as the shape says.
-    fn count(&self, bytes: u64) -> Result<u64, String> {
-        let Self { kind, shape, .. } = self;
-        let sizes = shape.iter().map(|&length| length as u64);
-        let expected = sizes.fold(Some(kind.size as u64), |product, length| {
-            product.and_then(|product| product.checked_mul(length))
-        });
-        if expected == Some(bytes) {
-            return Ok(bytes / kind.size as u64);
-        }
-        Err(format!(
-            "expected {} bytes of data for the shape {shape:?}, got {bytes}: the file is truncated or damaged",
-            expected.map_or_else(|| "more".to_owned(), |expected| expected.to_string()),
-        ))
+/// How many numbers of `size` bytes there are in `bytes` of data, which must be as many as the shape says.
+fn count(header: &NpyHeader<'_>, size: usize, bytes: u64) -> Result<u64, String> {
+    let expected = header.bytes(size);
+    if expected.map(|expected| expected as u64) == Some(bytes) {
+        return Ok(bytes / size as u64);
     }
-}
-
-impl<'a> Header<'a> {
-    fn of(bytes: &'a [u8]) -> Result<Self, String> {
-        let cut = || "the header is cut off".to_owned();
-        let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
-            return Err("it does not begin as NumPy files do".to_owned());
-        };
-        let (version, rest) = rest.split_at_checked(2).ok_or_else(cut)?;
-        let (length, rest) = match version[0] {
-            1 => {
-                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-                (usize::from(u16::from_le_bytes(*length)), rest)
-            }
-            2 | 3 => {
-                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
-                (u32::from_le_bytes(*length) as usize, rest)
-            }
-            got => return Err(format!("expected format version 1 to 3, got {got}")),
-        };
-        let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
-        let header =
-            std::str::from_utf8(header).map_err(|_| "the header is not text".to_owned())?;
-        Ok(Self {
-            kind: Kind::of(entry(header, "'descr'")?)?,
-            shape: shape(entry(header, "'shape'")?)?,
-            is_column_major: entry(header, "'fortran_order'")?.starts_with("True"),
-            data,
-        })
-    }
+    Err(format!(
+        "expected {} bytes of data for the shape {:?}, got {bytes}: the file is truncated or damaged",
+        expected.map_or_else(|| "more".to_owned(), |expected| expected.to_string()),
+        header.shape,
+    ))
 }
 
 fn parse(bytes: &[u8]) -> Result<Array, String> {
-    let header = Header::of(bytes)?;
-    let count = header.count(header.data.len() as u64)? as usize;
-    let Header { kind, shape, is_column_major, data } = header;
+    let header = NpyHeader::parse(bytes)?;
+    let kind = Kind::of(header.description)?;
+    let data = &bytes[header.data..];
+    let count = count(&header, kind.size, data.len() as u64)? as usize;
+    let NpyHeader { shape, is_column_major, .. } = header;
     let mut values = room(count)?;
     match *shape.as_slice() {
         [rows, columns] if is_column_major => {
@@ -142,21 +101,6 @@ fn room(count: usize) -> Result<Vec<f64>, String> {
     Ok(values)
 }
 
-/// What follows `key` in the header's dictionary.
-fn entry<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
-    let start = header.find(key).ok_or_else(|| format!("the header has no {key}"))? + key.len();
-    Ok(header[start..].trim_start_matches([':', ' ']))
-}
-
-fn shape(text: &str) -> Result<Vec<usize>, String> {
-    let inner = text.strip_prefix('(').and_then(|rest| rest.split_once(')'));
-    let numbers = inner.and_then(|(inner, _)| {
-        let parts = inner.split(',').map(str::trim).filter(|part| !part.is_empty());
-        parts.map(|part| part.parse().ok()).collect()
-    });
-    numbers.ok_or_else(|| format!("the header has no usable shape: {text}"))
-}
-
 /// How a number is stored.
 struct Kind {
     letter: char,
@@ -165,9 +109,7 @@ struct Kind {
 }
 
 impl Kind {
-    fn of(text: &str) -> Result<Self, String> {
-        let name = text.strip_prefix('\'').and_then(|rest| rest.split('\'').next());
-        let name = name.unwrap_or(text.trim_end());
+    fn of(name: &str) -> Result<Self, String> {
         let expected = || format!("expected real numbers of at most 64 bits, got type '{name}'");
         let mut characters = name.chars();
         let order = characters.next().ok_or_else(expected)?;
@@ -198,6 +140,7 @@ impl Kind {
             ('f', 4) => f64::from(f32::from_bits(bits as u32)),
             ('f', _) => f64::from_bits(bits),
             ('i', _) => ((bits << unused) as i64 >> unused) as f64,
+            ('b', _) => f64::from(u8::from(bits != 0)),
             _ => bits as f64,
         }
     }
@@ -246,6 +189,7 @@ mod tests {
         assert_eq!(read("|i1", &[1, 0xff]), [1.0, -1.0]);
         assert_eq!(read("|u1", &[1, 0xff]), [1.0, 255.0]);
         assert_eq!(read("|b1", &[1, 0]), [1.0, 0.0]);
+        assert_eq!(read("|b1", &[7, 0]), [1.0, 0.0], "as NumPy has it");
         assert_eq!(read("<i2", &[1, 0, 0xfe, 0xff]), [1.0, -2.0]);
         assert_eq!(read(">i2", &[0, 1, 0xff, 0xfe]), [1.0, -2.0]);
         assert_eq!(read(">u4", &[0, 0, 0, 1, 0xff, 0, 0, 0]), [1.0, 4_278_190_080.0]);

@@ -39,6 +39,7 @@ mod lock;
 mod mapped;
 mod name;
 mod npy;
+mod npy_header;
 mod open;
 mod record;
 mod scratch;

@@ -3,7 +3,7 @@ use std::{io::Write as _, marker::PhantomData, path::Path};
 use bytemuck::Pod;
 use memmap2::Mmap;
 
-use crate::{FileError, mapped::Known, open_regular, write_atomically};
+use crate::{FileError, mapped::Known, npy_header::NpyHeader, open_regular, write_atomically};
 
 /// A number type that calib stores in NumPy files.
 pub trait NpyElement: Pod {
@@ -109,19 +109,21 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
     let map = unsafe { Mmap::map(&file) }.map_err(|source| FileError::io("map", path, source))?;
     let bad = |reason: String| FileError::Npy { path: path.to_owned(), reason };
-    if map.len() < MAGIC.len() + 2 || &map[..6] != b"\x93NUMPY" || map[6] != 1 {
-        return Err(bad("expected NumPy format version 1".to_owned()));
+    let header = NpyHeader::parse(&map).map_err(bad)?;
+    if header.description != T::DESCRIPTION {
+        let (expected, got) = (T::DESCRIPTION, header.description);
+        return Err(bad(format!("expected elements of type '{expected}', got '{got}'")));
     }
-    let length = usize::from(u16::from_le_bytes([map[8], map[9]]));
-    let offset = MAGIC.len() + 2 + length;
-    let text = map
-        .get(MAGIC.len() + 2..offset)
-        .and_then(|bytes| std::str::from_utf8(bytes).ok())
-        .ok_or_else(|| bad("the header is cut off".to_owned()))?;
-    let (rows, columns) = parse_header::<T>(text).map_err(bad)?;
-    let expected = rows.saturating_mul(columns).saturating_mul(size_of::<T>());
-    if map.len() - offset != expected {
+    if header.is_column_major {
+        return Err(bad("expected row-major (C) order, got Fortran order".to_owned()));
+    }
+    let &[rows, columns] = &header.shape[..] else {
+        return Err(bad(format!("expected a shape of two dimensions, got {:?}", header.shape)));
+    };
+    let (offset, expected) = (header.data, header.bytes(size_of::<T>()));
+    if Some(map.len() - offset) != expected {
         let got = map.len() - offset;
+        let expected = expected.map_or_else(|| "more".to_owned(), |bytes| bytes.to_string());
         return Err(bad(format!(
             "expected {expected} bytes of data for shape ({rows}, {columns}), got {got}: the file is truncated or damaged"
         )));
@@ -129,36 +131,8 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     if !offset.is_multiple_of(align_of::<T>()) {
         return Err(bad("the data is not aligned; save it again with NumPy".to_owned()));
     }
-    let _known = Known::of(&map);
-    Ok(MappedNpy { _known, map, offset, rows, columns, element: PhantomData })
-}
-
-fn parse_header<T: NpyElement>(text: &str) -> Result<(usize, usize), String> {
-    let value = |key: &str| -> Result<&str, String> {
-        let start = text.find(key).ok_or_else(|| format!("the header has no {key}"))? + key.len();
-        Ok(text[start..].trim_start_matches([':', ' ']))
-    };
-    let description = value("'descr'")?;
-    if !description.starts_with(&format!("'{}'", T::DESCRIPTION)) {
-        let got = description.split(',').next().unwrap_or_default();
-        return Err(format!("expected elements of type '{}', got {got}", T::DESCRIPTION));
-    }
-    if !value("'fortran_order'")?.starts_with("False") {
-        return Err("expected row-major (C) order, got Fortran order".to_owned());
-    }
-    let shape = value("'shape'")?;
-    let numbers: Option<Vec<usize>> = shape
-        .strip_prefix('(')
-        .and_then(|rest| rest.split(')').next())
-        .map(|inner| inner.split(',').map(str::trim).filter(|part| !part.is_empty()))
-        .and_then(|parts| parts.map(|part| part.parse().ok()).collect());
-    match numbers.as_deref() {
-        Some(&[rows, columns]) => Ok((rows, columns)),
-        _ => Err(format!(
-            "expected a shape of two dimensions, got {}",
-            shape.split(')').next().unwrap_or_default()
-        )),
-    }
+    // Before the map moves: its bytes stay where they are.
+    Ok(MappedNpy { _known: Known::of(&map), map, offset, rows, columns, element: PhantomData })
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use std::{
 use crate::FileError;
 
 /// Open a file to read it. Pipes, sockets and devices are refused before they are opened: opening one can wait for
-/// ever, and reading one has effects.
+/// ever, and reading one has effects. So are files below `/proc` and `/sys`, which are what the kernel says at the moment, and
+/// may never end.
 ///
 /// # Errors
 /// If there is no such file, it cannot be read, or it is not a regular file.
@@ -44,10 +45,15 @@ pub fn open_to_append(path: &Path) -> Result<File, FileError> {
 /// If there is no such file, or it is a folder, a pipe, a socket or a device.
 pub fn require_regular(path: &Path) -> Result<(), FileError> {
     let found = fs::metadata(path).map_err(|source| FileError::io("read", path, source))?;
-    if found.is_file() {
+    let kind = if found.is_dir() {
+        "a folder"
+    } else if !found.is_file() {
+        "a pipe, a socket or a device"
+    } else if is_of_the_kernel(path) {
+        "what the kernel says of itself"
+    } else {
         return Ok(());
-    }
-    let kind = if found.is_dir() { "a folder" } else { "a pipe, a socket or a device" };
+    };
     let reason = format!("expected a file, and it is {kind}; give a copy of its content");
     Err(FileError::io("read", path, io::Error::new(io::ErrorKind::InvalidInput, reason)))
 }
@@ -64,6 +70,32 @@ pub fn is_same_file(one: &Path, other: &Path) -> bool {
     {
         fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|of| of == one))
     }
+}
+
+/// Whether a file is on a file system that holds nothing: reading it asks the kernel.
+#[cfg(target_os = "linux")]
+fn is_of_the_kernel(path: &Path) -> bool {
+    // PROC_SUPER_MAGIC, SYSFS_MAGIC, DEBUGFS_MAGIC, TRACEFS_MAGIC, SECURITYFS_MAGIC, CGROUP_SUPER_MAGIC, CGROUP2_SUPER_MAGIC,
+    // BPF_FS_MAGIC, PSTOREFS_MAGIC, EFIVARFS_MAGIC, from linux/magic.h.
+    const KERNEL: [u64; 10] = [
+        0x9fa0,
+        0x6265_6572,
+        0x6462_6720,
+        0x7472_6163,
+        0x7363_6673,
+        0x0027_e0eb,
+        0x6367_7270,
+        0xcafe_4a11,
+        0x6165_676c,
+        0xde5e_81e4,
+    ];
+    // The type is signed on some machines.
+    rustix::fs::statfs(path).is_ok_and(|of| KERNEL.contains(&(of.f_type as u64 & 0xffff_ffff)))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn is_of_the_kernel(_: &Path) -> bool {
+    false
 }
 
 #[cfg(test)]
@@ -95,6 +127,11 @@ mod tests {
         assert!(refused(&directory.path().join("none")).contains("NotFound"));
         if cfg!(unix) {
             assert!(refused(Path::new("/dev/null")).contains("a device"));
+        }
+        if cfg!(target_os = "linux") {
+            for path in ["/proc/uptime", "/proc/self/status", "/proc/self/maps"] {
+                assert!(refused(Path::new(path)).contains("the kernel"), "{path}");
+            }
         }
     }
 }

@@ -156,7 +156,7 @@ impl FolderRecord {
         if names.is_empty() {
             return Ok(());
         }
-        let lines: String = names.iter().map(|name| format!("{name}\n")).collect();
+        let lines = names.iter().fold(String::new(), |lines, name| lines + name + "\n");
         if fs::symlink_metadata(&path).is_err() {
             self.make("")?;
         }
@@ -223,7 +223,7 @@ fn files(folder: &Path, before: &str) -> Result<Vec<String>, FileError> {
         let name = format!("{before}{}", entry.file_name().to_string_lossy());
         if entry.file_type().map_err(refused)?.is_dir() {
             found.extend(files(&path, &format!("{name}/"))?);
-        } else if !is_temporary(&path) && !(name == LOCK && read(&path)?.starts_with(TITLE)) {
+        } else if !(is_temporary(&path) || name == LOCK && read(&path)?.starts_with(TITLE)) {
             found.push(name);
         }
     }

@@ -193,8 +193,8 @@ impl Check<'_> {
             let inside = inside.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
             pending.extend(inside.map(|entry| entry.path()));
         }
-        for (mut data, preprocess) in found {
-            data.scratch = memory::working_files();
+        for (data, preprocess) in found {
+            let mut data = memory::on_this_machine(data);
             let found = found_from(&mut data, root);
             let shown = data.path.0.join(", ");
             let read = found.and_then(|()| {

@@ -44,7 +44,7 @@ mod verdict;
 pub use base::{
     clock::Stopwatch,
     left_alone::text_left_alone,
-    memory::{MemorySize, check_log, check_table, require as require_memory, working_files},
+    memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},
     options::{
         ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,
         Device, Engine, Leftovers, Logs, Of, ProposeOptions, Spill, Standing, Submission,

@@ -123,7 +123,7 @@ impl PlantOptions {
         let channels = Self::MIN_CHANNELS as f64..=Self::MAX_CHANNELS as f64;
         within("channels", self.channels as f64, channels)?;
         within("days", self.days, f64::MIN_POSITIVE..=36_525.0)?;
-        within("period (seconds)", self.period.as_secs(), 0.1..=3600.0)?;
+        within("period_secs", self.period.as_secs(), 0.1..=3600.0)?;
         within("drift", self.drift, 0.0..=100.0)?;
         within("noise", self.noise, 0.0..=100.0)?;
         within("storms_per_day", self.storms_per_day, 0.0..=200.0)?;

@@ -1,11 +1,11 @@
-use std::fmt::Write as _;
+use std::{collections::HashSet, fmt::Write as _};
 
-use calib_data::Sketch;
-use toml::Value;
+use calib_data::{Sketch, entry_of};
 
 use crate::{
     Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
     size::{LEAST_STEPS, MEMBERS},
+    written::{comment, quoted},
 };
 
 /// Steps of a rollout at most: enough to look at.
@@ -51,10 +51,10 @@ impl Draft<'_> {
     /// The study file.
     pub fn text(&self) -> String {
         let mut text = Lines::default();
-        text.line(
-            "# Proposed by `calib init`, which looked at the log and tried small models of it.",
+        text.comment(
+            "Proposed by `calib init`, which looked at the log and tried small models of it.",
         );
-        text.line("# Every value has its reason beside it, and every one may be changed: docs/study.md has all keys.");
+        text.comment("Every value has its reason beside it, and every one may be changed: docs/study.md has all keys.");
         text.line("");
         text.key("seed", "0", "root of all randomness");
         self.data(&mut text);
@@ -98,15 +98,15 @@ impl Draft<'_> {
         }
         if scope.is_part {
             let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
-            text.line(&format!(
-                "# {:.0} % of the rows are used, {} of {} channels: the part where most of them are there together",
+            text.comment(&format!(
+                "{:.0} % of the rows are used, {} of {} channels: the part where most of them are there together",
                 100.0 * share,
                 scope.channels.len(),
                 sketch.channels.len()
             ));
         }
-        text.line(&format!(
-            "# {}: {} rows to learn from, {} held out",
+        text.comment(&format!(
+            "{}: {} rows to learn from, {} held out",
             cut.reason, cut.rows[0], cut.rows[1]
         ));
         text.key("train", &Cut::toml(&cut.train), "");
@@ -117,9 +117,12 @@ impl Draft<'_> {
             text.key("contradictions", &quoted(keep), why);
         }
         if !scope.left_out.is_empty() {
+            let channels: HashSet<&str> =
+                sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
             text.line("exclude = [");
             for of in &scope.left_out {
-                text.comment_after(&format!("    {},", quoted(&of.name)), &of.why.to_string());
+                let entry = entry_of(&of.name, |name| channels.contains(name));
+                text.comment_after(&format!("    {},", quoted(&entry)), &of.why.to_string());
             }
             text.line("]");
         }
@@ -160,7 +163,7 @@ impl Draft<'_> {
         let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
         let proposed: Vec<String> =
             self.sensors.proposed.iter().take(size.sensors).map(name).collect();
-        text.line("# They move throughout the log, stay where they have been before, and are as unlike each other as can be");
+        text.comment("They move throughout the log, stay where they have been before, and are as unlike each other as can be");
         text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
         let others: Vec<String> = self
             .sensors
@@ -173,14 +176,14 @@ impl Draft<'_> {
         if !others.is_empty() {
             let more = if others.len() > NAMED { ", …" } else { "" };
             let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
-            text.line(&format!("# could be as well: {shown}{more}"));
+            text.comment(&format!("could be as well: {shown}{more}"));
         }
         let windows = (self.held_out_states() / size.steps.max(1)).clamp(1, 8);
         let fit = match windows {
             1 => "one window of what is held out".to_owned(),
             many => format!("{many} windows fit beside each other in what is held out"),
         };
-        text.line(&format!("# {}", self.size_reason));
+        text.comment(self.size_reason);
         text.key("steps", &size.steps.to_string(), &fit);
         text.key("online_runs", &size.online_runs.to_string(), "");
         text.key("member_runs", &size.member_runs.to_string(), "in each member");
@@ -201,6 +204,10 @@ impl Lines {
         self.0.push('\n');
     }
 
+    fn comment(&mut self, text: &str) {
+        self.line(&format!("# {}", comment(text)));
+    }
+
     fn section(&mut self, name: &str) {
         self.line("");
         self.line(&format!("[{name}]"));
@@ -210,19 +217,14 @@ impl Lines {
         self.comment_after(&format!("{key} = {value}"), comment);
     }
 
-    fn comment_after(&mut self, before: &str, comment: &str) {
-        if comment.is_empty() {
+    fn comment_after(&mut self, before: &str, after: &str) {
+        if after.is_empty() {
             return self.line(before);
         }
         let width = COMMENTS.max(before.chars().count() + 2);
         // Writing to memory cannot fail.
-        let _ = writeln!(self.0, "{before:width$}# {comment}");
+        let _ = writeln!(self.0, "{before:width$}# {}", comment(after));
     }
-}
-
-/// As TOML has it.
-fn quoted(text: &str) -> String {
-    Value::String(text.to_owned()).to_string()
 }
 
 /// Without a fraction where there is none.

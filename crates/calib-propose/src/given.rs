@@ -1,4 +1,6 @@
-use toml::{Table, Value};
+use toml::Table;
+
+use crate::written::quoted;
 
 /// What stands behind a value that somebody gave.
 const GIVEN: &str = "# given";
@@ -54,12 +56,14 @@ fn start_of(lines: &[&str], section: &str, header: &str) -> Option<usize> {
 fn toml(value: &str) -> String {
     match toml::from_str::<Table>(&format!("value = {value}")) {
         Ok(_) => value.to_owned(),
-        Err(_) => Value::String(value.to_owned()).to_string(),
+        Err(_) => quoted(value),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use toml::Value;
+
     use super::*;
 
     #[test]

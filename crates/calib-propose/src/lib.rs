@@ -31,6 +31,7 @@ mod scope;
 mod sensors;
 mod size;
 mod spacing;
+mod written;
 
 pub use cleaning::{Cleaning, Clock};
 pub use cut::Cut;

@@ -96,7 +96,7 @@ impl Scope {
             return Err(nothing(sketch));
         };
         let left_out = (0..sketch.channels.len())
-            .filter(|channel| !channels.contains(channel))
+            .filter(|channel| channels.binary_search(channel).is_err())
             .map(|channel| {
                 let of = &sketch.channels[channel];
                 let why = unusable(of).unwrap_or_else(|| Why::Missing(1.0 - share(of, &part)));

@@ -81,6 +81,7 @@ fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> Chan
             .collect(),
         spikes: 0,
         contradicting: 0,
+        bridged: calib_data::BridgedStops::default(),
         thinned: values.iter().step_by(rows.div_ceil(4_000)).copied().collect(),
         missing_run: 0,
         own_period_secs: Some(60.0),

@@ -5,7 +5,22 @@ use calib_knn::{Blocks, Found, IndexKind, Queries, Sources, Weights};
 use super::{ActionModel, ActionModelConfig, ActionTable, Starts, radius};
 use crate::{ControlError, Decisions, settings::next_states};
 
+/// Neighbours of a state: no more than there are transitions.
+fn neighbors(log: &Decisions, config: &ActionModelConfig) -> usize {
+    config.neighbors.min(log.len())
+}
+
 impl ActionModel {
+    /// Memory that the tables of a model take, and the lists of an action while they are searched, in bytes; `starts` is how many
+    /// states episodes begin in.
+    pub fn bytes(log: &Decisions, starts: usize, config: &ActionModelConfig) -> u64 {
+        let entry = size_of::<u32>() + size_of::<f32>();
+        let tables = log.levels().saturating_add(1);
+        [log.len().saturating_add(starts), tables, neighbors(log, config), config.members, entry]
+            .into_iter()
+            .fold(1, |product, factor| product.saturating_mul(factor as u64))
+    }
+
     /// Build the model of `log`, whose distances are those of `metric`, `[rows, d]`: the states, or their representation.
     ///
     /// The search is the one of models without actions, once an action, among the transitions that have it; a table is
@@ -26,7 +41,7 @@ impl ActionModel {
             return Err(ControlError::NoStarts);
         }
         let blocks = Blocks::new(log.transitions(), config.members)?;
-        let k = config.neighbors;
+        let k = neighbors(&log, config);
         let (mut tables, mut start_tables) = (Vec::new(), Vec::new());
         for _ in 0..config.members {
             tables.push(ActionTable::new(log.len(), log.levels(), k));

@@ -226,3 +226,14 @@ fn impossible_models_are_refused() {
     let none = ActionModelConfig { neighbors: 0, ..Default::default() };
     assert!(build(&none, 1).expect_err("none").to_string().contains("neighbors"));
 }
+
+#[test]
+fn more_neighbours_than_there_are_take_no_more_memory() {
+    let log = log(60, 1, 3);
+    let config = |neighbors| ActionModelConfig { neighbors, ..Default::default() };
+    let all = ActionModel::bytes(&log, 1, &config(log.len()));
+    assert_eq!(ActionModel::bytes(&log, 1, &config(usize::MAX)), all);
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
+    ActionModel::build(log, &metric, starts, &config(usize::MAX), 0.0, &Silent).expect("built");
+}

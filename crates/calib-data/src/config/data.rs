@@ -23,7 +23,8 @@ pub struct DataConfig {
     pub partitions: BTreeMap<String, String>,
     /// The column of timestamps. Default: `timestamp`.
     pub timestamp: String,
-    /// The unit of timestamps that are plain numbers. Default: told by their magnitude.
+    /// What timestamps that are plain numbers count. Default: told by their magnitude; where that fits two notations, this
+    /// key must say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_unit: Option<TimestampUnit>,
     /// How times that are text are written, as `strptime` has it: `%d.%m.%Y %H:%M:%S`. Default: told by all of them;
@@ -87,6 +88,9 @@ pub struct DataConfig {
     /// Where text files and long tables are kept, column by column, while they are read.
     #[serde(skip)]
     pub scratch: ScratchPlace,
+    /// Memory that there is, in bytes: what would take more is refused. `None` where nobody knows.
+    #[serde(skip)]
+    pub memory: Option<u64>,
 }
 
 /// What a row of the log is.
@@ -141,41 +145,68 @@ pub enum Resample {
     Linear,
 }
 
-/// The unit of timestamps that are plain numbers since 1970-01-01.
+/// What timestamps that are plain numbers count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum TimestampUnit {
-    /// Seconds.
+    /// Seconds since 1970-01-01.
     #[serde(rename = "s")]
     Seconds,
-    /// Milliseconds.
+    /// Milliseconds since 1970-01-01.
     #[serde(rename = "ms")]
     Milliseconds,
-    /// Microseconds.
+    /// Microseconds since 1970-01-01.
     #[serde(rename = "us")]
     Microseconds,
-    /// Nanoseconds.
+    /// Nanoseconds since 1970-01-01.
     #[serde(rename = "ns")]
     Nanoseconds,
+    /// Days since 1899-12-30 on the clock of the log, as spreadsheets count them; rounded to milliseconds.
+    #[serde(rename = "excel")]
+    Excel,
 }
 
+/// 1970-01-01, in days of a spreadsheet.
+const DAYS_TO_1970: f64 = 25_569.0;
+const MILLIS_A_DAY: f64 = 86_400e3;
+
 impl TimestampUnit {
-    /// Microseconds in one.
-    pub(crate) fn micros(self) -> f64 {
+    /// The time that `number` is, in microseconds since 1970.
+    pub(crate) fn in_micros(self, number: f64) -> i64 {
+        let micros = match self {
+            Self::Seconds => number * 1e6,
+            Self::Milliseconds => number * 1e3,
+            Self::Microseconds => number,
+            Self::Nanoseconds => number * 1e-3,
+            // Fractions of a day are written with fewer digits than microseconds need.
+            Self::Excel => ((number - DAYS_TO_1970) * MILLIS_A_DAY).round() * 1e3,
+        };
+        micros.round() as i64
+    }
+
+    /// The same of a whole number, which keeps all its digits: nanoseconds have more than an `f64`.
+    pub(crate) fn whole_in_micros(self, number: i64) -> i64 {
         match self {
-            Self::Seconds => 1e6,
-            Self::Milliseconds => 1e3,
-            Self::Microseconds => 1.0,
-            Self::Nanoseconds => 1e-3,
+            Self::Seconds => number.saturating_mul(1_000_000),
+            Self::Milliseconds => number.saturating_mul(1_000),
+            Self::Microseconds => number,
+            Self::Nanoseconds => number.div_euclid(1_000),
+            Self::Excel => self.in_micros(number as f64),
         }
     }
 
-    /// So many of it in microseconds.
-    pub(crate) fn in_micros(self, count: i64) -> i64 {
+    /// A time of so many microseconds, as the numbers have it: spreadsheets know no time zones.
+    pub(crate) fn stamp(self, micros: i64) -> Stamp {
+        if self == Self::Excel { Stamp::Wall(micros) } else { Stamp::Instant(micros) }
+    }
+
+    /// What the study calls it.
+    pub(crate) fn key(self) -> &'static str {
         match self {
-            Self::Seconds => count.saturating_mul(1_000_000),
-            Self::Milliseconds => count.saturating_mul(1_000),
-            Self::Microseconds => count,
-            Self::Nanoseconds => count.div_euclid(1_000),
+            Self::Seconds => "s",
+            Self::Milliseconds => "ms",
+            Self::Microseconds => "us",
+            Self::Nanoseconds => "ns",
+            Self::Excel => "excel",
         }
     }
 
@@ -186,6 +217,7 @@ impl TimestampUnit {
             Self::Milliseconds => "milliseconds",
             Self::Microseconds => "microseconds",
             Self::Nanoseconds => "nanoseconds",
+            Self::Excel => "days as spreadsheets count them",
         }
     }
 }
@@ -217,6 +249,7 @@ impl Default for DataConfig {
             held_out: None,
             train_fraction: 0.8,
             scratch: ScratchPlace::Memory,
+            memory: None,
         }
     }
 }
@@ -317,7 +350,9 @@ impl DataConfig {
     /// The instant that `moment` is on the clock of the log.
     pub fn instant(&self, moment: &Moment) -> Timestamp {
         match (parse_stamp(&moment.to_string()), self.time_zone.as_deref().and_then(Zone::new)) {
-            (Some(Stamp::Wall(wall)), Some(mut zone)) => Timestamp::from_micros(zone.instant(wall)),
+            (Some(Stamp::Wall(wall)), Some(zone)) => {
+                zone.moment(wall).map_or(moment.instant(), Timestamp::from_micros)
+            }
             _ => moment.instant(),
         }
     }

@@ -1,13 +1,15 @@
 //! From what text says to instants.
 
+use std::path::Path;
+
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
 use crate::{
     DataConfig, DataError,
-    text::{Candidates, Notation, TextFile, Zone},
+    text::{Candidates, Decimal, Notation, Signs, TextFile, Unreadable, Walls, Zone, shown},
     time::Stamp,
 };
 
-/// How the times of a file are read, one after the other.
+/// How the times of a file are read.
 #[derive(Clone, Debug)]
 pub(crate) struct Clock {
     notation: Notation,
@@ -27,14 +29,73 @@ impl Clock {
         self.zone.is_some()
     }
 
-    /// The instant that a time is, [`NO_TIME`] for none and for years that stand for something else.
-    pub(crate) fn instant(&mut self, stamp: Option<Stamp>) -> i64 {
-        let micros = match (stamp, &mut self.zone) {
-            (None, _) => return NO_TIME,
-            (Some(Stamp::Wall(wall)), Some(zone)) => zone.instant(wall),
-            (Some(stamp), _) => stamp.as_it_stands(),
-        };
-        if CALENDAR.contains(&micros) { micros } else { NO_TIME }
+    /// For the rows of a file or of a tag, one after the other.
+    pub(crate) fn rows<Row>(&self) -> Instants<Row> {
+        Instants { walls: self.zone.clone().map(Walls::new) }
+    }
+}
+
+/// Rows one after the other, and their instants.
+#[derive(Debug)]
+pub(crate) struct Instants<Row> {
+    walls: Option<Walls<Row>>,
+}
+
+impl<Row> Instants<Row> {
+    /// Take the next row. `out` gets rows in this order, each with its instant, or [`NO_TIME`] for none and for years that
+    /// stand for something else; rows of an hour that comes twice as soon as it is known which of the two.
+    pub(crate) fn push<E>(
+        &mut self,
+        stamp: Option<Stamp>,
+        row: Row,
+        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let stamp = stamp.filter(|stamp| CALENDAR.contains(&stamp.as_it_stands()));
+        match &mut self.walls {
+            Some(walls) => walls.push(stamp, row, out),
+            None => out(row, stamp.map_or(NO_TIME, Stamp::as_it_stands)),
+        }
+    }
+
+    /// Say that there are no more rows. Returns how many had a time that names no instant, or two between which nothing
+    /// decides.
+    pub(crate) fn finish<E>(
+        &mut self,
+        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
+    ) -> Result<u64, E> {
+        let Some(walls) = &mut self.walls else { return Ok(0) };
+        walls.finish(out)?;
+        Ok(walls.undecided)
+    }
+}
+
+/// How fractions are written in the text files of a log.
+#[derive(Clone, Debug)]
+pub(crate) struct Fractions {
+    pub(crate) decimal: Decimal,
+    /// What told, unless the study did: no cell of the log may contradict it.
+    pub(crate) told_by: Option<Signs>,
+}
+
+impl Fractions {
+    /// By the first rows of all files.
+    pub(crate) fn of(
+        heads: &[Head],
+        times: &[usize],
+        data: &DataConfig,
+    ) -> Result<Self, DataError> {
+        let given =
+            data.decimal.map(|sign| if sign == ',' { Decimal::Comma } else { Decimal::Point });
+        if let Some(decimal) = given {
+            return Ok(Self { decimal, told_by: None });
+        }
+        let mut signs = Signs::default();
+        for (head, &time) in heads.iter().zip(times) {
+            if let Head::Text(file) = head {
+                signs.adopt(file.signs(time));
+            }
+        }
+        Ok(Self { decimal: signs.decimal()?, told_by: Some(signs) })
     }
 }
 
@@ -54,14 +115,14 @@ pub(crate) fn notations(
             continue;
         };
         let found = Candidates::of(&file.dialect.cells(time), data.timestamp_unit);
-        candidates.push(Some(checked(found, file, time)?));
+        candidates.push(Some(checked(found, &file.path, &file.columns()[time].name)?));
     }
-    let told: Vec<Notation> = candidates
-        .iter()
-        .flatten()
-        .filter(|found| !found.is_ambiguous())
-        .flat_map(|found| found.left.clone())
-        .collect();
+    let mut told: Vec<Notation> = Vec::new();
+    for found in candidates.iter().flatten().filter(|found| !found.is_ambiguous()) {
+        told.extend(
+            found.left.iter().filter(|left| !told.contains(left)).cloned().collect::<Vec<_>>(),
+        );
+    }
     heads
         .iter()
         .zip(times)
@@ -71,10 +132,10 @@ pub(crate) fn notations(
                 return Ok(Notation::Iso);
             };
             if found.is_ambiguous() {
-                let elsewhere = found.left.iter().find(|left| told.contains(left)).cloned();
-                match elsewhere {
-                    Some(notation) => found.left = vec![notation],
-                    None => found = by_all_rows(file, time, found)?,
+                let mut elsewhere = found.left.iter().filter(|left| told.contains(left));
+                match (elsewhere.next().cloned(), elsewhere.next()) {
+                    (Some(notation), None) => found.left = vec![notation],
+                    _ => found = by_all_rows(file, time, found)?,
                 }
             }
             Ok(found.left.swap_remove(0))
@@ -82,17 +143,16 @@ pub(crate) fn notations(
         .collect()
 }
 
-fn checked(found: Candidates, file: &TextFile, time: usize) -> Result<Candidates, DataError> {
-    match &found.unreadable {
-        Some(text) if found.left.is_empty() => Err(DataError::BadTimestamp {
-            path: file.path.clone(),
-            column: file.columns()[time].name.clone(),
-            reason: format!(
-                "{text:?} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\""
-            ),
-        }),
-        _ => Ok(found),
-    }
+fn checked(found: Candidates, path: &Path, column: &str) -> Result<Candidates, DataError> {
+    let reason = match &found.unreadable {
+        Some(Unreadable::Cell(text)) if found.left.is_empty() => format!(
+            "{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
+            shown(text)
+        ),
+        Some(Unreadable::Numbers(reason)) if found.left.is_empty() => reason.clone(),
+        _ => return Ok(found),
+    };
+    Err(DataError::BadTimestamp { path: path.to_owned(), column: column.to_owned(), reason })
 }
 
 /// Read the times of all rows until one of them tells.
@@ -101,8 +161,10 @@ fn by_all_rows(
     time: usize,
     mut found: Candidates,
 ) -> Result<Candidates, DataError> {
-    let mut blocks = file.blocks()?;
-    while let Some(block) = blocks.next(1)? {
+    let is_number = |notation: &Notation| matches!(notation, Notation::Number(_));
+    // Any number can be read in every unit.
+    let mut blocks = if found.left.iter().all(is_number) { None } else { Some(file.blocks()?) };
+    while let Some(block) = blocks.as_mut().map(|blocks| blocks.next(1)).transpose()?.flatten() {
         for (range, line) in &block.parts {
             let mut records = file.records(&block.bytes[range.clone()], *line);
             while records.advance()? {
@@ -111,7 +173,7 @@ fn by_all_rows(
                     found.note(text.trim());
                 }
                 if !found.is_ambiguous() {
-                    return checked(found, file, time);
+                    return checked(found, &file.path, &file.columns()[time].name);
                 }
             }
         }

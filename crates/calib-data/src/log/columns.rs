@@ -3,12 +3,16 @@
 use std::{ops::Range, sync::Arc};
 
 use calib_core::Monitor;
-use calib_files::{FileError, ScratchPlace, Spill};
+use calib_files::{FileError, Spill};
 
-use super::{clock::Clock, rows::NO_TIME};
+use super::{
+    clock::{Clock, Fractions, Instants},
+    room::Room,
+    rows::NO_TIME,
+};
 use crate::{
-    DataError,
-    text::{Cell, Decimal, Notation, Records, TextFile, Words, cell_of},
+    DataConfig, DataError,
+    text::{Cell, Notation, Records, Signs, TextFile, Words, cell_of, either_way, shown},
     time::Stamp,
 };
 
@@ -17,11 +21,36 @@ use crate::{
 pub(crate) struct Store {
     pub(crate) spill: Spill,
     pub(crate) words: Words,
+    pub(crate) signs: Signs,
+    pub(crate) room: Room,
+}
+
+/// What cells were read into beside their values.
+#[derive(Debug, Default)]
+pub(crate) struct Seen {
+    pub(crate) words: Words,
+    /// What they show of how fractions are written, beyond what the first rows told.
+    signs: Signs,
 }
 
 impl Store {
-    pub(crate) fn new(place: &ScratchPlace) -> Result<Self, DataError> {
-        Ok(Self { spill: Spill::new(place)?, words: Words::default() })
+    pub(crate) fn new(data: &DataConfig) -> Result<Self, DataError> {
+        Ok(Self {
+            spill: Spill::new(&data.scratch)?,
+            words: Words::bounded(),
+            signs: Signs::default(),
+            room: Room::of(data),
+        })
+    }
+
+    /// Make `cells`, which were read into `seen`, cells of this store.
+    ///
+    /// # Errors
+    /// If two cells of the log separate fractions by two signs.
+    pub(crate) fn adopt(&mut self, seen: Seen, cells: &mut [u64]) -> Result<(), DataError> {
+        self.words.adopt(&seen.words, cells);
+        self.signs.adopt(seen.signs);
+        self.signs.refuse_contradiction()
     }
 
     /// Cells that were appended at `at`.
@@ -72,37 +101,50 @@ pub(crate) struct Imported {
     pub(crate) columns: Columns,
     /// For each column, whether it holds text that is no number, and nothing else.
     pub(crate) words_only: Vec<bool>,
+    /// Rows whose time names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
 }
 
 /// Read all columns of `file` into `store`, and its times.
 pub(crate) fn import(
     file: &TextFile,
     time: usize,
-    clock: &mut Clock,
+    clock: &Clock,
+    fractions: &Fractions,
     store: &mut Store,
     monitor: &dyn Monitor,
 ) -> Result<Imported, DataError> {
-    let decimal = file.decimal(time)?;
     let width = file.columns().len();
-    let notation = clock.notation().clone();
-    let mut imported =
-        Imported { times: Vec::new(), columns: Columns::default(), words_only: vec![true; width] };
-    let read = |records: Records<'_>| Part::read(records, width, time, &notation, decimal);
-    file.read_parts(read, |part| imported.add(part, clock, store), monitor)?;
+    let mut imported = Imported {
+        times: Vec::new(),
+        columns: Columns::default(),
+        words_only: vec![true; width],
+        undecided: 0,
+    };
+    let mut instants = clock.rows();
+    let read = |records: Records<'_>| Part::read(records, width, time, clock.notation(), fractions);
+    file.read_parts(read, |part| imported.add(part, &mut instants, store), monitor)?;
+    imported.undecided = instants.finish(&mut |(), instant| imported.take(instant))?;
     Ok(imported)
 }
 
 impl Imported {
+    fn take(&mut self, instant: i64) -> Result<(), DataError> {
+        self.times.push(instant);
+        Ok(())
+    }
+
     fn add(
         &mut self,
         mut part: Part,
-        clock: &mut Clock,
+        instants: &mut Instants<()>,
         store: &mut Store,
     ) -> Result<(), DataError> {
         let rows = part.stamps.len();
-        let times = part.stamps.into_iter().map(|stamp| clock.instant(stamp));
-        self.times.extend(times);
-        store.words.adopt(&part.words, &mut part.cells);
+        for stamp in part.stamps {
+            instants.push(stamp, (), &mut |(), instant| self.take(instant))?;
+        }
+        store.adopt(part.seen, &mut part.cells)?;
         for (column, cells) in part.cells.chunks(rows.max(1)).enumerate() {
             let number =
                 |&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite);
@@ -111,7 +153,8 @@ impl Imported {
         let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));
         self.columns.rows += rows;
-        Ok(())
+        // Packed text may be any number of rows.
+        store.room.require_rows(self.columns.rows as u64, None)
     }
 }
 
@@ -119,7 +162,7 @@ impl Imported {
 struct Part {
     stamps: Vec<Option<Stamp>>,
     cells: Vec<u64>,
-    words: Words,
+    seen: Seen,
 }
 
 impl Part {
@@ -128,9 +171,9 @@ impl Part {
         width: usize,
         time: usize,
         notation: &Notation,
-        decimal: Decimal,
+        fractions: &Fractions,
     ) -> Result<Self, DataError> {
-        let mut words = Words::default();
+        let mut seen = Seen::default();
         let mut stamps = Vec::new();
         let mut by_row: Vec<u64> = Vec::new();
         while records.advance()? {
@@ -139,7 +182,7 @@ impl Part {
                 let cell = if column == time {
                     Cell::Missing
                 } else {
-                    cell(&records, column, decimal, &mut words)?
+                    cell(&records, column, fractions, &mut seen)?
                 };
                 by_row.push(cell.encode());
             }
@@ -151,7 +194,7 @@ impl Part {
                 cells[column * rows + row] = cell;
             }
         }
-        Ok(Self { stamps, cells, words })
+        Ok(Self { stamps, cells, seen })
     }
 }
 
@@ -168,7 +211,8 @@ pub(crate) fn stamp(
     }
     notation.read(text).map(Some).ok_or_else(|| {
         records.refused(format!(
-            "{text:?} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            "{} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            shown(text),
             notation.name()
         ))
     })
@@ -178,15 +222,16 @@ pub(crate) fn stamp(
 pub(crate) fn cell(
     records: &Records<'_>,
     column: usize,
-    decimal: Decimal,
-    words: &mut Words,
+    fractions: &Fractions,
+    seen: &mut Seen,
 ) -> Result<Cell, DataError> {
     let text = records.text(column);
-    cell_of(&text, decimal, words).ok_or_else(|| {
-        records.refused(format!(
-            "{text} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
-        ))
-    })
+    let cell = cell_of(&text, fractions.decimal, &mut seen.words)
+        .ok_or_else(|| records.refused(either_way(text.trim())))?;
+    if fractions.told_by.is_some() && Signs::may_tell(&text, fractions.decimal) {
+        seen.signs.note(&text, records.path());
+    }
+    Ok(cell)
 }
 
 /// What a file of columns is read from.

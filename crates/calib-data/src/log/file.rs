@@ -10,9 +10,10 @@ use std::{
 use calib_files::{FileError, HeldFile};
 use pl::SerReader as _;
 use polars::prelude as pl;
+use rayon::prelude::*;
 
 use super::{columns::Stored, source::Source, values::RawColumn};
-use crate::{DataError, Description, checksums, guard::guard, table::RESULTS_KEY};
+use crate::{DataError, Description, checksums, guard::guard, statistics, table::RESULTS_KEY};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -216,6 +217,10 @@ impl LogFile {
         if columns.iter().any(|column| column.len() != rows.len()) {
             return Err(self.not_parquet(format!("fewer rows than the {} it declares", self.rows)));
         }
+        fields.par_iter().zip(&columns).try_for_each(|(&field, column)| {
+            statistics::verify(&parquet.metadata, &self.fields[field].name, rows, column)
+                .map_err(|reason| self.not_parquet(reason))
+        })?;
         Ok(columns)
     }
 

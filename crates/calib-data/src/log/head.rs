@@ -5,7 +5,7 @@ use std::{fs::File, io::Read as _, path::Path};
 use super::{
     file::{FieldKind, LogFile},
     source::Source,
-    values::to_labels,
+    values::each_label,
 };
 use crate::{
     DataConfig, DataError,
@@ -74,8 +74,10 @@ impl Head {
                     return Ok(Vec::new());
                 }
                 let column = file.read(&[column], &rows)?.swap_remove(0);
-                let labels = to_labels(&column).map_err(|error| file.damaged(&error))?;
-                Ok(labels.into_iter().flatten().collect())
+                let mut labels = Vec::new();
+                each_label(&column, |label| labels.extend(label.map(str::to_owned)))
+                    .map_err(|error| file.damaged(&error))?;
+                Ok(labels)
             }
             Self::Text(file) => {
                 Ok(file.dialect.cells(column).into_iter().map(str::to_owned).collect())

@@ -1,22 +1,22 @@
 //! Files of samples, streamed into their tags.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use calib_core::Monitor;
 
 use super::{
-    clock::Clock,
-    columns::{cell, stamp},
+    clock::{Clock, Fractions, Instants},
+    columns::{Seen, cell, stamp},
     file::LogFile,
     head::Head,
     series::Sink,
     shape::{Roles, TagOf},
     times::Times,
-    values::to_cells,
+    values::{each_label, to_cells},
 };
 use crate::{
     DataConfig, DataError,
-    text::{Annotated, Cell, Decimal, Notation, Records, TextFile, Words, annotated_names},
+    text::{Annotated, Cell, Key, Notation, Records, Sample, TextFile, Words, annotated_names},
     time::Stamp,
 };
 
@@ -27,7 +27,7 @@ struct Part {
     stamps: Vec<Option<Stamp>>,
     cells: Vec<u64>,
     names: Names,
-    words: Words,
+    seen: Seen,
     bad_quality: u64,
 }
 
@@ -50,34 +50,51 @@ impl Names {
     }
 }
 
-/// Read all samples of a file.
-pub(crate) fn stream(
-    head: &Head,
-    roles: &Roles,
-    clock: Clock,
-    data: &DataConfig,
-    sink: &mut Sink,
-    monitor: &dyn Monitor,
-) -> Result<(), DataError> {
-    match head {
-        Head::Text(file) => stream_text(file, roles, clock, sink, monitor),
-        Head::Parquet(file) => stream_parquet(file, roles, clock, data, sink, monitor),
-        Head::Annotated(..) => Ok(()),
+/// Samples of a file on their way into their tags. Each tag goes through an hour that comes twice by itself.
+struct Pouring<'a> {
+    clock: &'a Clock,
+    sink: &'a mut Sink,
+    instants: BTreeMap<usize, Instants<u64>>,
+}
+
+impl<'a> Pouring<'a> {
+    fn new(clock: &'a Clock, sink: &'a mut Sink) -> Self {
+        Self { clock, sink, instants: BTreeMap::new() }
+    }
+
+    fn push(&mut self, tag: usize, stamp: Option<Stamp>, cell: u64) -> Result<(), DataError> {
+        let Self { clock, sink, instants } = self;
+        let mut out = |cell, time| sink.push(tag, time, cell);
+        if clock.has_zone() {
+            instants.entry(tag).or_insert_with(|| clock.rows()).push(stamp, cell, &mut out)
+        } else {
+            clock.rows().push(stamp, cell, &mut out)
+        }
+    }
+
+    fn finish(self) -> Result<(), DataError> {
+        let Self { sink, instants, .. } = self;
+        for (tag, mut instants) in instants {
+            let undecided = instants.finish(&mut |cell, time| sink.push(tag, time, cell))?;
+            sink.undecided += undecided;
+        }
+        Ok(())
     }
 }
 
-fn stream_text(
+/// Read all samples of a text file.
+pub(crate) fn stream_text(
     file: &TextFile,
     roles: &Roles,
-    mut clock: Clock,
+    clock: &Clock,
+    fractions: &Fractions,
     sink: &mut Sink,
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
-    let decimal = file.decimal(roles.time)?;
-    let notation = clock.notation().clone();
-    let mut clocks = HashMap::new();
-    let read = |records: Records<'_>| Part::read(records, roles, &notation, decimal);
-    file.read_parts(read, |part| part.pour(&mut clock, &mut clocks, sink), monitor)
+    let mut pouring = Pouring::new(clock, sink);
+    let read = |records: Records<'_>| Part::read(records, roles, clock.notation(), fractions);
+    file.read_parts(read, |part| part.pour(&mut pouring), monitor)?;
+    pouring.finish()
 }
 
 impl Part {
@@ -85,7 +102,7 @@ impl Part {
         mut records: Records<'_>,
         roles: &Roles,
         notation: &Notation,
-        decimal: Decimal,
+        fractions: &Fractions,
     ) -> Result<Self, DataError> {
         let mut part = Self::default();
         // Most rows repeat the tag or the time of the row before them.
@@ -116,7 +133,7 @@ impl Part {
                     stamp(&records, roles.time, notation)?
                 }
             };
-            let cell = part.value(&records, roles, decimal)?;
+            let cell = part.value(&records, roles, fractions)?;
             part.tags.push(tag);
             part.stamps.push(time);
             part.cells.push(cell.encode());
@@ -128,7 +145,7 @@ impl Part {
         &mut self,
         records: &Records<'_>,
         roles: &Roles,
-        decimal: Decimal,
+        fractions: &Fractions,
     ) -> Result<Cell, DataError> {
         if let Some((column, quality)) = &roles.quality {
             let code = records.text(*column);
@@ -138,7 +155,7 @@ impl Part {
             }
         }
         for &column in &roles.values {
-            match cell(records, column, decimal, &mut self.words)? {
+            match cell(records, column, fractions, &mut self.seen)? {
                 Cell::Missing => {}
                 cell => return Ok(cell),
             }
@@ -146,33 +163,23 @@ impl Part {
         Ok(Cell::Missing)
     }
 
-    fn pour(
-        mut self,
-        clock: &mut Clock,
-        clocks: &mut HashMap<usize, Clock>,
-        sink: &mut Sink,
-    ) -> Result<(), DataError> {
-        let tags: Vec<usize> = self.names.list.iter().map(|name| sink.tag(name)).collect();
-        sink.store.words.adopt(&self.words, &mut self.cells);
-        sink.bad_quality += self.bad_quality;
+    fn pour(mut self, into: &mut Pouring<'_>) -> Result<(), DataError> {
+        let tags = self.names.list.iter().map(|name| into.sink.tag(name));
+        let tags: Vec<usize> = tags.collect::<Result<_, _>>()?;
+        into.sink.store.adopt(self.seen, &mut self.cells)?;
+        into.sink.bad_quality += self.bad_quality;
         for ((tag, stamp), cell) in self.tags.into_iter().zip(self.stamps).zip(self.cells) {
-            let tag = tags[tag as usize];
-            let time = if clock.has_zone() {
-                // Each tag goes through the hour that comes twice by itself.
-                clocks.entry(tag).or_insert_with(|| clock.clone()).instant(stamp)
-            } else {
-                clock.instant(stamp)
-            };
-            sink.push(tag, time, cell)?;
+            into.push(tags[tag as usize], stamp, cell)?;
         }
         Ok(())
     }
 }
 
-fn stream_parquet(
+/// Read all samples of a Parquet file.
+pub(crate) fn stream_parquet(
     file: &LogFile,
     roles: &Roles,
-    mut clock: Clock,
+    clock: &Clock,
     data: &DataConfig,
     sink: &mut Sink,
     monitor: &dyn Monitor,
@@ -185,7 +192,7 @@ fn stream_parquet(
         TagOf::File(_) => None,
     });
     let mut unit = data.timestamp_unit;
-    let mut clocks = HashMap::new();
+    let mut pouring = Pouring::new(clock, sink);
     for slice in file.slices(&(0..file.rows)) {
         if monitor.interrupted() {
             return Err(DataError::Interrupted);
@@ -193,10 +200,11 @@ fn stream_parquet(
         let columns = file.read(&fields, &slice)?;
         let mut part = Part::default();
         let times = Times::of(&columns[0], file, data, slice.start)?;
-        part.stamps = times.stamps(&mut unit);
+        part.stamps = times.stamps(&mut unit, file, roles.time)?;
         part.cells = vec![Cell::Missing.encode(); slice.len()];
         for column in columns[1..=roles.values.len()].iter().rev() {
-            let cells = to_cells(column, &mut part.words).map_err(|error| file.damaged(&error))?;
+            let cells =
+                to_cells(column, &mut part.seen.words).map_err(|error| file.damaged(&error))?;
             for (out, cell) in part.cells.iter_mut().zip(cells) {
                 if Cell::decode(cell) != Cell::Missing {
                     *out = cell;
@@ -204,41 +212,48 @@ fn stream_parquet(
             }
         }
         if let Some((_, quality)) = &roles.quality {
-            let codes = super::values::to_labels(&columns[1 + roles.values.len()])
-                .map_err(|error| file.damaged(&error))?;
+            let refused = |reason: String| DataError::Shape {
+                reason: format!("{}: {reason}", file.path().display()),
+            };
             let mut known: HashMap<String, bool> = HashMap::new();
-            for (cell, code) in part.cells.iter_mut().zip(codes) {
+            let mut is_good = Vec::with_capacity(slice.len());
+            let mut unknown = None;
+            each_label(&columns[1 + roles.values.len()], |code| {
                 let code = code.unwrap_or_default();
-                let is_good = if let Some(&is_good) = known.get(&code) {
-                    is_good
-                } else {
-                    let is_good = quality.is_good(&code).map_err(|reason| DataError::Shape {
-                        reason: format!("{}: {reason}", file.path().display()),
-                    })?;
-                    known.insert(code, is_good);
-                    is_good
-                };
-                if !is_good {
-                    part.bad_quality += 1;
-                    *cell = Cell::Missing.encode();
-                }
+                let good = known.get(code).copied().unwrap_or_else(|| {
+                    let good = quality.is_good(code).unwrap_or_else(|reason| {
+                        unknown.get_or_insert(reason);
+                        false
+                    });
+                    known.insert(code.to_owned(), good);
+                    good
+                });
+                is_good.push(good);
+            })
+            .map_err(|error| file.damaged(&error))?;
+            if let Some(reason) = unknown {
+                return Err(refused(reason));
+            }
+            for (cell, _) in part.cells.iter_mut().zip(is_good).filter(|(_, good)| !good) {
+                part.bad_quality += 1;
+                *cell = Cell::Missing.encode();
             }
         }
         part.tags = match &roles.tag {
             TagOf::File(name) => vec![part.names.position(name); slice.len()],
             TagOf::Column(_) => {
-                let labels = super::values::to_labels(&columns[fields.len() - 1])
-                    .map_err(|error| file.damaged(&error))?;
+                let mut tags = Vec::with_capacity(slice.len());
                 let names = &mut part.names;
-                labels
-                    .into_iter()
-                    .map(|label| names.position(label.as_deref().unwrap_or("")))
-                    .collect()
+                each_label(&columns[fields.len() - 1], |tag| {
+                    tags.push(names.position(tag.unwrap_or_default()));
+                })
+                .map_err(|error| file.damaged(&error))?;
+                tags
             }
         };
-        part.pour(&mut clock, &mut clocks, sink)?;
+        part.pour(&mut pouring)?;
     }
-    Ok(())
+    pouring.finish()
 }
 
 /// Read annotated files, whose tags are named when all are known.
@@ -248,30 +263,31 @@ pub(crate) fn stream_annotated(
     sink: &mut Sink,
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
-    let mut keys = Vec::new();
+    let mut known: HashMap<Key, usize> = HashMap::new();
+    let mut words = Words::bounded();
     for head in heads {
-        let mut words = Words::default();
-        let mut known: HashMap<crate::text::Key, usize> = HashMap::new();
-        let mut clock = clock.clone();
-        Annotated::open(head.path())?.read(&mut words, |sample, words| {
+        let mut pouring = Pouring::new(clock, sink);
+        let pour = |sample: Sample<'_>, words: &Words| {
             let tag = if let Some(&tag) = known.get(sample.key) {
                 tag
             } else {
-                let tag = sink.tag(&format!("{:?}", sample.key));
-                if tag == keys.len() {
-                    keys.push(sample.key.clone());
-                }
+                let tag = pouring.sink.add_tag()?;
                 known.insert(sample.key.clone(), tag);
                 tag
             };
-            let mut cells = [sample.cell.encode()];
-            if let Cell::Word(word) = sample.cell {
-                cells =
-                    [Cell::Word(sink.store.words.position(&words.list()[word as usize])).encode()];
-            }
-            sink.push(tag, clock.instant(sample.time), cells[0])
-        })?;
+            let cell = match sample.cell {
+                Cell::Word(word) => Cell::Word(pouring.sink.store.words.translated(words, word)),
+                cell => cell,
+            };
+            pouring.push(tag, sample.time, cell.encode())
+        };
+        Annotated::open(head.path())?.read(&mut words, pour, monitor)?;
+        pouring.finish()?;
         monitor.advance(1);
+    }
+    let mut keys = vec![Key::default(); known.len()];
+    for (key, tag) in known {
+        keys[tag] = key;
     }
     sink.rename(annotated_names(&keys));
     Ok(())

@@ -13,16 +13,24 @@ mod place;
 mod planned;
 mod read;
 mod resample;
+mod room;
 mod rows;
+mod seldom;
 mod series;
 mod shape;
 mod source;
 mod split;
 mod tag_of_path;
 mod times;
+mod union;
+mod units;
 mod values;
 
-use std::{collections::HashMap, ops::Range, path::PathBuf};
+use std::{
+    collections::{BTreeMap, HashMap},
+    ops::Range,
+    path::PathBuf,
+};
 
 use calib_core::{Monitor, Period, Timestamp};
 
@@ -33,12 +41,16 @@ pub(crate) use self::{
     known::{TAGS, plain},
     place::{Contradiction, SHOWN},
     read::{Batch, ChannelValues, Codes},
+    room::Room,
     rows::{EXAMPLES, NO_TIME},
-    times::{guess_unit, typical},
+    seldom::{Neighbourhood, Seldom},
+    units::units,
     values::{LARGEST, NotNumbers},
 };
 use crate::{
-    Contradictions, DataConfig, DataError, Description, Shape, names::Names, time::format_time,
+    Contradictions, DataConfig, DataError, Description, Shape,
+    names::{Chosen, Names},
+    time::format_time,
 };
 
 /// Everything about the log except the values of its channels.
@@ -56,6 +68,8 @@ pub(crate) struct Log {
     pub(crate) utc: bool,
     /// Samples that their quality made missing.
     pub(crate) bad_quality: u64,
+    /// Rows without a time because theirs names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
     pub(crate) channels: Vec<Channel>,
     pub(crate) period: Period,
     pub(crate) period_was_detected: bool,
@@ -109,14 +123,20 @@ impl Log {
     ) -> Result<(Self, Vec<usize>), DataError> {
         let whole = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
         let log = Self::open(&whole, monitor)?;
-        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
-        include.check(log.channels.iter().map(|channel| channel.name.as_str()))?;
-        let is_wanted = |channel: &Channel| {
-            let included = data.include.is_empty() || include.matching(&channel.name).is_some();
-            channel.readable && included && exclude.matching(&channel.name).is_none()
-        };
+        Names::new(&data.include)
+            .check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+        let chosen = Chosen::of(data);
+        let is_wanted = |channel: &Channel| channel.readable && chosen.has(&channel.name);
         let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
         Ok((log, wanted))
+    }
+
+    /// The channels of neither numbers nor text that the study does not leave out, with their types.
+    pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
+        let chosen = Chosen::of(data);
+        let is_missed = |channel: &&Channel| !channel.readable && chosen.has(&channel.name);
+        let missed = self.channels.iter().filter(is_missed);
+        missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }
 
     /// What happens to contradictions.

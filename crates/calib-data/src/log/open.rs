@@ -6,23 +6,35 @@ use calib_core::Monitor;
 
 use super::{
     FileSummary,
-    clock::{Clock, notations},
+    clock::{Clock, Fractions, notations},
     columns::{Imported, Store, Stored, import},
     file::{Field, FieldKind, LogFile},
     head::Head,
-    long::{stream, stream_annotated},
+    long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
     shape::{Recognised, Roles, recognise, time_column},
     source::{self, Source},
     times,
 };
-use crate::{DataConfig, DataError, Description, Shape, text::Notation, time::Stamp};
+use crate::{
+    DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation, time::Stamp,
+};
 
 /// What the files hold, before rows and ranges are known.
 pub(super) enum Opened {
-    /// Wide files, the position of the timestamp in each, and its values.
-    Tables(Vec<LogFile>, Vec<usize>, Vec<Vec<i64>>),
+    Tables(Tables),
     Samples(Shape, Vec<FileSummary>, Sink),
+}
+
+/// Wide files.
+pub(super) struct Tables {
+    pub(super) files: Vec<LogFile>,
+    /// The position of the timestamp in each.
+    pub(super) times: Vec<usize>,
+    /// Its values.
+    pub(super) instants: Vec<Vec<i64>>,
+    /// Rows whose time names no instant, or two between which nothing decides.
+    pub(super) undecided: u64,
 }
 
 /// Find, open and recognise the files of a log; and whether its times are UTC.
@@ -62,15 +74,16 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         Recognised::Annotated => Vec::new(),
         _ => notations(&heads, &times, data)?,
     };
+    let fractions = Fractions::of(&heads, &times, data)?;
     let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations, data)?;
     let opened = match recognised {
-        Recognised::Wide => tables(heads, times, notations, data, monitor),
+        Recognised::Wide => tables(heads, times, &TextRead { notations, fractions }, data, monitor),
         Recognised::Samples(shape, roles) => {
             refuse_several_plants(&sources)?;
-            samples(shape, &heads, &roles, notations, data, monitor)
+            samples(shape, &heads, &roles, &TextRead { notations, fractions }, data, monitor)
         }
         Recognised::Annotated => {
-            let mut sink = Sink::new(Store::new(&data.scratch)?);
+            let mut sink = Sink::new(Store::new(data)?);
             let clock = Clock::new(Notation::Iso, data);
             stream_annotated(&heads, &clock, &mut sink, monitor)?;
             let files = heads.iter().map(|head| summary(head, 0)).collect();
@@ -78,6 +91,23 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         }
     };
     Ok((opened?, utc))
+}
+
+/// How text is written.
+struct TextRead {
+    /// Times, of each file.
+    notations: Vec<Notation>,
+    /// Fractions, in all files.
+    fractions: Fractions,
+}
+
+impl TextRead {
+    /// What text is read into.
+    fn store(&self, data: &DataConfig) -> Result<Store, DataError> {
+        let mut store = Store::new(data)?;
+        store.signs.adopt(self.fractions.told_by.clone().unwrap_or_default());
+        Ok(store)
+    }
 }
 
 /// Whether the files say which instants their times are, by an offset, a zone, or as numbers since 1970.
@@ -88,7 +118,10 @@ fn is_utc(
     data: &DataConfig,
 ) -> Result<bool, DataError> {
     // With a format, numbers are dates that name no zone.
-    let numbers_count = data.timestamp_format.is_none() || data.timestamp_unit.is_some();
+    let numbers_count = match data.timestamp_unit {
+        None => data.timestamp_format.is_none(),
+        Some(unit) => unit != TimestampUnit::Excel,
+    };
     let mut all = true;
     for (position, (head, &time)) in heads.iter().zip(times).enumerate() {
         all &= match head {
@@ -111,16 +144,19 @@ fn is_utc(
 fn tables(
     heads: Vec<Head>,
     times: Vec<usize>,
-    notations: Vec<Notation>,
+    written: &TextRead,
     data: &DataConfig,
     monitor: &dyn Monitor,
 ) -> Result<Opened, DataError> {
-    let mut store = Store::new(&data.scratch)?;
+    let mut store = written.store(data)?;
     let mut imported: HashMap<usize, Imported> = HashMap::new();
-    for (position, (head, notation)) in heads.iter().zip(notations).enumerate() {
+    let mut undecided = 0;
+    for (position, (head, notation)) in heads.iter().zip(&written.notations).enumerate() {
         if let Head::Text(file) = head {
-            let mut clock = Clock::new(notation, data);
-            let read = import(file, times[position], &mut clock, &mut store, monitor)?;
+            let clock = Clock::new(notation.clone(), data);
+            let time = times[position];
+            let read = import(file, time, &clock, &written.fractions, &mut store, monitor)?;
+            undecided += read.undecided;
             imported.insert(position, read);
         }
     }
@@ -162,25 +198,34 @@ fn tables(
         if monitor.interrupted() {
             return Err(DataError::Interrupted);
         }
-        instants.push(times::read_timestamps(file, time, data)?);
+        let read = times::read_timestamps(file, time, data)?;
+        instants.push(read.instants);
+        undecided += read.undecided;
         monitor.advance(1);
     }
-    Ok(Opened::Tables(files, times, instants))
+    Ok(Opened::Tables(Tables { files, times, instants, undecided }))
 }
 
 fn samples(
     shape: Shape,
     heads: &[Head],
     roles: &[Roles],
-    notations: Vec<Notation>,
+    written: &TextRead,
     data: &DataConfig,
     monitor: &dyn Monitor,
 ) -> Result<Opened, DataError> {
-    let mut sink = Sink::new(Store::new(&data.scratch)?);
+    let mut sink = Sink::new(written.store(data)?);
     let mut files = Vec::with_capacity(heads.len());
-    for ((head, roles), notation) in heads.iter().zip(roles).zip(notations) {
+    for ((head, roles), notation) in heads.iter().zip(roles).zip(&written.notations) {
         let before = sink.rows;
-        stream(head, roles, Clock::new(notation, data), data, &mut sink, monitor)?;
+        let clock = Clock::new(notation.clone(), data);
+        match head {
+            Head::Text(file) => {
+                stream_text(file, roles, &clock, &written.fractions, &mut sink, monitor)?;
+            }
+            Head::Parquet(file) => stream_parquet(file, roles, &clock, data, &mut sink, monitor)?,
+            Head::Annotated(..) => {}
+        }
         files.push(summary(head, (sink.rows - before) as usize));
         monitor.advance(1);
     }

@@ -8,14 +8,15 @@ use super::{
     Channel, FileSummary, Log, Origin,
     file::{FieldKind, LogFile},
     gaps,
-    open::{Opened, refuse_pair},
+    open::{Opened, Tables, refuse_pair},
     resample::Grid,
+    room::Room,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
     series::Sink,
     split::{self, Split},
 };
-use crate::{DataConfig, DataError, Description, Shape, time::format_time};
+use crate::{DataConfig, DataError, Description, Shape, names::Chosen, time::format_time};
 
 /// What rows there are, before they are cut into ranges.
 struct Planned {
@@ -28,37 +29,32 @@ struct Planned {
     /// The first and the last instant of all.
     span: (i64, i64),
     bad_quality: u64,
+    undecided: u64,
 }
 
 impl Opened {
     pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
         let planned = match self {
-            Self::Tables(files, times, instants) => plan_tables(files, &times, &instants, data)?,
+            Self::Tables(tables) => plan_tables(tables, data)?,
             Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
         };
         Ok(Log { utc, ..planned.into_log(data)? })
     }
 }
 
-fn plan_tables(
-    files: Vec<LogFile>,
-    times: &[usize],
-    instants: &[Vec<i64>],
-    data: &DataConfig,
-) -> Result<Planned, DataError> {
+fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> {
+    let Tables { files, times, instants, undecided } = tables;
     let total: usize = instants.iter().map(Vec::len).sum();
-    if u32::try_from(total).is_err() {
-        return Err(DataError::TooManyRows { rows: total as u64 });
-    }
+    Room::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
     };
     let split = Split::new(data, first, last)?;
-    let rows = Rows::plan(instants, &split.window());
+    let rows = Rows::plan(&instants, &split.window());
     refuse_mixed_partitions(&files, &rows.irregularities)?;
     Ok(Planned {
-        channels: list_channels(&files, times),
+        channels: list_channels(&files, &times),
         files: files
             .iter()
             .map(|file| FileSummary {
@@ -73,6 +69,7 @@ fn plan_tables(
         split,
         span: (first, last),
         bad_quality: 0,
+        undecided,
     })
 }
 
@@ -82,7 +79,8 @@ fn plan_samples(
     sink: Sink,
     data: &DataConfig,
 ) -> Result<Planned, DataError> {
-    let (null_timestamps, bad_quality) = (sink.null_times, sink.bad_quality);
+    let null_timestamps = sink.null_times;
+    let (bad_quality, undecided) = (sink.bad_quality, sink.undecided);
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -90,6 +88,7 @@ fn plan_samples(
     let split = Split::new(data, first, last)?;
     let window = split.window();
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
+    Room::of(data).require_rows(timestamps.len() as u64, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
     let channel = |tag: &super::series::Tag| Channel {
         name: tag.name.clone(),
@@ -107,19 +106,26 @@ fn plan_samples(
         split,
         span: (first, last),
         bad_quality,
+        undecided,
     })
 }
 
 impl Planned {
     fn into_log(self, data: &DataConfig) -> Result<Log, DataError> {
-        let Self { origin, files, shape, channels, rows, split, span, bad_quality } = self;
+        let Self { origin, files, shape, channels, rows, split, span, bad_quality, undecided } =
+            self;
         let (rows, recorded, grid) =
             match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
                 None => (rows, None, None),
                 Some((resample, period)) => {
                     let ranges = split.ranges_inside(span);
-                    let grid = Grid::new(resample, period, data.max_age(period), ranges)?;
-                    let timestamps = grid_rows(&grid, &origin, &rows)?;
+                    let grid = Grid::new(resample, period, data.max_age(period), ranges);
+                    let timestamps = grid_rows(&grid, &origin, &rows, data)?;
+                    let recorded = match &origin {
+                        Origin::Tables(_) => rows.timestamps.len() as u64 * channels.len() as u64,
+                        Origin::Series(series, _) => series.count(),
+                    };
+                    refuse_too_fine(timestamps.len(), recorded, &channels, data)?;
                     (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
                 }
             };
@@ -151,6 +157,7 @@ impl Planned {
             grid,
             utc: false,
             bad_quality,
+            undecided,
             channels,
             period,
             train,
@@ -163,6 +170,7 @@ fn grid_rows(
     grid: &Grid,
     origin: &Origin,
     recorded: &Rows,
+    data: &DataConfig,
 ) -> Result<Vec<calib_core::Timestamp>, DataError> {
     let mut coverage = grid.coverage();
     match origin {
@@ -177,7 +185,27 @@ fn grid_rows(
             }
         }
     }
-    Ok(grid.rows(&coverage))
+    Room::of(data).require_rows(coverage.rows(), data.period_secs)?;
+    Ok(grid.rows(&mut coverage))
+}
+
+/// More values than this are not made of a thousandth of them: what would come of it is what was recorded, again and again.
+const MANY: u64 = 10_000_000_000;
+
+fn refuse_too_fine(
+    rows: usize,
+    samples: u64,
+    channels: &[Channel],
+    data: &DataConfig,
+) -> Result<(), DataError> {
+    let chosen = Chosen::of(data);
+    let is_read = |channel: &&Channel| channel.readable && chosen.has(&channel.name);
+    let values = (rows as u64).saturating_mul(channels.iter().filter(is_read).count() as u64);
+    if values > MANY && values / 1_000 > samples {
+        let period_secs = data.period_secs.unwrap_or_default();
+        return Err(DataError::TooFine { period_secs, values, samples });
+    }
+    Ok(())
 }
 
 /// Wells and plants logged at the same time are not one log, however similar their channels.

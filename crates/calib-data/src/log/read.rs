@@ -9,17 +9,20 @@ use super::{
     Log, Origin,
     file::LogFile,
     place::{Contradicting, Contradiction},
-    resample::Grid,
+    resample::{Bridged, Grid},
     rows::{LEFT_OUT, RowMap, Rows},
+    seldom::Seldom,
     series::Series,
-    values::{NotNumbers, cells_to_numbers, label, to_labels, to_numbers},
+    values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
 use crate::{Contradictions, DataError, format_time};
 
 /// What a batch of channels may hold in memory, in bytes.
 const BATCH_BYTES: usize = 256 << 20;
-/// Channels in a batch at least and at most.
+/// Channels in a batch at least, and at most if there are not very many.
 const BATCH_CHANNELS: (usize, usize) = (2, 64);
+/// Batches at most, where memory allows: each begins with a look at all columns of the files.
+const BATCHES: usize = 64;
 
 /// Channels that are read together; its memory is used again for the next batch.
 #[derive(Default)]
@@ -28,23 +31,33 @@ pub(crate) struct Batch(Vec<ChannelValues>);
 /// The values of one channel in time order.
 #[derive(Default)]
 pub(crate) struct ChannelValues {
-    /// One per row of the log, NaN where missing.
+    /// One per row of the log, NaN where missing; none where `seldom` has them.
     pub(crate) values: Vec<f64>,
+    /// Those of a channel with few of them, where they were asked for like this.
+    pub(crate) seldom: Option<Seldom>,
     /// One per duplicate of the recorded rows.
     duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
+    /// Samples that another one of their tag and time took in.
+    pub(crate) repeated: u64,
+    /// Stops of its recording that the last value stood in for.
+    pub(crate) bridged: Bridged,
     pub(crate) contradictions: Contradicting,
     /// Duplicates of the recorded rows that contradict the row that is kept.
     pub(crate) conflicts: Vec<u32>,
 }
 
 impl ChannelValues {
-    fn clear(&mut self, rows: &Rows) {
+    /// Forget everything, and have room for `rows` and `duplicates`.
+    fn clear(&mut self, rows: usize, duplicates: usize) {
+        self.seldom = None;
         self.values.clear();
-        self.values.resize(rows.timestamps.len(), f64::NAN);
+        self.values.resize(rows, f64::NAN);
         self.duplicates.clear();
-        self.duplicates.resize(rows.duplicates.len(), f64::NAN);
+        self.duplicates.resize(duplicates, f64::NAN);
         self.not_numbers = NotNumbers::default();
+        self.repeated = 0;
+        self.bridged = Bridged::default();
         self.contradictions = Contradicting::default();
         self.conflicts.clear();
     }
@@ -76,6 +89,7 @@ impl Log {
     /// How many channels are read together, so that memory stays bounded.
     pub(crate) fn batch_size(&self) -> usize {
         let (least, most) = BATCH_CHANNELS;
+        let most = most.max(self.channels.len().div_ceil(BATCHES));
         let rows = self.rows.timestamps.len().max(self.recorded().timestamps.len()).max(1);
         let copies = if self.recorded.is_some() { 3 } else { 1 };
         (BATCH_BYTES / (rows * size_of::<f64>() * copies)).clamp(least, most)
@@ -88,19 +102,39 @@ impl Log {
         batch: &'a mut Batch,
         monitor: &dyn Monitor,
     ) -> Result<&'a mut [ChannelValues], DataError> {
+        let read = self.look(channels, batch, monitor)?;
+        let rows = self.rows.timestamps.len();
+        read.par_iter_mut().for_each(|channel| {
+            if let Some(seldom) = channel.seldom.take() {
+                channel.values = seldom.into_all(rows);
+            }
+        });
+        Ok(read)
+    }
+
+    /// The same, but that channels with few values have them in `seldom`.
+    pub(crate) fn look<'a>(
+        &self,
+        channels: &[usize],
+        batch: &'a mut Batch,
+        monitor: &dyn Monitor,
+    ) -> Result<&'a mut [ChannelValues], DataError> {
         batch.0.resize_with(batch.0.len().max(channels.len()), ChannelValues::default);
         let batch = &mut batch.0[..channels.len()];
-        let rows = self.recorded();
-        batch.par_iter_mut().for_each(|channel| channel.clear(rows));
         match &self.origin {
             Origin::Tables(files) => {
+                let rows = self.recorded();
+                let (all, duplicates) = (rows.timestamps.len(), rows.duplicates.len());
+                batch.par_iter_mut().for_each(|channel| channel.clear(all, duplicates));
                 for (position, file) in files.iter().enumerate() {
                     self.read_file(file, position, channels, batch, monitor)?;
                 }
                 batch.par_iter_mut().for_each(|channel| {
                     channel.settle(rows, self.contradictions);
                     if let Some(grid) = &self.grid {
-                        channel.values = self.onto(grid, &channel.values);
+                        let (times, values) = self.recorded_values(&channel.values);
+                        channel.bridged = grid.bridged(&times);
+                        channel.values = grid.values(&times, &values, &self.rows.timestamps);
                     }
                 });
             }
@@ -118,14 +152,13 @@ impl Log {
         Ok(batch)
     }
 
-    /// The recorded values of a channel on the rows of the log.
-    fn onto(&self, grid: &Grid, values: &[f64]) -> Vec<f64> {
+    /// The recorded values of a channel, and their times.
+    fn recorded_values(&self, values: &[f64]) -> (Vec<i64>, Vec<f64>) {
         let recorded = self.recorded().timestamps.iter().zip(values);
-        let (times, values): (Vec<i64>, Vec<f64>) = recorded
+        recorded
             .filter(|(_, value)| !value.is_nan())
             .map(|(time, value)| (time.as_micros(), *value))
-            .unzip();
-        grid.values(&times, &values, &self.rows.timestamps)
+            .unzip()
     }
 
     fn read_tag(
@@ -135,24 +168,32 @@ impl Log {
         window: &std::ops::Range<i64>,
         channel: &mut ChannelValues,
     ) -> Result<(), DataError> {
+        channel.clear(0, 0);
         let placed = series.settled(tag, window, self.contradictions)?;
+        channel.repeated = placed.repeated + placed.contradictions.count + placed.words.count;
         channel.contradictions = placed.contradictions;
         let mut values = vec![f64::NAN; placed.cells.len()];
         let words = &series.store.words;
         cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
-        self.put(&placed.times, &values, &mut channel.values);
+        if let Some(grid) = &self.grid {
+            let present = placed.times.iter().zip(&values).filter(|(_, value)| !value.is_nan());
+            let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
+            channel.bridged = grid.bridged(&times);
+            channel.values = grid.values(&times, &values, &self.rows.timestamps);
+            return Ok(());
+        }
+        let rows = &self.rows.timestamps;
+        channel.seldom = Seldom::of(&placed.times, &values, rows);
+        if channel.seldom.is_none() {
+            channel.values.resize(rows.len(), f64::NAN);
+            self.put(&placed.times, &values, &mut channel.values);
+        }
         Ok(())
     }
 
-    /// Put samples, in order, on the rows of the log.
-    fn put(&self, times: &[i64], values: &[f64], out: &mut Vec<f64>) {
+    /// Put samples, in order, on the rows of the log, which have all their times.
+    fn put(&self, times: &[i64], values: &[f64], out: &mut [f64]) {
         let rows = &self.rows.timestamps;
-        if let Some(grid) = &self.grid {
-            let present = times.iter().zip(values).filter(|(_, value)| !value.is_nan());
-            let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
-            *out = grid.values(&times, &values, rows);
-            return;
-        }
         let mut row = 0;
         for (&time, &value) in times.iter().zip(values) {
             while rows[row].as_micros() < time {
@@ -249,12 +290,15 @@ struct Labels {
 }
 
 impl Labels {
-    fn code(&mut self, label: String) -> f64 {
-        let Self { codes, numbers } = self;
-        let code = *codes.entry(label).or_insert_with_key(|label| {
-            numbers.push(label.parse().ok());
-            numbers.len() - 1
-        });
+    /// The code of a label; NaN for none.
+    fn code(&mut self, label: Option<&str>) -> f64 {
+        let Some(label) = label else { return f64::NAN };
+        if let Some(&code) = self.codes.get(label) {
+            return code as f64;
+        }
+        let code = self.numbers.len();
+        self.numbers.push(label.parse().ok());
+        self.codes.insert(label.to_owned(), code);
         code as f64
     }
 
@@ -295,10 +339,10 @@ impl Log {
             Origin::Series(series, window) => {
                 let placed = series.settled(channel, window, self.contradictions)?;
                 let words = &series.store.words;
-                self.refuse(channel, &placed.words, |word| words.list()[word as usize].clone())?;
+                self.refuse(channel, &placed.words, |word| words.word(word as u32).to_owned())?;
                 self.refuse(channel, &placed.contradictions, |number| number.to_string())?;
-                let code =
-                    |&cell: &u64| label(cell, words).map_or(f64::NAN, |label| labels.code(label));
+                self.refuse_lost(channel, placed.cells.iter().any(|&cell| words.is_other(cell)))?;
+                let code = |&cell: &u64| with_label(cell, words, |label| labels.code(label));
                 let codes = placed.cells.iter().map(code).collect::<Vec<f64>>();
                 (placed.times, codes)
             }
@@ -338,9 +382,13 @@ impl Log {
                     return Err(DataError::Interrupted);
                 }
                 let column = log_file.read(&[field], &slice)?.swap_remove(0);
-                let read = to_labels(&column).map_err(|error| log_file.damaged(&error))?;
-                let code = |label: Option<String>| label.map_or(f64::NAN, |of| labels.code(of));
-                let read: Vec<f64> = read.into_iter().map(code).collect();
+                if let RawColumn::Cells(cells, store) = &column {
+                    let is_lost = cells.iter().any(|&cell| store.words.is_other(cell));
+                    self.refuse_lost(channel, is_lost)?;
+                }
+                let mut read = Vec::with_capacity(slice.len());
+                each_label(&column, |label| read.push(labels.code(label)))
+                    .map_err(|error| log_file.damaged(&error))?;
                 for (&code, file_row) in read.iter().zip(slice.clone()) {
                     if let Some(row) = map.row(file_row) {
                         codes[row] = code;
@@ -387,6 +435,14 @@ impl Log {
         let labels = labels.list();
         self.refuse(channel, &found, |code| labels[code as usize].clone())?;
         Ok(codes)
+    }
+
+    /// Refuse a channel of which words were too many to be kept: they would all be one.
+    fn refuse_lost(&self, channel: usize, is_lost: bool) -> Result<(), DataError> {
+        if is_lost {
+            return Err(DataError::TooManyWords { name: self.channels[channel].name.clone() });
+        }
+        Ok(())
     }
 
     /// Refuse values that contradict each other, unless the study says which counts. `label` says what they are.

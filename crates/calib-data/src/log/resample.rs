@@ -7,7 +7,8 @@ use std::ops::Range;
 
 use calib_core::{Period, Timestamp};
 
-use crate::{DataError, Resample};
+use super::union::Union;
+use crate::{BridgedStops, Resample};
 
 /// The rows of a resampled log.
 #[derive(Clone, Debug)]
@@ -19,31 +20,61 @@ pub(crate) struct Grid {
     ranges: Vec<Range<i64>>,
 }
 
-/// Rows that are still to be chosen.
-pub(crate) struct Coverage {
-    /// For each range its first row and, for each row, whether it is there.
-    ranges: Vec<(i64, Vec<bool>)>,
+/// A channel that has no value for longer than so many of its usual steps, and of the periods of the rows, has stopped.
+const STOP: i64 = 10;
+
+/// Stops of a channel over which values stood.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Bridged {
+    pub(crate) count: u64,
+    /// The longest, in microseconds.
+    pub(crate) longest: i64,
+    /// The usual step of the channel, in microseconds.
+    pub(crate) usual: i64,
+}
+
+impl Bridged {
+    /// As a profile has them.
+    pub(crate) fn told(self) -> BridgedStops {
+        BridgedStops {
+            count: self.count,
+            longest_secs: self.longest as f64 / 1e6,
+            usual_secs: self.usual as f64 / 1e6,
+        }
+    }
+}
+
+/// Rows that were chosen: the first and the one after the last of runs of them, in periods since 1970.
+pub(crate) struct Coverage(Union<(i64, i64)>);
+
+impl Coverage {
+    /// Number of rows.
+    pub(crate) fn rows(&mut self) -> u64 {
+        self.runs().iter().map(|(from, to)| from.abs_diff(*to)).sum()
+    }
+
+    fn runs(&mut self) -> &[(i64, i64)] {
+        self.0.settled()
+    }
+}
+
+/// Runs of rows that touch are one.
+fn join(next: &mut (i64, i64), last: &mut (i64, i64)) -> bool {
+    let touch = next.0 <= last.1;
+    if touch {
+        last.1 = last.1.max(next.1);
+    }
+    touch
 }
 
 impl Grid {
-    /// # Errors
-    /// If there would be more rows than are counted in 32 bits.
     pub(crate) fn new(
         resample: Resample,
         period: Period,
         max_age: i64,
         ranges: Vec<Range<i64>>,
-    ) -> Result<Self, DataError> {
-        let grid = Self { resample, period: period.as_micros(), max_age, ranges };
-        let rows: i128 = grid
-            .ranges
-            .iter()
-            .map(|range| i128::from(range.end - range.start) / i128::from(grid.period) + 1)
-            .sum();
-        if rows >= i128::from(u32::MAX) {
-            return Err(DataError::TooManyRows { rows: u64::try_from(rows).unwrap_or(u64::MAX) });
-        }
-        Ok(grid)
+    ) -> Self {
+        Self { resample, period: period.as_micros(), max_age, ranges }
     }
 
     /// The same rows, each with the last value.
@@ -52,40 +83,27 @@ impl Grid {
     }
 
     pub(crate) fn coverage(&self) -> Coverage {
-        let ranges = self.ranges.iter().map(|range| {
-            let first = self.row_from(range.start);
-            let rows = (range.end - 1 - first * self.period).div_euclid(self.period) + 1;
-            (first, vec![false; rows.max(0) as usize])
-        });
-        Coverage { ranges: ranges.collect() }
+        Coverage(Union::new(join))
     }
 
-    /// Mark the rows for which a sample at one of `times`, which are in order, is recent enough.
+    /// Choose the rows for which a sample at one of `times`, which are in order, is recent enough. What is held is a run of
+    /// rows for each stretch of samples, however many rows that are.
     pub(crate) fn cover(&self, times: &[i64], coverage: &mut Coverage) {
-        for (range, (first, rows)) in self.ranges.iter().zip(&mut coverage.ranges) {
-            let mut marked = 0;
-            for &time in inside(times, range) {
-                let from = (self.row_from(time) - *first) as usize;
-                let to = (time + self.max_age).div_euclid(self.period) - *first + 1;
-                let to = (to.max(0) as usize).min(rows.len());
-                let from = from.max(marked);
-                if from < to {
-                    rows[from..to].fill(true);
-                    marked = to;
-                }
-            }
+        for range in &self.ranges {
+            let end = self.row_from(range.end);
+            let runs = inside(times, range).iter().map(|&time| {
+                let to =
+                    time.saturating_add(self.max_age).div_euclid(self.period).saturating_add(1);
+                (self.row_from(time), to.min(end))
+            });
+            coverage.0.extend(runs.filter(|(from, to)| from < to));
         }
     }
 
-    pub(crate) fn rows(&self, coverage: &Coverage) -> Vec<Timestamp> {
-        let of = |(first, rows): &(i64, Vec<bool>)| {
-            let (first, period) = (*first, self.period);
-            let covered = rows.iter().enumerate().filter(|(_, covered)| **covered);
-            covered
-                .map(move |(row, _)| Timestamp::from_micros((first + row as i64) * period))
-                .collect::<Vec<_>>()
-        };
-        coverage.ranges.iter().flat_map(of).collect()
+    pub(crate) fn rows(&self, coverage: &mut Coverage) -> Vec<Timestamp> {
+        let runs = coverage.runs().iter();
+        let rows = runs.flat_map(|&(from, to)| from..to);
+        rows.map(|row| Timestamp::from_micros(row * self.period)).collect()
     }
 
     /// The first row not before `time`.
@@ -110,6 +128,29 @@ impl Grid {
             }
         }
         out
+    }
+
+    /// Stops of a channel, recorded at `times`, over which values stand: each is longer than [`STOP`] of its usual steps, and
+    /// no longer than `max_age`.
+    pub(crate) fn bridged(&self, times: &[i64]) -> Bridged {
+        let mut bridged = Bridged::default();
+        for range in &self.ranges {
+            let times = inside(times, range);
+            let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
+            let mut sorted: Vec<i64> = steps().collect();
+            let middle = sorted.len() / 2;
+            if sorted.is_empty() {
+                continue;
+            }
+            let usual = *sorted.select_nth_unstable(middle).1;
+            let least = usual.max(self.period).saturating_mul(STOP);
+            for stop in steps().filter(|step| *step > least && *step <= self.max_age) {
+                bridged.count += 1;
+                bridged.longest = bridged.longest.max(stop);
+                bridged.usual = bridged.usual.max(usual);
+            }
+        }
+        bridged
     }
 
     fn value(&self, times: &[i64], values: &[f64], row: i64, before: usize) -> f64 {
@@ -180,13 +221,15 @@ mod tests {
 
     fn grid(resample: Resample, period: i64, max_age: i64, ranges: &[Range<i64>]) -> Grid {
         let period = Period::from_micros(period).expect("positive");
-        Grid::new(resample, period, max_age, ranges.to_vec()).expect("few rows")
+        Grid::new(resample, period, max_age, ranges.to_vec())
     }
 
     fn rows(grid: &Grid, times: &[i64]) -> Vec<Timestamp> {
         let mut coverage = grid.coverage();
         grid.cover(times, &mut coverage);
-        grid.rows(&coverage)
+        let rows = grid.rows(&mut coverage);
+        assert_eq!(rows.len() as u64, coverage.rows());
+        rows
     }
 
     fn values(grid: &Grid, samples: &[(i64, f64)]) -> Vec<(i64, f64)> {
@@ -227,10 +270,25 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_cannot_be_counted_are_refused() {
-        let period = Period::from_micros(1).expect("positive");
-        let century = 0..4_000_000_000_000_i64;
-        assert!(Grid::new(Resample::Last, period, 1, vec![century]).is_err());
+    fn stops_that_values_stand_over_are_counted() {
+        let often: Vec<i64> = (0..100).chain(1_300..1_400).chain(3_000..3_100).collect();
+        let bridged = |times: &[i64], max_age| {
+            grid(Resample::Last, 10, max_age, from_ref(&(0..4_000))).bridged(times)
+        };
+        assert_eq!(bridged(&often, 1_250), Bridged { count: 1, longest: 1_201, usual: 1 });
+        assert_eq!(bridged(&often, 1_800).count, 2);
+        assert_eq!(bridged(&often, 100), Bridged::default(), "missing there");
+        let seldom: Vec<i64> = (0..40).map(|step| step * 100).collect();
+        assert_eq!(bridged(&seldom, 3_000), Bridged::default(), "its usual step");
+        assert_eq!(bridged(&[], 3_000), Bridged::default());
+    }
+
+    #[test]
+    fn rows_are_counted_before_there_are_any() {
+        let grid = grid(Resample::Last, 1, i64::MAX, from_ref(&(0..4_000_000_000_000_000)));
+        let mut coverage = grid.coverage();
+        grid.cover(&[0, 2_000_000_000_000_000], &mut coverage);
+        assert_eq!(coverage.rows(), 4_000_000_000_000_000);
     }
 
     proptest! {

@@ -11,6 +11,7 @@ use super::{
     columns::Store,
     place::{Placed, place},
     rows::NO_TIME,
+    union::Union,
 };
 use crate::{Contradictions, DataError, text::Cell};
 
@@ -24,6 +25,8 @@ pub(crate) struct Sink {
     positions: HashMap<String, usize>,
     waiting: usize,
     pub(crate) null_times: u64,
+    /// Those among them whose time names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
     pub(crate) bad_quality: u64,
     pub(crate) rows: u64,
 }
@@ -51,19 +54,28 @@ impl Sink {
             positions: HashMap::new(),
             waiting: 0,
             null_times: 0,
+            undecided: 0,
             bad_quality: 0,
             rows: 0,
         }
     }
 
     /// The position of the tag called `name`, which is new or known.
-    pub(crate) fn tag(&mut self, name: &str) -> usize {
+    pub(crate) fn tag(&mut self, name: &str) -> Result<usize, DataError> {
         if let Some(&position) = self.positions.get(name) {
-            return position;
+            return Ok(position);
         }
-        let position = self.tags.len();
+        let position = self.add_tag()?;
+        name.clone_into(&mut self.tags[position].name);
+        self.positions.insert(name.to_owned(), position);
+        Ok(position)
+    }
+
+    /// The position of a tag that gets its name later.
+    pub(crate) fn add_tag(&mut self) -> Result<usize, DataError> {
+        self.store.room.require_channels(self.tags.len())?;
         self.tags.push(Tag {
-            name: name.to_owned(),
+            name: String::new(),
             pieces: Vec::new(),
             times: Vec::new(),
             cells: Vec::new(),
@@ -72,8 +84,7 @@ impl Sink {
             first: i64::MAX,
             last: i64::MIN,
         });
-        self.positions.insert(name.to_owned(), position);
-        position
+        Ok(self.tags.len() - 1)
     }
 
     /// A sample of a tag. One without a value still says that the tag was looked at.
@@ -102,6 +113,8 @@ impl Sink {
             let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
             self.store.append(&tag.cells)?;
             tag.pieces.push((at, tag.times.len()));
+            let samples = tag.pieces.iter().map(|(_, count)| *count as u64).sum();
+            self.store.room.require_samples(samples, &tag.name)?;
             tag.times.clear();
             tag.cells.clear();
         }
@@ -140,6 +153,11 @@ impl Tag {
 }
 
 impl Series {
+    /// Samples of all tags.
+    pub(crate) fn count(&self) -> u64 {
+        self.tags.iter().flat_map(|tag| &tag.pieces).map(|(_, count)| *count as u64).sum()
+    }
+
     /// The first and the last time of all.
     pub(crate) fn span(&self) -> Option<(i64, i64)> {
         let first = self.tags.iter().map(|tag| tag.first).min()?;
@@ -174,15 +192,12 @@ impl Series {
 
     /// Every instant inside `window` at which any tag has a sample, once and in order.
     pub(crate) fn clock(&self, window: &Range<i64>) -> Result<Vec<Timestamp>, DataError> {
-        let mut clock: Vec<i64> = Vec::new();
+        let mut clock = Union::new(|next, last| next == last);
         for tag in 0..self.tags.len() {
             let (times, _) = self.samples(tag, window)?;
-            unite(&mut clock, &times);
-            if u32::try_from(clock.len()).is_err() {
-                return Err(DataError::TooManyRows { rows: clock.len() as u64 });
-            }
+            clock.extend(times.into_iter());
         }
-        Ok(clock.into_iter().map(Timestamp::from_micros).collect())
+        Ok(clock.into_settled().into_iter().map(Timestamp::from_micros).collect())
     }
 
     /// The samples of a tag, each instant once.
@@ -197,49 +212,18 @@ impl Series {
     }
 }
 
-/// Add the instants of `times`, which are in order, to those of `clock`.
-fn unite(clock: &mut Vec<i64>, times: &[i64]) {
-    let mut known = clock.iter().copied().peekable();
-    let is_new = |&time: &i64| {
-        while known.next_if(|&at| at < time).is_some() {}
-        known.peek() != Some(&time)
-    };
-    let mut new: Vec<i64> = times.iter().copied().filter(is_new).collect();
-    new.dedup();
-    if new.is_empty() {
-        return;
-    }
-    if clock.last().is_none_or(|&last| last < new[0]) {
-        clock.extend(new);
-        return;
-    }
-    let old = std::mem::take(clock);
-    clock.reserve(old.len() + new.len());
-    let mut new = new.into_iter().peekable();
-    for time in old {
-        while let Some(earlier) = new.next_if(|&new| new < time) {
-            clock.push(earlier);
-        }
-        clock.push(time);
-    }
-    clock.extend(new);
-}
-
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
-    use calib_files::ScratchPlace;
-    use proptest::prelude::*;
 
     use super::*;
+    use crate::DataConfig;
 
     #[test]
     fn samples_come_back_by_tag_and_time() {
-        let store = Store::new(&ScratchPlace::Memory).expect("memory");
+        let store = Store::new(&DataConfig::default()).expect("memory");
         let mut sink = Sink::new(store);
-        let (b, a) = (sink.tag("b"), sink.tag("a"));
-        assert_eq!(sink.tag("b"), b);
+        let [b, a] = ["b", "a"].map(|name| sink.tag(name).expect("memory"));
+        assert_eq!(sink.tag("b").expect("memory"), b);
         let number = |value: f64| Cell::Number(value).encode();
         for (tag, time, value) in [(b, 2, 1.0), (a, 5, 2.0), (b, 1, 3.0)] {
             sink.push(tag, time, number(value)).expect("memory");
@@ -258,18 +242,5 @@ mod tests {
         assert_eq!(series.span(), Some((1, 9)));
         let clock = series.clock(&(0..10)).expect("memory");
         assert_eq!(clock, [1, 2, 5, 9].map(Timestamp::from_micros));
-    }
-
-    proptest! {
-        #[test]
-        fn clocks_unite(all in prop::collection::vec(prop::collection::vec(0_i64..30, 0..12), 0..5)) {
-            let mut clock = Vec::new();
-            for mut times in all.clone() {
-                times.sort_unstable();
-                unite(&mut clock, &times);
-            }
-            let expected: BTreeSet<i64> = all.into_iter().flatten().collect();
-            prop_assert_eq!(clock, expected.into_iter().collect::<Vec<_>>());
-        }
     }
 }

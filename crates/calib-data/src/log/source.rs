@@ -236,6 +236,9 @@ mod tests {
         assert_eq!(sources[0].partitions["year"], "2022");
         data.partitions.insert("well".to_owned(), "3".to_owned());
         let error = find_files(&data).expect_err("no such well").to_string();
-        assert_eq!(error, "no file lies in a folder well=3; there are: well=1, well=2, year=2022");
+        assert_eq!(
+            error,
+            "data.partitions: no file lies in a folder well=3; there are: well=1, well=2, year=2022"
+        );
     }
 }

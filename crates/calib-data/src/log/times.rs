@@ -9,11 +9,12 @@ use super::{
     file::{FieldKind, LogFile},
     head::{Head, HeadColumn},
     rows::NO_TIME,
+    units::{readings, units},
     values::RawColumn,
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Notation, compact_pattern, is_time_of_day},
+    text::{Notation, compact_pattern, is_time_of_day, shown},
     time::Stamp,
 };
 
@@ -57,7 +58,8 @@ pub(crate) fn refuse_dates_apart(head: &Head, time: usize) -> Result<(), DataErr
             column: columns[time].name.clone(),
             reason: format!(
                 "it has dates, such as {}, and {:?} has the times of day; write both into one column, such as 2022-11-01 06:00:00",
-                dates[0], columns[clock].name
+                shown(dates[0]),
+                columns[clock].name
             ),
         }),
     }
@@ -149,24 +151,55 @@ impl Times {
         })
     }
 
-    /// The times; the first numbers that are met tell the unit of all.
-    pub(crate) fn stamps(self, unit: &mut Option<TimestampUnit>) -> Vec<Option<Stamp>> {
-        let stamps = |micros: Vec<i64>| {
-            let stamp = |micros| (micros != NO_TIME).then_some(Stamp::Instant(micros));
-            micros.into_iter().map(stamp).collect()
+    /// The times; the first numbers that are met tell the unit of all. `field` is their column.
+    pub(crate) fn stamps(
+        self,
+        unit: &mut Option<TimestampUnit>,
+        file: &LogFile,
+        field: usize,
+    ) -> Result<Vec<Option<Stamp>>, DataError> {
+        let mut known = |numbers: &dyn Fn() -> Vec<f64>| -> Result<TimestampUnit, DataError> {
+            let known = unit.map_or_else(|| unit_of(&numbers(), file, field), Ok)?;
+            Ok(*unit.insert(known))
         };
-        match self {
+        Ok(match self {
             Self::Stamps(stamps) => stamps,
             Self::Integers(integers) => {
-                let known = *unit.get_or_insert_with(|| unit_of_integers(&integers));
-                stamps(from_integers(integers, Some(known)))
+                let unit = known(&|| {
+                    let there = integers.iter().filter(|&&number| number != NO_TIME);
+                    there.map(|&number| number as f64).collect()
+                })?;
+                let stamp = |number: i64| {
+                    (number != NO_TIME).then(|| unit.stamp(unit.whole_in_micros(number)))
+                };
+                integers.into_iter().map(stamp).collect()
             }
             Self::Floats(floats) => {
-                let known = *unit.get_or_insert_with(|| unit_of_floats(&floats));
-                stamps(from_floats(&floats, Some(known)))
+                let unit = known(&|| floats.clone())?;
+                let stamp =
+                    |number: f64| number.is_finite().then(|| unit.stamp(unit.in_micros(number)));
+                floats.into_iter().map(stamp).collect()
             }
-        }
+        })
     }
+}
+
+/// The unit of the numbers in the column `field`, if they tell it.
+fn unit_of(numbers: &[f64], file: &LogFile, field: usize) -> Result<TimestampUnit, DataError> {
+    let found = units(numbers).map_err(|reason| DataError::BadTimestamp {
+        path: file.path().to_owned(),
+        column: file.fields[field].name.clone(),
+        reason,
+    })?;
+    if let [unit] = found[..] {
+        return Ok(unit);
+    }
+    let example = numbers.first().map_or_else(String::new, f64::to_string);
+    Err(DataError::AmbiguousTimes {
+        path: file.path().to_owned(),
+        readings: readings(&example, &found),
+        example,
+    })
 }
 
 /// Times that are text, of which the first is that of row `start`.
@@ -184,8 +217,9 @@ fn text_stamps(
         None | Some("") => Ok(None),
         Some(text) => notation.read(text).map(Some).ok_or_else(|| {
             format!(
-                "row {} is {text:?}; expected {expected}, or data.timestamp_format to say how times are written",
-                start + row
+                "row {} is {}; expected {expected}, or data.timestamp_format to say how times are written",
+                start + row,
+                shown(text)
             )
         }),
     }
@@ -203,11 +237,9 @@ fn dates<N: ToString>(
         return Ok(None);
     }
     let Some(format) = &data.timestamp_format else {
-        let first = numbers.iter().flatten().next().map(N::to_string);
-        if first.is_none_or(|first| compact_pattern(&[&first]).is_none()) {
-            return Ok(None);
-        }
-        let written: Vec<String> = numbers.iter().flatten().map(N::to_string).collect();
+        let evenly = numbers.len() / LOOKED_AT + 1;
+        let some = numbers.iter().step_by(evenly).flatten();
+        let written: Vec<String> = some.map(N::to_string).collect();
         let cells: Vec<&str> = written.iter().map(String::as_str).collect();
         return match compact_pattern(&cells) {
             None => Ok(None),
@@ -229,114 +261,52 @@ fn dates<N: ToString>(
     numbers.iter().map(stamp).collect::<Result<_, _>>().map(Some)
 }
 
-/// The timestamps of all rows in microseconds; [`NO_TIME`] where one is missing.
+/// Numbers that are looked at for whether they are dates.
+const LOOKED_AT: usize = 1_000;
+
+/// The timestamps of a file.
+pub(crate) struct Read {
+    /// Of all rows in microseconds; [`NO_TIME`] where one is missing.
+    pub(crate) instants: Vec<i64>,
+    /// Rows whose time names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
+}
+
+/// The timestamps of all rows.
 pub(crate) fn read_timestamps(
     file: &LogFile,
     field: usize,
     data: &DataConfig,
-) -> Result<Vec<i64>, DataError> {
-    if let Some(times) = file.stored_times() {
-        return Ok(times);
+) -> Result<Read, DataError> {
+    if let Some(instants) = file.stored_times() {
+        return Ok(Read { instants, undecided: 0 });
     }
     let mut integers: Vec<i64> = Vec::new();
     let mut floats: Vec<f64> = Vec::new();
-    let mut times = Vec::with_capacity(file.rows);
-    let mut clock = Clock::new(Notation::Iso, data);
+    let mut instants = Vec::with_capacity(file.rows);
+    let mut take = |(), instant: i64| -> Result<(), DataError> {
+        instants.push(instant);
+        Ok(())
+    };
+    let mut rows = Clock::new(Notation::Iso, data).rows();
     for slice in file.slices(&(0..file.rows)) {
         let column = file.read(&[field], &slice)?.swap_remove(0);
         match Times::of(&column, file, data, slice.start)? {
             Times::Stamps(stamps) => {
-                times.extend(stamps.into_iter().map(|stamp| clock.instant(stamp)));
+                stamps.into_iter().try_for_each(|stamp| rows.push(stamp, (), &mut take))?;
             }
             Times::Integers(some) => integers.extend(some),
             Times::Floats(some) => floats.extend(some),
         }
     }
-    if !integers.is_empty() {
-        times = from_integers(integers, data.timestamp_unit);
-    } else if !floats.is_empty() {
-        times = from_floats(&floats, data.timestamp_unit);
-    }
-    for time in times.iter_mut().filter(|time| !CALENDAR.contains(time)) {
-        *time = NO_TIME;
-    }
-    Ok(times)
-}
-
-fn unit_of_integers(times: &[i64]) -> TimestampUnit {
-    let present = || times.iter().filter(|&&time| time != NO_TIME);
-    let sizes = present().map(|time| time.unsigned_abs() as f64);
-    guess_unit(typical(sizes, present().count()))
-}
-
-fn unit_of_floats(times: &[f64]) -> TimestampUnit {
-    let finite = || times.iter().filter(|time| time.is_finite());
-    guess_unit(typical(finite().map(|time| time.abs()), finite().count()))
-}
-
-fn from_integers(mut times: Vec<i64>, unit: Option<TimestampUnit>) -> Vec<i64> {
-    let unit = unit.unwrap_or_else(|| unit_of_integers(&times));
-    for time in times.iter_mut().filter(|time| **time != NO_TIME) {
-        *time = unit.in_micros(*time);
-    }
-    times
-}
-
-fn from_floats(times: &[f64], unit: Option<TimestampUnit>) -> Vec<i64> {
-    let micros = unit.unwrap_or_else(|| unit_of_floats(times)).micros();
-    times
-        .iter()
-        .map(|&time| if time.is_finite() { (time * micros).round() as i64 } else { NO_TIME })
-        .collect()
+    // All numbers together tell their unit.
+    let numbers = if floats.is_empty() { Times::Integers(integers) } else { Times::Floats(floats) };
+    let stamps = numbers.stamps(&mut data.timestamp_unit.clone(), file, field)?;
+    stamps.into_iter().try_for_each(|stamp| rows.push(stamp, (), &mut take))?;
+    let undecided = rows.finish(&mut take)?;
+    Ok(Read { instants, undecided })
 }
 
 /// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,
 /// and what is no instant is no row of a log.
 pub(crate) const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
-
-/// The (upper) median of `count` sizes, evenly thinned where there are many: a single number that stands for something
-/// else must not tell the unit of all others.
-pub(crate) fn typical(sizes: impl Iterator<Item = f64>, count: usize) -> f64 {
-    let mut thinned: Vec<f64> = sizes.step_by(count / THINNED + 1).collect();
-    let middle = thinned.len() / 2;
-    if thinned.is_empty() {
-        return 0.0;
-    }
-    *thinned.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Timestamps that are looked at for their unit.
-const THINNED: usize = 1 << 16;
-
-/// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps.
-pub(crate) fn guess_unit(largest: f64) -> TimestampUnit {
-    match largest {
-        _ if largest < 1e11 => TimestampUnit::Seconds,
-        _ if largest < 1e14 => TimestampUnit::Milliseconds,
-        _ if largest < 1e17 => TimestampUnit::Microseconds,
-        _ => TimestampUnit::Nanoseconds,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_unit_shows_in_the_magnitude() {
-        let second = 1_667_282_400_i64;
-        let micros = second * 1_000_000;
-        for factor in [1, 1_000, 1_000_000, 1_000_000_000] {
-            let number = second * factor;
-            assert_eq!(from_integers(vec![0, NO_TIME, number], None), [0, NO_TIME, micros]);
-            let floats = from_floats(&[f64::NAN, number as f64], None);
-            assert_eq!(floats, [NO_TIME, micros]);
-        }
-        let sentinel = from_integers(vec![second, second + 1, i64::MAX], None);
-        assert_eq!(sentinel[..2], [micros, micros + 1_000_000]);
-        let odd = from_integers(vec![micros * 1_000 + 1_999], None);
-        assert_eq!(odd, [micros + 1], "whole microseconds, no rounding through floats");
-        let milliseconds = from_integers(vec![1_500], Some(TimestampUnit::Milliseconds));
-        assert_eq!(milliseconds, [1_500_000]);
-    }
-}

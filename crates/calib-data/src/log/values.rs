@@ -23,6 +23,7 @@ pub(crate) struct NotNumbers {
 
 impl NotNumbers {
     fn word(&mut self, word: &str) {
+        let word = shown(word);
         if let Some(count) = self.words.get_mut(word) {
             *count += 1;
         } else {
@@ -32,6 +33,14 @@ impl NotNumbers {
         }
     }
 }
+
+/// As much of a word as anybody reads.
+fn shown(word: &str) -> &str {
+    word.char_indices().nth(SHOWN_LETTERS).map_or(word, |(end, _)| &word[..end])
+}
+
+/// Letters of a word that are shown.
+const SHOWN_LETTERS: usize = 100;
 
 /// A column as a file has it.
 #[derive(Clone, Debug)]
@@ -71,7 +80,7 @@ pub(crate) fn cells_to_numbers(
                 f64::NAN
             }
             Cell::Word(word) => {
-                not_numbers.word(&words.list()[word as usize]);
+                not_numbers.word(words.word(word));
                 f64::NAN
             }
         };
@@ -161,35 +170,48 @@ fn polars_to_numbers(
     Ok(())
 }
 
-/// The values of `column` as text: whole numbers without a fraction; missing and empty ones are `None`.
-pub(crate) fn to_labels(column: &RawColumn) -> pl::PolarsResult<Vec<Option<String>>> {
+/// Give `take` each value of `column` as text, in order: whole numbers without a fraction; missing and empty ones are `None`.
+pub(crate) fn each_label(
+    column: &RawColumn,
+    mut take: impl FnMut(Option<&str>),
+) -> pl::PolarsResult<()> {
     use pl::DataType as D;
     let column = match column {
         RawColumn::Cells(cells, store) => {
-            return Ok(cells.iter().map(|&cell| label(cell, &store.words)).collect());
+            cells.iter().for_each(|&cell| with_label(cell, &store.words, &mut take));
+            return Ok(());
         }
         RawColumn::Polars(column) => column,
     };
     if let D::String | D::Categorical(..) | D::Enum(..) = column.dtype() {
         let text = column.cast(&D::String)?;
-        let labels = text.str()?.iter().map(|text| {
-            let text = text?.trim();
-            (!text.is_empty()).then(|| text.to_owned())
-        });
-        return Ok(labels.collect());
+        for text in text.str()?.iter() {
+            take(text.map(str::trim).filter(|text| !text.is_empty()));
+        }
+        return Ok(());
     }
     let mut values = vec![f64::NAN; column.len()];
     polars_to_numbers(column, &mut values, &mut NotNumbers::default())?;
-    let labels = values.into_iter();
-    Ok(labels.map(|value| (!value.is_nan()).then(|| value.to_string())).collect())
+    for value in values {
+        if value.is_nan() {
+            take(None);
+        } else {
+            take(Some(&value.to_string()));
+        }
+    }
+    Ok(())
 }
 
-/// A cell as text, `None` if it is missing.
-pub(crate) fn label(cell: u64, words: &Words) -> Option<String> {
+/// Give `take` a cell as text, `None` if it is missing.
+pub(crate) fn with_label<T>(
+    cell: u64,
+    words: &Words,
+    mut take: impl FnMut(Option<&str>) -> T,
+) -> T {
     match Cell::decode(cell) {
-        Cell::Number(value) => Some(value.to_string()),
-        Cell::Word(word) => Some(words.list()[word as usize].clone()),
-        Cell::Missing | Cell::NonFinite => None,
+        Cell::Number(value) => take(Some(&value.to_string())),
+        Cell::Word(word) => take(Some(words.word(word))),
+        Cell::Missing | Cell::NonFinite => take(None),
     }
 }
 
@@ -264,13 +286,18 @@ mod tests {
 
     #[test]
     fn numbers_and_text_have_labels() {
+        let labels = |column: pl::Column| {
+            let mut labels: Vec<Option<String>> = Vec::new();
+            each_label(&RawColumn::Polars(column), |label| labels.push(label.map(str::to_owned)))
+                .expect("a known type");
+            labels
+        };
         let column =
             pl::Float64Chunked::from_slice_options("a".into(), &[Some(13.0), None, Some(0.5)]);
-        let labels = to_labels(&RawColumn::Polars(column.into_column())).expect("a known type");
-        assert_eq!(labels, [Some("13".to_owned()), None, Some("0.5".to_owned())]);
+        let numbers = labels(column.into_column());
+        assert_eq!(numbers, [Some("13".to_owned()), None, Some("0.5".to_owned())]);
         let column = pl::StringChunked::from_slice("a".into(), &[" on ", ""]).into_column();
-        let labels = to_labels(&RawColumn::Polars(column)).expect("a known type");
-        assert_eq!(labels, [Some("on".to_owned()), None]);
+        assert_eq!(labels(column), [Some("on".to_owned()), None]);
     }
 
     #[test]
@@ -280,5 +307,13 @@ mod tests {
         let (_, not_numbers) = numbers(&column);
         assert_eq!(not_numbers.words[OTHER_WORDS], 500);
         assert_eq!(not_numbers.words.len(), WORDS + 1);
+    }
+
+    #[test]
+    fn long_words_are_told_by_their_beginning() {
+        let long = "é".repeat(9_000);
+        let column = pl::StringChunked::from_slice("a".into(), &[long.as_str()]).into_column();
+        let (_, not_numbers) = numbers(&column);
+        assert_eq!(not_numbers.words.into_keys().next(), Some("é".repeat(SHOWN_LETTERS)));
     }
 }

@@ -1,4 +1,8 @@
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{
+    collections::{BTreeMap, HashSet},
+    path::Path,
+    sync::Arc,
+};
 
 use calib_core::Timestamp;
 use calib_files::{HeldFile, open_regular};
@@ -10,6 +14,7 @@ use crate::{
     checksums,
     guard::guard,
     log::{FieldKind, classify},
+    statistics,
 };
 
 /// Key under which Parquet writers keep their own description of the types; not ours to show.
@@ -87,17 +92,17 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     if let Some((name, got)) = of_other_type {
         return Err(TableError::UnknownType { path: path.to_owned(), name, got });
     }
-    let wanted = |column: &str| names.iter().any(|name| name == column);
-    checksums::verify(path, &file, &metadata, wanted)?.map_err(not_parquet)?;
-    let read = guard(|| {
-        let frame = reader.with_columns(Some(names.clone())).finish()?;
-        let read = |name: &String| {
-            let column = frame.column(name)?;
-            Ok((from_polars(column)?, column.dtype().to_string()))
-        };
-        names.iter().map(read).collect::<pl::PolarsResult<Vec<_>>>()
-    })
-    .map_err(not_parquet)?;
+    let wanted: HashSet<&str> = names.iter().map(String::as_str).collect();
+    checksums::verify(path, &file, &metadata, |column| wanted.contains(column))?
+        .map_err(not_parquet)?;
+    let frame = guard(|| reader.with_columns(Some(names.clone())).finish()).map_err(not_parquet)?;
+    let mut read = Vec::with_capacity(names.len());
+    for name in &names {
+        let column = guard(|| frame.column(name).cloned()).map_err(not_parquet)?;
+        statistics::verify(&metadata, name, &(0..frame.height()), &column).map_err(not_parquet)?;
+        let values = guard(|| from_polars(&column)).map_err(not_parquet)?;
+        read.push((values, column.dtype().to_string()));
+    }
     let columns = names.into_iter().zip(read).map(|(name, (values, got))| match values {
         Some(values) => Ok((name, values)),
         None => Err(TableError::UnknownType { path: path.to_owned(), name, got }),

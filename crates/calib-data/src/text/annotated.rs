@@ -4,9 +4,11 @@
 //! say of each column what it holds, whether it is part of the key that tells series apart, and what an empty cell is.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashMap, HashSet},
     path::{Path, PathBuf},
 };
+
+use calib_core::Monitor;
 
 use super::{
     blocks::{Blocks, Marks},
@@ -15,6 +17,7 @@ use super::{
     input::{self, unreadable},
     number::{Decimal, cell},
     record::RecordReader,
+    shown,
 };
 use crate::{
     DataError,
@@ -73,8 +76,12 @@ impl Annotated {
         &mut self,
         words: &mut Words,
         mut each: impl FnMut(Sample<'_>, &Words) -> Result<(), DataError>,
+        monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
         while let Some(block) = self.blocks.next(1)? {
+            if monitor.interrupted() {
+                return Err(DataError::Interrupted);
+            }
             for (range, line) in block.parts {
                 let mut records = RecordReader::new(&block.bytes[range], MARKS);
                 while records.advance() {
@@ -140,13 +147,15 @@ impl Annotated {
             }
         };
         let time = table.position("_time").map_or("", text);
-        let time =
-            match time {
-                "" => None,
-                time => Some(parse_stamp(time).ok_or_else(|| {
-                    self.refused(line, format!("{time:?} is no time of RFC 3339"))
-                })?),
-            };
+        let time = match time {
+            "" => None,
+            time => Some(parse_stamp(time).ok_or_else(|| {
+                self.refused(
+                    line,
+                    format!("{} is no time of RFC 3339; export it again", shown(time)),
+                )
+            })?),
+        };
         let key = table.key(&text);
         for column in table.values() {
             let mut key = key.clone();
@@ -225,35 +234,39 @@ impl Table {
     }
 }
 
+/// What the keys have of a part.
+struct PartOfKeys<'a> {
+    /// Keys that have it.
+    keys: usize,
+    first: &'a str,
+    differs: bool,
+}
+
 /// A name for each key: its values, without those that all keys share.
 pub(crate) fn names(keys: &[Key]) -> Vec<String> {
-    let mut values: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for key in keys {
-        for part in key.keys() {
-            values.entry(part).or_default();
-        }
+    let mut parts: HashMap<&str, PartOfKeys<'_>> = HashMap::new();
+    for (part, value) in keys.iter().flatten() {
+        let known =
+            parts.entry(part).or_insert(PartOfKeys { keys: 0, first: value, differs: false });
+        known.keys += 1;
+        known.differs |= known.first != value;
     }
-    for (part, all) in &mut values {
-        *all = keys.iter().map(|key| key.get(*part).map_or("", String::as_str)).collect();
-    }
-    let telling: Vec<&str> = values
-        .iter()
-        .filter(|(_, all)| all.iter().any(|value| *value != all[0]))
-        .map(|(part, _)| *part)
-        .collect();
-    let name = |key: &Key, parts: &[&str]| {
-        let parts =
-            parts.iter().filter_map(|part| key.get(*part)).filter(|value| !value.is_empty());
-        parts.map(String::as_str).collect::<Vec<_>>().join(".")
+    // A part that a key lacks is empty there.
+    let tells = |part: &str| {
+        let PartOfKeys { keys: having, first, differs } = parts[part];
+        differs || having < keys.len() && !first.is_empty()
     };
-    let all: Vec<&str> = values.keys().copied().collect();
-    let short: Vec<String> = keys.iter().map(|key| name(key, &telling)).collect();
-    let distinct: std::collections::BTreeSet<&String> = short.iter().collect();
+    let short = |key: &Key| {
+        let values = key.iter().filter(|(part, value)| tells(part) && !value.is_empty());
+        values.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(".")
+    };
+    let short: Vec<String> = keys.iter().map(short).collect();
+    let distinct: HashSet<&String> = short.iter().collect();
     if distinct.len() == keys.len() && short.iter().all(|name| !name.is_empty()) {
         return short;
     }
     let pairs = |key: &Key| {
-        let pairs = all.iter().filter_map(|part| Some(format!("{part}={}", key.get(*part)?)));
+        let pairs = key.iter().map(|(part, value)| format!("{part}={value}"));
         pairs.collect::<Vec<_>>().join(",")
     };
     match keys {
@@ -290,10 +303,11 @@ mod tests {
         fs::write(&path, text).expect("written");
         assert!(is_annotated(&path)?);
         let mut all = Vec::new();
-        Annotated::open(&path)?.read(&mut Words::default(), |sample, _| {
+        let take = |sample: Sample<'_>, _: &Words| {
             all.push((sample.key.clone(), sample.time, sample.cell));
             Ok(())
-        })?;
+        };
+        Annotated::open(&path)?.read(&mut Words::default(), take, &calib_core::Silent)?;
         Ok(all)
     }
 

@@ -1,6 +1,6 @@
 //! A cell of text as eight bytes: a number, nothing, or the number of a word.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
 /// What a cell holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,35 +43,69 @@ impl Cell {
     }
 }
 
-/// Distinct words that are kept; the rest is one word.
+/// Distinct words that are kept, and their bytes together; the rest is one word.
 const KEPT: usize = 1 << 20;
+const KEPT_BYTES: usize = 64 << 20;
 /// What words beyond [`KEPT`] are.
 pub(crate) const OTHER_WORDS: &str = "(other words)";
 
 /// The words of a log, each once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Words {
-    list: Vec<String>,
-    positions: HashMap<String, u32>,
+    list: Vec<Arc<str>>,
+    positions: HashMap<Arc<str>, u32>,
+    bytes: usize,
+    is_bounded: bool,
+    /// The position of what is not kept.
+    others: Option<u32>,
 }
 
 impl Words {
+    /// Words of a whole log, of which only so many are kept as memory has room for.
+    pub(crate) fn bounded() -> Self {
+        Self { is_bounded: true, ..Self::default() }
+    }
+
     /// The position of `word`, which is new or known.
     pub(crate) fn position(&mut self, word: &str) -> u32 {
         if let Some(&position) = self.positions.get(word) {
             return position;
         }
-        let word = if self.list.len() >= KEPT { OTHER_WORDS } else { word };
-        let next = self.list.len() as u32;
-        let position = *self.positions.entry(word.to_owned()).or_insert(next);
-        if position == next {
-            self.list.push(word.to_owned());
+        let is_full = self.list.len() >= KEPT || self.bytes + word.len() > KEPT_BYTES;
+        if self.is_bounded && is_full {
+            return self.other();
         }
+        let word: Arc<str> = Arc::from(word);
+        let position = self.add(Arc::clone(&word));
+        self.bytes += word.len();
+        self.positions.insert(word, position);
         position
     }
 
-    pub(crate) fn list(&self) -> &[String] {
-        &self.list
+    fn add(&mut self, word: Arc<str>) -> u32 {
+        self.list.push(word);
+        (self.list.len() - 1) as u32
+    }
+
+    /// The position of words that are not kept.
+    fn other(&mut self) -> u32 {
+        let others = self.others.unwrap_or_else(|| self.add(Arc::from(OTHER_WORDS)));
+        *self.others.insert(others)
+    }
+
+    /// The position here of a word of `other`.
+    pub(crate) fn translated(&mut self, other: &Self, word: u32) -> u32 {
+        if other.others == Some(word) { self.other() } else { self.position(other.word(word)) }
+    }
+
+    /// The word at a position.
+    pub(crate) fn word(&self, position: u32) -> &str {
+        &self.list[position as usize]
+    }
+
+    /// Whether a cell stands for words that were too many to be kept.
+    pub(crate) fn is_other(&self, cell: u64) -> bool {
+        matches!(Cell::decode(cell), Cell::Word(word) if self.others == Some(word))
     }
 
     /// Make `cells`, whose words are those of `other`, cells of this list.
@@ -79,7 +113,8 @@ impl Words {
         if other.list.is_empty() {
             return;
         }
-        let positions: Vec<u32> = other.list.iter().map(|word| self.position(word)).collect();
+        let words = 0..other.list.len() as u32;
+        let positions: Vec<u32> = words.map(|word| self.translated(other, word)).collect();
         for bits in cells {
             if let Cell::Word(word) = Cell::decode(*bits) {
                 *bits = Cell::Word(positions[word as usize]).encode();
@@ -105,18 +140,30 @@ mod tests {
 
     #[test]
     fn words_are_adopted_and_bounded() {
-        let mut all = Words::default();
+        let mut all = Words::bounded();
         all.position("Bad");
         let mut part = Words::default();
         let mut cells =
             [part.position("No Data"), part.position("Bad")].map(|word| Cell::Word(word).encode());
         all.adopt(&part, &mut cells);
         assert_eq!(cells.map(Cell::decode), [Cell::Word(1), Cell::Word(0)]);
-        assert_eq!(all.list(), ["Bad", "No Data"]);
+        assert_eq!([all.word(0), all.word(1)], ["Bad", "No Data"]);
         for word in 0..KEPT + 9 {
             all.position(&format!("w{word}"));
         }
-        assert_eq!(all.list().len(), KEPT + 1);
-        assert_eq!(all.list()[KEPT], OTHER_WORDS);
+        assert_eq!(all.list.len(), KEPT + 1);
+        let other = all.position("one more");
+        assert_eq!(all.word(other), OTHER_WORDS);
+        assert!(all.is_other(Cell::Word(other).encode()));
+        assert!(!all.is_other(Cell::Word(0).encode()));
+        let mut next = Words::bounded();
+        let mut cells = [Cell::Word(other).encode()];
+        next.adopt(&all, &mut cells);
+        assert!(next.is_other(cells[0]), "what is lost stays lost");
+        let mut long = Words::bounded();
+        for word in 0..9_000 {
+            long.position(&format!("{word:08192}"));
+        }
+        assert!(long.bytes <= KEPT_BYTES && long.others.is_some());
     }
 }

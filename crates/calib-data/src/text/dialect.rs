@@ -1,10 +1,13 @@
 //! What the first rows of a text file tell: what separates its cells, its header, its units.
 
-use std::collections::BTreeMap;
+use std::{
+    collections::{BTreeMap, HashSet},
+    path::Path,
+};
 
 use super::{
     blocks::Marks,
-    number::{Decimal, Sign, parse, sign_of},
+    number::{Decimal, Signs, parse},
     record::RecordReader,
     stamps::Candidates,
 };
@@ -22,7 +25,44 @@ pub(crate) struct Dialect {
     /// Bytes and lines before the first row of values.
     pub(crate) skip: (u64, u64),
     /// The first rows of values.
-    pub(crate) sample: Vec<Vec<String>>,
+    sample: Sample,
+}
+
+/// Cells of some rows. A log may have thousands of files, so they lie one after the other.
+#[derive(Clone, Debug, Default)]
+struct Sample {
+    text: String,
+    /// Where each cell ends in the text, and each row in these.
+    cells: Vec<u32>,
+    rows: Vec<u32>,
+}
+
+impl Sample {
+    fn of(rows: impl Iterator<Item = Vec<String>>) -> Self {
+        let mut sample = Self::default();
+        for row in rows {
+            for cell in row {
+                sample.text.push_str(cell.trim());
+                sample.cells.push(sample.text.len() as u32);
+            }
+            sample.rows.push(sample.cells.len() as u32);
+        }
+        sample.text.shrink_to_fit();
+        sample
+    }
+
+    /// The cells of a column, where a row has one.
+    fn column(&self, column: usize) -> impl Iterator<Item = &str> {
+        let starts = std::iter::once(0).chain(self.rows.iter().copied());
+        starts.zip(&self.rows).filter_map(move |(start, &end)| {
+            let cell = start as usize + column;
+            if cell >= end as usize {
+                return None;
+            }
+            let begins = cell.checked_sub(1).map_or(0, |before| self.cells[before] as usize);
+            Some(&self.text[begins..self.cells[cell] as usize])
+        })
+    }
 }
 
 /// A column as the header has it.
@@ -90,41 +130,24 @@ impl Dialect {
             above.extend(rows.next().map(|row| row.cells));
         }
         describe(&mut columns, &above);
-        let sample = rows.map(|row| row.cells).collect();
+        let sample = Sample::of(rows.map(|row| row.cells));
         Ok(Self { marks, columns, skip, sample })
     }
 
     /// The cells of a column in the first rows that are not empty.
     pub(crate) fn cells(&self, column: usize) -> Vec<&str> {
-        let cells = self.sample.iter().filter_map(|row| row.get(column));
-        cells.map(|cell| cell.trim()).filter(|cell| !cell.is_empty()).collect()
+        self.sample.column(column).filter(|cell| !cell.is_empty()).collect()
     }
 
-    /// What the cells of all columns but `time` say about the decimal sign.
-    pub(crate) fn decimal(&self, time: usize) -> Result<Decimal, String> {
-        let mut seen: BTreeMap<&'static str, &str> = BTreeMap::new();
+    /// What the cells of all columns but `time` say about the decimal sign, in the file at `path`.
+    pub(crate) fn signs(&self, time: usize, path: &Path) -> Signs {
+        let mut signs = Signs::default();
         for column in (0..self.columns.len()).filter(|&column| column != time) {
             for cell in self.cells(column) {
-                let sign = match sign_of(cell) {
-                    Sign::Point => "point",
-                    Sign::Comma => "comma",
-                    Sign::Either => "either",
-                    Sign::Nothing => continue,
-                };
-                seen.entry(sign).or_insert(cell);
+                signs.note(cell, path);
             }
         }
-        match (seen.get("point"), seen.get("comma"), seen.get("either")) {
-            (Some(point), Some(comma), _) => Err(format!(
-                "it has {point} and {comma}: say with data.decimal = \".\" or \",\" which sign separates fractions"
-            )),
-            (Some(_), None, _) => Ok(Decimal::Point),
-            (None, Some(_), _) => Ok(Decimal::Comma),
-            (None, None, Some(either)) => Err(format!(
-                "{either} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
-            )),
-            (None, None, None) => Ok(Decimal::Unknown),
-        }
+        signs
     }
 }
 
@@ -224,12 +247,13 @@ fn is_about_columns(cells: &[String]) -> bool {
 
 fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
     let cells = &cells[..width_of(cells)];
-    let mut columns: Vec<TextColumn> = Vec::new();
+    let mut columns: Vec<TextColumn> = Vec::with_capacity(cells.len());
+    let mut known = HashSet::with_capacity(cells.len());
     for (position, cell) in cells.iter().enumerate() {
         let name = cell.trim();
         let name =
             if name.is_empty() { format!("column {}", position + 1) } else { name.to_owned() };
-        if columns.iter().any(|column| column.name == name) {
+        if !known.insert(name.clone()) {
             return Err(format!("two columns are called {name:?}; rename one"));
         }
         columns.push(TextColumn { name, ..TextColumn::default() });
@@ -277,14 +301,18 @@ mod tests {
         dialect.columns.iter().map(|column| column.name.as_str()).collect()
     }
 
+    fn decimal(dialect: &Dialect) -> Decimal {
+        dialect.signs(0, Path::new("a.csv")).decimal().expect("told")
+    }
+
     #[test]
     fn separators_are_told_by_rows_of_equal_length() {
         let comma = dialect("time,a,b\n2024-01-01 00:00:00,1.5,2\n2024-01-01 00:01:00,,3\n");
         assert_eq!((comma.marks.separator, names(&comma)), (b',', vec!["time", "a", "b"]));
-        assert_eq!(comma.decimal(0), Ok(Decimal::Point));
-        assert_eq!(comma.sample.len(), 2);
+        assert_eq!(decimal(&comma), Decimal::Point);
+        assert_eq!(comma.sample.rows.len(), 2);
         let german = dialect("Zeit;a;b\r\n01.01.2024 00:00;1,5;2,25\r\n01.01.2024 00:01;1,5;\r\n");
-        assert_eq!((german.marks.separator, german.decimal(0)), (b';', Ok(Decimal::Comma)));
+        assert_eq!((german.marks.separator, decimal(&german)), (b';', Decimal::Comma));
         assert_eq!(german.skip, (10, 1));
         let tabs = dialect("time\ta, total\n2024-01-01\t1\n");
         assert_eq!((tabs.marks.separator, names(&tabs)), (b'\t', vec!["time", "a, total"]));
@@ -304,7 +332,8 @@ mod tests {
         assert_eq!(found.columns[0].unit, None);
         let (bytes, lines) = found.skip;
         assert_eq!((&text[bytes as usize..][..10], lines), ("01.02.2024", 6));
-        assert_eq!(found.sample[0][..3], ["01.02.2024 00:00", "1", "2"]);
+        let cells: Vec<&str> = (0..3).flat_map(|column| found.cells(column)).collect();
+        assert_eq!(cells, ["01.02.2024 00:00", "1", "2"]);
         let latin = Dialect::of(b"time,T [\xB0C]\n2024-01-01,1\n", None).expect("a table");
         assert_eq!(names(&latin), ["time", "T [°C]"]);
     }
@@ -313,26 +342,12 @@ mod tests {
     fn headers_may_lack_and_must_be_clear() {
         let bare = dialect("2024-01-01 00:00:00,1.5\n2024-01-01 00:01:00,1.6\n");
         assert_eq!(
-            (names(&bare), bare.skip, bare.sample.len()),
+            (names(&bare), bare.skip, bare.sample.rows.len()),
             (vec!["timestamp", "value"], (0, 0), 2)
         );
         assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);
         let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
         assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("expected a header"));
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
-    }
-
-    #[test]
-    fn a_decimal_sign_that_nothing_tells_is_asked_for() {
-        let of = |cells: &str| {
-            dialect(&format!("time;a\n2024-01-01;{}\n", cells.replace(' ', "\n2024-01-02;")))
-                .decimal(0)
-        };
-        assert_eq!(of("1 2"), Ok(Decimal::Unknown));
-        assert!(of("1,234 2,500").expect_err("asked").contains("data.decimal"));
-        assert_eq!(of("1,234 2,5"), Ok(Decimal::Comma));
-        assert_eq!(of("1,234 2.5"), Ok(Decimal::Point));
-        assert_eq!(of("1,234 2,345,678"), Ok(Decimal::Point));
-        assert!(of("1,5 2.5").expect_err("asked").contains("1,5"));
     }
 }

@@ -12,7 +12,7 @@ use super::{
     blocks::Blocks,
     dialect::{Dialect, TextColumn, decode},
     input::{self, Compression, fill, unreadable},
-    number::Decimal,
+    number::Signs,
     record::RecordReader,
 };
 use crate::{DataConfig, DataError};
@@ -29,7 +29,6 @@ pub(crate) struct TextFile {
     pub(crate) dialect: Dialect,
     /// Bytes of a row on the disk, roughly.
     row_bytes: f64,
-    given_decimal: Option<char>,
 }
 
 impl TextFile {
@@ -48,7 +47,7 @@ impl TextFile {
             Compression::Gzip | Compression::Zstandard => TYPICAL_PACKING,
         };
         let row_bytes = ((head.len() as f64 - skip as f64) / lines as f64 / packed).max(1.0);
-        Ok(Self { path: path.to_owned(), bytes, dialect, row_bytes, given_decimal: data.decimal })
+        Ok(Self { path: path.to_owned(), bytes, dialect, row_bytes })
     }
 
     pub(crate) fn columns(&self) -> &[TextColumn] {
@@ -60,16 +59,9 @@ impl TextFile {
         (self.bytes as f64 / self.row_bytes) as u64
     }
 
-    /// What separates fractions, by all columns but `time`.
-    pub(crate) fn decimal(&self, time: usize) -> Result<Decimal, DataError> {
-        match self.given_decimal {
-            Some(',') => Ok(Decimal::Comma),
-            Some(_) => Ok(Decimal::Point),
-            None => self
-                .dialect
-                .decimal(time)
-                .map_err(|reason| DataError::NotText { path: self.path.clone(), reason }),
-        }
+    /// What its first rows say about the decimal sign, in all columns but `time`.
+    pub(crate) fn signs(&self, time: usize) -> Signs {
+        self.dialect.signs(time, &self.path)
     }
 
     /// Read all records from the first row of values: parts of a block side by side, by `read`, and what each gave in order to `take`.
@@ -176,6 +168,11 @@ impl Records<'_> {
     /// A cell of the record as text.
     pub(crate) fn text(&self, column: usize) -> std::borrow::Cow<'_, str> {
         decode(self.reader.cell(column))
+    }
+
+    /// The file that they are in.
+    pub(crate) fn path(&self) -> &Path {
+        &self.file.path
     }
 
     /// An error of this record.

@@ -14,16 +14,27 @@ mod number;
 mod quality;
 mod record;
 mod stamps;
+mod zone;
 
 pub(crate) use self::{
-    annotated::{Annotated, Key, is_annotated, names as annotated_names},
+    annotated::{Annotated, Key, Sample, is_annotated, names as annotated_names},
     blocks::Marks,
     cell::{Cell, Words},
     dialect::{TextColumn, decode},
     file::{Records, TextFile},
     input::size,
-    number::{Decimal, cell as cell_of, parse as parse_number},
+    number::{Decimal, Signs, cell as cell_of, either_way, parse as parse_number},
     quality::Quality,
     record::RecordReader,
-    stamps::{Candidates, Notation, Zone, compact_pattern, is_time_of_day},
+    stamps::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day},
+    zone::{Walls, Zone},
 };
+
+/// As much of a cell as a message shows, in quotes.
+pub(crate) fn shown(cell: &str) -> String {
+    const LETTERS: usize = 60;
+    match cell.char_indices().nth(LETTERS) {
+        None => format!("{cell:?}"),
+        Some((end, _)) => format!("{:?}…", &cell[..end]),
+    }
+}

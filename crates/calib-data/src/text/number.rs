@@ -1,7 +1,9 @@
 //! Numbers as people and programs of different countries write them.
 
+use std::path::{Path, PathBuf};
+
 use super::cell::{Cell, Words};
-use crate::log::LARGEST;
+use crate::{DataError, log::LARGEST};
 
 /// What separates the whole from its fraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +27,91 @@ pub(crate) enum Sign {
     Nothing,
 }
 
+/// What the cells of a log have shown about its decimal sign: the first cell of each kind.
+///
+/// Files of one export are written alike, so the sign is that of a log and not of a file: `1.310` is another number beside
+/// `1.210,5` than beside `1.5`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Signs {
+    point: Option<Shown>,
+    comma: Option<Shown>,
+    either: Option<Shown>,
+}
+
+/// A cell, and the file that it is in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Shown {
+    cell: String,
+    path: PathBuf,
+}
+
+impl Signs {
+    /// Whether a cell may say something that cells of numbers with this sign have not.
+    pub(crate) fn may_tell(cell: &str, decimal: Decimal) -> bool {
+        match decimal {
+            Decimal::Point => cell.contains(','),
+            Decimal::Comma => cell.contains('.'),
+            Decimal::Unknown => true,
+        }
+    }
+
+    /// Take note of a cell of the file at `path`.
+    pub(crate) fn note(&mut self, cell: &str, path: &Path) {
+        let seen = match sign_of(cell.trim()) {
+            Sign::Point => &mut self.point,
+            Sign::Comma => &mut self.comma,
+            Sign::Either => &mut self.either,
+            Sign::Nothing => return,
+        };
+        seen.get_or_insert_with(|| Shown { cell: cell.trim().to_owned(), path: path.to_owned() });
+    }
+
+    /// Take note of what was seen later.
+    pub(crate) fn adopt(&mut self, later: Self) {
+        self.point = self.point.take().or(later.point);
+        self.comma = self.comma.take().or(later.comma);
+        self.either = self.either.take().or(later.either);
+    }
+
+    /// The sign that all cells agree on.
+    ///
+    /// # Errors
+    /// If two of them do not, or if all of them can be read in two ways.
+    pub(crate) fn decimal(&self) -> Result<Decimal, DataError> {
+        self.refuse_contradiction()?;
+        match (&self.point, &self.comma, &self.either) {
+            (Some(_), _, _) => Ok(Decimal::Point),
+            (None, Some(_), _) => Ok(Decimal::Comma),
+            (None, None, Some(Shown { cell, path })) => {
+                Err(DataError::NotText { path: path.clone(), reason: either_way(cell) })
+            }
+            (None, None, None) => Ok(Decimal::Unknown),
+        }
+    }
+
+    /// Refuse two cells that separate fractions by two signs.
+    pub(crate) fn refuse_contradiction(&self) -> Result<(), DataError> {
+        let (Some(point), Some(comma)) = (&self.point, &self.comma) else { return Ok(()) };
+        let elsewhere = if point.path == comma.path {
+            format!("and {}", comma.cell)
+        } else {
+            format!("and {} has {}", comma.path.display(), comma.cell)
+        };
+        let reason = format!(
+            "it has {} {elsewhere}: say with data.decimal = \".\" or \",\" which sign separates fractions",
+            point.cell
+        );
+        Err(DataError::NotText { path: point.path.clone(), reason })
+    }
+}
+
+/// What to say of a number that can be read in two ways.
+pub(crate) fn either_way(cell: &str) -> String {
+    format!(
+        "{cell} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
+    )
+}
+
 /// What `text` says about the decimal sign.
 pub(crate) fn sign_of(text: &str) -> Sign {
     let text = mantissa(text);
@@ -40,6 +127,7 @@ pub(crate) fn sign_of(text: &str) -> Sign {
             }
         }
         (2.., 0) if grouped(text, ',') => Sign::Point,
+        (0, 2..) if grouped(text, '.') => Sign::Comma,
         (1.., 1..) => match (text.rfind(','), text.rfind('.')) {
             (Some(comma), Some(point)) if comma > point => comma_if(grouped(&text[..comma], '.')),
             (Some(_), Some(point)) if grouped(&text[..point], ',') => Sign::Point,
@@ -58,7 +146,7 @@ pub(crate) fn parse(text: &str, decimal: Decimal) -> Option<f64> {
     let bytes = text.as_bytes();
     let has_comma = memchr::memchr(b',', bytes).is_some();
     match decimal {
-        Decimal::Point | Decimal::Unknown if !has_comma => plain(text),
+        Decimal::Point if !has_comma => plain(text),
         Decimal::Point => whole_of(text, '.', ','),
         Decimal::Comma => {
             if !has_comma && memchr::memchr(b'.', bytes).is_none() {
@@ -67,6 +155,7 @@ pub(crate) fn parse(text: &str, decimal: Decimal) -> Option<f64> {
                 whole_of(text, ',', '.')
             }
         }
+        Decimal::Unknown if !has_comma && count(text, b'.') < 2 => plain(text),
         Decimal::Unknown => match sign_of(text) {
             Sign::Comma => whole_of(text, ',', '.'),
             Sign::Point => whole_of(text, '.', ','),
@@ -164,12 +253,14 @@ mod tests {
         );
         assert_eq!(unknown("1,234"), None, "a fraction or a thousand");
         assert_eq!(unknown("1,234,567"), Some(1_234_567.0), "two fractions there are not");
+        assert_eq!((unknown("1.234.567"), unknown("1.2.3")), (Some(1_234_567.0), None));
     }
 
     #[test]
     fn cells_tell_the_decimal_sign() {
-        let signs =
-            ["1.5", "1,5", "1,234", "0,234", "1.234,5", "1,234.5", "12", "Bad, off"].map(sign_of);
+        let cells =
+            ["1.5", "1,5", "1,234", "0,234", "1.234,5", "1,234.5", "1.234.567", "12", "Bad, off"];
+        let signs = cells.map(sign_of);
         let expected = [
             Sign::Point,
             Sign::Comma,
@@ -177,10 +268,34 @@ mod tests {
             Sign::Comma,
             Sign::Comma,
             Sign::Point,
+            Sign::Comma,
             Sign::Nothing,
             Sign::Nothing,
         ];
         assert_eq!(signs, expected);
+    }
+
+    #[test]
+    fn a_decimal_sign_that_nothing_tells_is_asked_for() {
+        let told = |cells: &[&str]| {
+            let mut signs = Signs::default();
+            for (file, cell) in cells.iter().enumerate() {
+                let mut later = Signs::default();
+                later.note(cell, Path::new(["a.csv", "b.csv"][file % 2]));
+                signs.adopt(later);
+            }
+            signs.decimal().map_err(|error| error.to_string())
+        };
+        assert_eq!(told(&["1", "2", "off"]), Ok(Decimal::Unknown));
+        let either = told(&["1,234", "2,500"]).expect_err("asked");
+        assert!(either.contains("a.csv") && either.contains("1,234 is a fraction if"), "{either}");
+        assert_eq!(told(&["1,234", "2,5"]), Ok(Decimal::Comma));
+        assert_eq!(told(&["1,234", "2.5"]), Ok(Decimal::Point));
+        assert_eq!(told(&["1,234", "2,345,678"]), Ok(Decimal::Point));
+        let files = told(&["1.210,5", "1.310"]).expect_err("a thousandth of the other");
+        assert!(files.contains("it has 1.310 and a.csv has 1.210,5"), "{files}");
+        let one = told(&["1,5", "7", "2.5"]).expect_err("asked");
+        assert!(one.contains("it has 2.5 and 1,5: say with data.decimal"), "{one}");
     }
 
     #[test]
@@ -191,7 +306,7 @@ mod tests {
         assert_eq!((point(""), point("inf")), (Cell::Missing, Cell::NonFinite));
         assert_eq!(point("Bad"), Cell::Word(0));
         assert_eq!(cell("1,234", Decimal::Unknown, &mut words), None);
-        assert_eq!(words.list(), ["Bad"]);
+        assert_eq!(words.word(0), "Bad");
     }
 
     proptest! {

@@ -2,13 +2,21 @@
 
 use std::collections::BTreeSet;
 
-use jiff::{civil, fmt::strtime, tz::TimeZone};
+use jiff::{
+    civil,
+    fmt::{strtime, temporal::Pieces},
+    tz::TimeZone,
+};
 
 use crate::{
     TimestampUnit,
-    log::{NO_TIME, guess_unit, typical},
+    log::units,
     time::{Stamp, parse_stamp},
 };
+
+/// A time of the year 9999, most of which is beyond the instants that there are: in databases it stands for "never".
+const NEVER: Stamp = Stamp::Instant(i64::MAX);
+const NEVER_YEAR: i16 = 9999;
 
 /// How the times of a column are written.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,17 +33,31 @@ impl Notation {
     /// The instant or wall-clock time that `text` names.
     pub(crate) fn read(&self, text: &str) -> Option<Stamp> {
         match self {
-            Self::Iso => parse_stamp(text),
+            Self::Iso => parse_stamp(text).or_else(|| {
+                let pieces = Pieces::parse(text).ok()?;
+                (pieces.date().year() == NEVER_YEAR).then_some(NEVER)
+            }),
             Self::Number(unit) => {
-                let number: f64 = text.parse().ok().filter(|number: &f64| number.is_finite())?;
-                // Whole numbers keep all their digits: nanoseconds have more than an f64.
-                let micros = text.parse::<i64>().map_or_else(
-                    |_| (number * unit.micros()).round() as i64,
-                    |whole| unit.in_micros(whole),
-                );
-                Some(Stamp::Instant(micros))
+                let micros = match text.parse::<i64>() {
+                    Ok(whole) => unit.whole_in_micros(whole),
+                    Err(_) => unit.in_micros(number(text)?),
+                };
+                Some(unit.stamp(micros))
             }
             Self::Pattern(pattern) => read_pattern(pattern, text),
+        }
+    }
+
+    /// What it makes of `text`, and how a study asks for it.
+    pub(crate) fn reading(&self, text: &str) -> String {
+        let Some(Stamp::Instant(micros) | Stamp::Wall(micros)) = self.read(text) else {
+            return self.name();
+        };
+        let time = crate::format_time(calib_core::Timestamp::from_micros(micros));
+        match self {
+            Self::Iso => time,
+            Self::Number(unit) => format!("{time} with data.timestamp_unit = \"{}\"", unit.key()),
+            Self::Pattern(pattern) => format!("{time} with data.timestamp_format = \"{pattern}\""),
         }
     }
 
@@ -63,13 +85,19 @@ fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
         || parsed.iana_time_zone().is_some()
         || parsed.timestamp().is_some()
     {
-        return Some(Stamp::Instant(parsed.to_timestamp().ok()?.as_microsecond()));
+        return match parsed.to_timestamp() {
+            Ok(instant) => Some(Stamp::Instant(instant.as_microsecond())),
+            Err(_) => (parsed.year() == Some(NEVER_YEAR)).then_some(NEVER),
+        };
     }
     let wall = parsed
         .to_datetime()
         .or_else(|_| parsed.to_date().map(|date| date.to_datetime(civil::Time::midnight())))
         .ok()?;
-    let instant = TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond();
+    let Ok(instant) = TimeZone::UTC.to_timestamp(wall) else {
+        return (wall.year() == NEVER_YEAR).then_some(NEVER);
+    };
+    let instant = instant.as_microsecond();
     // Patterns end in these words where cells do.
     let zone = pattern.to_ascii_uppercase();
     if ["Z", "UTC", "GMT"].into_iter().any(|of| zone.ends_with(of) && !zone.ends_with("%Z")) {
@@ -78,14 +106,29 @@ fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
     Some(Stamp::Wall(instant))
 }
 
+/// The number that a cell is, whatever separates its fraction.
+fn number(text: &str) -> Option<f64> {
+    let number: f64 = text.parse().or_else(|_| text.replacen(',', ".", 1).parse()).ok()?;
+    number.is_finite().then_some(number)
+}
+
 /// Which notations a column of times may have, as far as its cells have shown.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidates {
     pub(crate) left: Vec<Notation>,
     /// A cell that all of them can read: what to show where they differ.
     pub(crate) example: String,
-    /// The first cell that none of them could read.
-    pub(crate) unreadable: Option<String>,
+    /// Why none of them could read all cells.
+    pub(crate) unreadable: Option<Unreadable>,
+}
+
+/// Why the times of a column cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Unreadable {
+    /// The first cell that is in none of the notations that the others have.
+    Cell(String),
+    /// Numbers that may count what calib does not read, in words.
+    Numbers(String),
 }
 
 impl Candidates {
@@ -94,25 +137,25 @@ impl Candidates {
         let Some(&first) = cells.first() else {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
-        let mut all = vec![Notation::Iso];
-        if let Some(pattern) = compact_pattern(cells).filter(|_| unit.is_none()) {
-            all = vec![Notation::Pattern(pattern.to_owned())];
-        } else if let Some(numbers) =
-            cells.iter().map(|cell| cell.parse::<f64>().ok()).collect::<Option<Vec<f64>>>()
-        {
-            let unit = unit.unwrap_or_else(|| {
-                guess_unit(typical(numbers.iter().map(|number| number.abs()), numbers.len()))
-            });
-            all = vec![Notation::Number(unit)];
-        } else if parse_stamp(first).is_none() {
-            all = patterns(first).into_iter().map(Notation::Pattern).collect();
-        }
-        let mut candidates = Self { left: all, example: first.to_owned(), unreadable: None };
+        let numbers = || cells.iter().map(|cell| number(cell)).collect::<Option<Vec<f64>>>();
+        let told = if let Some(pattern) = compact_pattern(cells).filter(|_| unit.is_none()) {
+            Ok(vec![Notation::Pattern(pattern.to_owned())])
+        } else if let Some(numbers) = numbers() {
+            let units = unit.map_or_else(|| units(&numbers), |unit| Ok(vec![unit]));
+            units.map(|units| units.into_iter().map(Notation::Number).collect())
+        } else if Notation::Iso.read(first).is_some() {
+            Ok(vec![Notation::Iso])
+        } else {
+            Ok(patterns(first).into_iter().map(Notation::Pattern).collect())
+        };
+        let (left, unreadable) = match told {
+            Ok(left) if left.is_empty() => (left, Some(Unreadable::Cell(first.to_owned()))),
+            Ok(left) => (left, None),
+            Err(reason) => (Vec::new(), Some(Unreadable::Numbers(reason))),
+        };
+        let mut candidates = Self { left, example: first.to_owned(), unreadable };
         for cell in cells {
             candidates.note(cell);
-        }
-        if candidates.left.is_empty() && candidates.unreadable.is_none() {
-            candidates.unreadable = Some(first.to_owned());
         }
         candidates
     }
@@ -122,7 +165,7 @@ impl Candidates {
         let left: Vec<Notation> =
             self.left.iter().filter(|notation| notation.read(cell).is_some()).cloned().collect();
         if left.is_empty() && !self.left.is_empty() {
-            self.unreadable.get_or_insert_with(|| cell.to_owned());
+            self.unreadable.get_or_insert_with(|| Unreadable::Cell(cell.to_owned()));
         }
         self.left = left;
     }
@@ -134,18 +177,7 @@ impl Candidates {
 
     /// Each notation with what it makes of the example.
     pub(crate) fn readings(&self) -> String {
-        let readings = self.left.iter().map(|notation| {
-            let Some(Stamp::Instant(micros) | Stamp::Wall(micros)) = notation.read(&self.example)
-            else {
-                return notation.name();
-            };
-            let time = calib_core::Timestamp::from_micros(micros);
-            format!(
-                "{} with data.timestamp_format = \"{}\"",
-                crate::format_time(time),
-                notation.name()
-            )
-        });
+        let readings = self.left.iter().map(|notation| notation.reading(&self.example));
         readings.collect::<Vec<_>>().join(", ")
     }
 }
@@ -158,12 +190,14 @@ fn patterns(example: &str) -> Vec<String> {
     orders.into_iter().map(|date| format!("{date}{time}")).collect()
 }
 
-/// The pattern of dates written as one number, such as `20240301060000`, if all of `cells` are such: digits from the day, the hour, the
-/// minute, the second or the millisecond on, that name a time from 1970 to 2099. As numbers since 1970 they would be of 1970, of the years
+/// The pattern of dates written as one number, such as `20240301060000`, if all but a quarter of `cells` are such: digits from the day, the hour, the
+/// minute, the second or the millisecond on, that name a time from 1970 to 2099, or of the year 9999. As numbers since 1970 they would be of 1970, of the years
 /// 2032 to 2036, of 1976 or of the year 2611.
 pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
     let whole = |cell: &str| cell.find(['.', ',']).unwrap_or(cell.len());
-    let length = whole(cells.first()?);
+    let mut lengths: Vec<usize> = cells.iter().map(|cell| whole(cell)).collect();
+    lengths.sort_unstable();
+    let length = *lengths.get(lengths.len() / 2)?;
     let pattern = match length {
         8 => "%Y%m%d",
         10 => "%Y%m%d%H",
@@ -176,18 +210,22 @@ pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
     let is_date = |cell: &&str| {
         whole(cell) == length
             && cell.bytes().take(length).all(|byte| byte.is_ascii_digit())
-            && ("1970".."2100").contains(&&cell[..4])
+            && (("1970".."2100").contains(&&cell[..4]) || &cell[..4] == "9999")
             && read_pattern(pattern, cell).is_some()
     };
-    cells.iter().all(is_date).then_some(pattern)
+    let dates = cells.iter().filter(|cell| is_date(cell)).count();
+    (4 * dates >= 3 * cells.len()).then_some(pattern)
 }
 
 /// The date, and the time with what stands before it.
 fn split(example: &str) -> Option<(&str, &str)> {
     let Some(colon) = example.find(':') else { return Some((example, "")) };
-    let hour = example[..colon].rfind(|c: char| !c.is_ascii_digit())?;
+    let hour = example[..colon].trim_end_matches(|c: char| c.is_ascii_digit());
+    if hour.is_empty() {
+        return None;
+    }
     // 20240301T0600 has no colon; 2024-03-01 T 06:00 has spaces on both sides.
-    let date = example[..=hour].trim_end_matches([' ', 'T', '_', '-', ',', ':', '\t']);
+    let date = hour.trim_end_matches(|c: char| c.is_whitespace() || "T_-,:".contains(c));
     Some((date, &example[date.len()..]))
 }
 
@@ -274,53 +312,20 @@ pub(crate) fn is_time_of_day(cell: &str) -> bool {
     cell.starts_with(|c: char| c.is_ascii_digit()) && time_pattern(cell).is_some()
 }
 
-/// Wall-clock times of a place, one after the other as they were recorded, as instants.
-#[derive(Clone, Debug)]
-pub(crate) struct Zone {
-    rules: TimeZone,
-    last: i64,
-    /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
-    forward: i64,
-}
-
-impl Zone {
-    /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
-    pub(crate) fn new(name: &str) -> Option<Self> {
-        Some(Self { rules: TimeZone::get(name).ok()?, last: NO_TIME, forward: 0 })
-    }
-
-    /// The instant at which clocks there showed `wall`. An hour that they showed twice is the first one, until
-    /// they have gone back, and the other way round where the newest times come first; an hour that they left out is read by the clock
-    /// before it.
-    pub(crate) fn instant(&mut self, wall: i64) -> i64 {
-        if wall == NO_TIME {
-            return NO_TIME;
-        }
-        let Ok(clock) = jiff::Timestamp::from_microsecond(wall) else { return NO_TIME };
-        let ambiguous = self.rules.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
-        let at = |offset: jiff::tz::Offset| wall - i64::from(offset.seconds()) * 1_000_000;
-        let instant = match ambiguous.offset() {
-            jiff::tz::AmbiguousOffset::Unambiguous { offset } => at(offset),
-            jiff::tz::AmbiguousOffset::Gap { before, .. } => at(before),
-            jiff::tz::AmbiguousOffset::Fold { before, after } => {
-                let (first, second) = (at(before), at(after));
-                let is_second =
-                    if self.forward < 0 { second <= self.last } else { first < self.last };
-                if is_second { second } else { first }
-            }
-        };
-        self.forward += instant.cmp(&self.last) as i64;
-        self.last = instant;
-        instant
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn notation(cells: &[&str]) -> Vec<String> {
         Candidates::of(cells, None).left.iter().map(Notation::name).collect()
+    }
+
+    fn unreadable(candidates: &Candidates) -> &str {
+        assert!(candidates.left.is_empty());
+        match &candidates.unreadable {
+            Some(Unreadable::Cell(cell)) => cell,
+            other => panic!("{other:?}"),
+        }
     }
 
     fn reading(pattern: &str, text: &str) -> Option<String> {
@@ -362,6 +367,9 @@ mod tests {
         assert_eq!(notation(&["20240301060000", "20240301060000,25"]), ["%Y%m%d%H%M%S%.f"]);
         assert_eq!(notation(&["20240301060000123"]), ["%Y%m%d%H%M%S%f"]);
         assert_eq!(notation(&["20240301", "20240332"]), ["numbers of seconds"], "no such day");
+        assert_eq!(notation(&["20240301", "99991231", "20240303"]), ["%Y%m%d"]);
+        let one_is_none = Candidates::of(&["0", "20240301", "20240302", "20240303"], None);
+        assert_eq!(unreadable(&one_is_none), "0");
         assert_eq!(notation(&["1709272800", "1709272860"]), ["numbers of seconds"]);
         let unit = Some(TimestampUnit::Seconds);
         let told = Candidates::of(&["20240301"], unit).left;
@@ -369,7 +377,7 @@ mod tests {
         assert_eq!(notation(&["2024-03-01 06:00:00 UTC"]), ["%Y-%m-%d %H:%M:%S%.f UTC"]);
         assert_eq!(notation(&["01.03.2024", "13.03.2024"]), ["%d.%m.%Y"]);
         assert!(notation(&["yesterday"]).is_empty());
-        assert_eq!(Candidates::of(&["yesterday"], None).unreadable.as_deref(), Some("yesterday"));
+        assert_eq!(unreadable(&Candidates::of(&["yesterday"], None)), "yesterday");
     }
 
     #[test]
@@ -388,7 +396,7 @@ mod tests {
         candidates.note("13/04/2024 10:00");
         assert_eq!(candidates.left, [Notation::Pattern("%d/%m/%Y %H:%M".to_owned())]);
         candidates.note("04/13/2024 10:00");
-        assert_eq!(candidates.unreadable.as_deref(), Some("04/13/2024 10:00"));
+        assert_eq!(unreadable(&candidates), "04/13/2024 10:00");
         assert_eq!(notation(&["01/02/03"]).len(), 3, "the year may be anywhere");
     }
 
@@ -412,25 +420,47 @@ mod tests {
     }
 
     #[test]
-    fn the_hour_that_comes_twice_is_told_by_what_came_before() {
-        let hour = 3_600_000_000;
-        // 2024-10-27: clocks in Paris go from 3:00 back to 2:00, at 1:00 UTC.
-        let wall = |text: &str| match parse_stamp(text) {
-            Some(Stamp::Wall(micros)) => micros,
-            other => panic!("{other:?}"),
-        };
-        let start = wall("2024-10-27T00:00:00");
-        let mut zone = Zone::new("Europe/Paris").expect("a zone");
-        let shown = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
-        let instants =
-            shown.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
-        let half_hours = instants.map(|micros| micros / (hour / 2));
-        assert_eq!(half_hours, [-1, 0, 1, 2, 3, 4]);
-        let mut zone = Zone::new("Europe/Paris").expect("a zone");
-        let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
-        let instants =
-            newest_first.map(|time| zone.instant(wall(&format!("2024-10-27T{time}:00"))) - start);
-        assert_eq!(instants.map(|micros| micros / (hour / 2)), [4, 3, 2, 1, 0, -1]);
-        assert!(Zone::new("Europe/Atlantis").is_none());
+    fn text_of_any_language_may_stand_before_a_colon() {
+        for cell in ["Durchfluß: P", "温度: °C", "ß:", "é1:00", "1\u{a0}:", "\u{301}:1"] {
+            assert!(Candidates::of(&[cell], None).left.is_empty(), "{cell}");
+            assert!(!is_time_of_day(cell), "{cell}");
+        }
+        let spaces = ["01.03.2024\u{a0}06:00", "13.03.2024\u{a0}07:00"];
+        let found = Candidates::of(&spaces, None).left;
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].read(spaces[0]), Some(Stamp::Wall(1_709_272_800_000_000)));
+    }
+
+    #[test]
+    fn the_year_9999_is_a_time_that_is_none() {
+        for never in [
+            "9999-12-31 23:59:59",
+            "9999-12-31T23:59:59Z",
+            "9999-12-31",
+            "9999-12-31T00:00:00+01:00",
+        ] {
+            assert_eq!(Notation::Iso.read(never), Some(NEVER), "{never}");
+        }
+        assert_eq!(notation(&["2024-03-01", "9999-12-31"]), ["ISO 8601"]);
+        assert_eq!(notation(&["13.03.2024", "31.12.9999"]), ["%d.%m.%Y"]);
+        let pattern = |pattern: &str| Notation::Pattern(pattern.to_owned());
+        assert_eq!(pattern("%d.%m.%Y %H:%M").read("31.12.9999 23:59"), Some(NEVER));
+        assert_eq!(pattern("%d.%m.%Y %H:%M %z").read("31.12.9999 23:59 +0000"), Some(NEVER));
+        assert_eq!(Notation::Iso.read("10000-01-01"), None);
+    }
+
+    #[test]
+    fn days_of_a_spreadsheet_are_asked_for_and_read_when_told() {
+        for cells in [["45292.5", "45292.75"], ["45292,5", "45292,75"]] {
+            let found = Candidates::of(&cells, None);
+            assert!(found.is_ambiguous());
+            assert!(found.readings().contains("2024-01-01 12:00:00"), "{}", found.readings());
+            let told = Candidates::of(&cells, Some(TimestampUnit::Excel)).left;
+            let noon = Stamp::Wall(1_704_110_400_000_000);
+            assert_eq!(told[0].read(cells[0]), Some(noon), "on the clock of the log");
+        }
+        let excel = Notation::Number(TimestampUnit::Excel);
+        let rounded = excel.read("45292.0006944444");
+        assert_eq!(rounded, Some(Stamp::Wall(1_704_067_260_000_000)), "a minute");
     }
 }

@@ -83,3 +83,59 @@ fn a_log_with_a_damaged_page_is_refused_with_its_place() {
     let told = "column Q in row group 2 has a page whose CRC does not fit its content";
     assert!(error.contains(told) && error.contains("a.parquet"), "{error}");
 }
+
+/// No page of it has a checksum: what its footer says of the values is all that there is.
+#[test]
+fn what_the_footer_contradicts_is_refused() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path().join("a.parquet");
+    let numbers: Vec<Option<f64>> =
+        (0..300).map(|row| (row % 9 > 0).then(|| f64::from(row).sqrt())).collect();
+    let words = (0..300).map(|row| ["auto", "hand", "off"][row % 3].to_owned()).collect::<Vec<_>>();
+    let times = (0..300)
+        .map(|row| calib_core::Timestamp::from_micros(row * 60_000_000))
+        .collect::<Vec<_>>();
+    let table = Table::new()
+        .with("timestamp", times)
+        .with_optional("P", numbers)
+        .with("Q", (0..300).map(|row| row * row - 900).collect::<Vec<i64>>())
+        .with("mode", words);
+    table.write_parquet(&path).expect("written");
+    let whole = fs::read(&path).expect("readable");
+    let extremes = |table: &Table| {
+        let numbers = table.optional::<f64>("P").expect("numbers");
+        let there: Vec<f64> =
+            numbers.iter().flatten().copied().filter(|value| !value.is_nan()).collect();
+        let low = there.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = there.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let integers = table.column::<i64>("Q").expect("integers");
+        (
+            low,
+            high,
+            numbers.len() - there.len(),
+            integers.iter().min().copied(),
+            integers.iter().max().copied(),
+        )
+    };
+    let expected = extremes(&read_parquet(&path).expect("whole"));
+    let mut told = 0;
+    for place in pages(&whole).step_by(3) {
+        let mut other = whole.clone();
+        other[place] ^= 1 << (place % 8);
+        fs::write(&path, &other).expect("written");
+        match read_parquet(&path) {
+            Ok(table) => {
+                let found = extremes(&table);
+                // NaN is no value that a footer speaks of.
+                assert!(found == expected || found.2 > expected.2, "byte {place}: {found:?}");
+            }
+            Err(error) => told += usize::from(error.to_string().contains("the footer says")),
+        }
+        let data = DataConfig { train_fraction: 1.0, ..DataConfig::at(path.as_path()) };
+        if let Ok(dataset) = load(&data, &PreprocessConfig::default(), &Silent) {
+            let of = dataset.profile.channel("P").expect("there").values.clone().expect("some");
+            assert!(of.min >= expected.0 && of.max <= expected.1, "byte {place}");
+        }
+    }
+    assert!(told > 10, "{told}");
+}

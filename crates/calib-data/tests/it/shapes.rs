@@ -7,7 +7,10 @@ use std::{
 };
 
 use calib_core::{Silent, Timestamp};
-use calib_data::{DataConfig, Paths, PreprocessConfig, format_time, load, table::Table};
+use calib_data::{
+    ChannelProfile, ChannelSketch, DataConfig, Paths, PreprocessConfig, ValueProfile, format_time,
+    inspect, load, sketch, table::Table,
+};
 use proptest::prelude::*;
 
 use crate::support::{Folder, NAN, optional};
@@ -122,6 +125,79 @@ proptest! {
                 (Ok(got), Ok(expected)) => prop_assert_eq!(got, expected, "{}", path.display()),
                 (Err(_), Err(_)) => {}
                 _ => prop_assert!(false, "{}: {:?} and {:?}", path.display(), got, expected),
+            }
+        }
+    }
+}
+
+/// A channel with a value in every row, and some with few values, spikes among them.
+fn seldom() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
+    let value = prop_oneof![
+        60 => Just(NAN),
+        3 => (0_i32..8).prop_map(f64::from),
+        1 => Just(1e9),
+    ];
+    let run = (value, 1_usize..6).prop_map(|(value, length)| vec![value; length]);
+    let channel = prop::collection::vec(run, 300).prop_map(|runs| runs.concat()[..300].to_vec());
+    let steps = prop::collection::vec(prop_oneof![20 => Just(60_i64), 1 => 61_i64..900], 300);
+    (prop::collection::vec(channel, 1..4), steps).prop_map(|(others, steps)| {
+        let mut time = 1_710_286_200;
+        let times = steps.into_iter().map(|step| {
+            time += step;
+            time
+        });
+        let first: Vec<f64> = (0..300).map(|row| f64::from(row % 17)).collect();
+        (times.collect(), [vec![first], others].concat())
+    })
+}
+
+fn alike(left: f64, right: f64) -> bool {
+    left == right
+        || left.is_nan() && right.is_nan()
+        || (left - right).abs() <= 1e-9 * left.abs().max(right.abs())
+}
+
+/// All of a profile but what sums that were added in another order may change, and the names of types.
+fn told(of: &ChannelProfile) -> String {
+    let values = of.values.clone().map(|values| ValueProfile { mean: 0.0, std: 0.0, ..values });
+    format!("{:?}", ChannelProfile { values, type_name: String::new(), ..of.clone() })
+}
+
+fn looked(of: &ChannelSketch) -> String {
+    format!("{:?}", ChannelSketch { autocorrelation: Vec::new(), ..of.clone() })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn channels_with_few_values_are_told_by_them_as_by_all_rows((times, channels) in seldom(), max_missing in prop::sample::select(vec![0.5, 0.99, 1.0])) {
+        let folder = Folder::new();
+        let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
+        let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
+            table.with_optional(*name, optional(values))
+        });
+        folder.write("wide.parquet", &wide);
+        let long = write_shapes(&folder, &times, &channels).into_iter().find(|path| path.ends_with("long")).expect("made");
+        let data = |path: &Path| DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() };
+        let preprocess = PreprocessConfig { max_missing, ..PreprocessConfig::default() };
+        let inspect = |path: &Path| inspect(&data(path), &preprocess, &Silent).expect("a log");
+        let (wide_log, long_log) = (inspect(&folder.file("wide.parquet")), inspect(&long));
+        for of in &long_log.channels {
+            let expected = wide_log.channel(&of.name).expect("there");
+            prop_assert_eq!(told(of), told(expected));
+            if let (Some(values), Some(expected)) = (&of.values, &expected.values) {
+                prop_assert!(alike(values.mean, expected.mean) && alike(values.std, expected.std));
+            }
+        }
+        prop_assert_eq!((long_log.train, long_log.held_out), (wide_log.train, wide_log.held_out));
+        let sketch = |path: &Path| sketch(&data(path), &Silent).expect("a log");
+        let (wide_log, long_log) = (sketch(&folder.file("wide.parquet")), sketch(&long));
+        for of in &long_log.channels {
+            let expected = wide_log.channels.iter().find(|other| other.name == of.name).expect("there");
+            prop_assert_eq!(looked(of), looked(expected));
+            prop_assert_eq!(of.autocorrelation.len(), expected.autocorrelation.len());
+            for (of, expected) in of.autocorrelation.iter().zip(&expected.autocorrelation) {
+                prop_assert!(of.0 == expected.0 && alike(of.1, expected.1));
             }
         }
     }

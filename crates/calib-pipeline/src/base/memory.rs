@@ -6,14 +6,17 @@ use std::{
     str::FromStr,
 };
 
-use calib_data::table::declared_bytes;
+use calib_data::{DataConfig, table::declared_bytes};
 use calib_files::ScratchPlace;
 
 use crate::output::{bytes, count};
 
-/// Where text files are kept, column by column, while they are read: the system's folder for temporary files.
-pub fn working_files() -> ScratchPlace {
-    ScratchPlace::Disk(std::env::temp_dir())
+/// A log as this machine reads it: text files are kept, column by column, in the system's folder for temporary files while they
+/// are read, and what would not fit into memory is refused.
+#[must_use]
+pub fn on_this_machine(data: DataConfig) -> DataConfig {
+    let scratch = ScratchPlace::Disk(std::env::temp_dir());
+    DataConfig { scratch, memory: available(), ..data }
 }
 
 /// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
@@ -99,7 +102,7 @@ pub struct NoRoom {
 ///
 /// # Errors
 /// If it cannot, or a footer cannot be read.
-pub fn check_log(data: &calib_data::DataConfig) -> anyhow::Result<()> {
+pub fn check_log(data: &DataConfig) -> anyhow::Result<()> {
     let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;
     if let Some(available) = available() {
         anyhow::ensure!(

@@ -25,6 +25,7 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> anyhow::Result<Option<Log
             |psi| (Distance::Laplacian, psi),
         ),
     };
+    log::require_model(&log.decisions, config)?;
     let starts = log::starts(&log.decisions, &metric, config.start)?;
     let worst = config.worst_return.unwrap_or(0.0);
     let progress = printer.progress();

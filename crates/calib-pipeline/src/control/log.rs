@@ -1,13 +1,20 @@
 use anyhow::{Context as _, ensure};
-use calib_control::{Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts};
+use calib_control::{
+    ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
+};
 use calib_core::{Bounds, RowIndex, States};
-use calib_data::{DataConfig, Resample};
+use calib_data::{DataConfig, Resample, entry_of};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
 use calib_study::Job;
 
 use super::described::SettingTold;
-use crate::{base::memory, log::plant_of_study::data_of, output::Printer, represent::Material};
+use crate::{
+    base::memory,
+    log::plant_of_study::data_of,
+    output::{Printer, count},
+    represent::Material,
+};
 
 /// A log of decisions, read from the files of a study.
 pub(super) struct ActionLog {
@@ -44,7 +51,8 @@ pub(super) fn read(
 ) -> anyhow::Result<ActionLog> {
     let study = job.study();
     let mut data = DataConfig { held_out: None, ..data_of(job)? };
-    data.exclude.extend(config.beside_the_state());
+    // They are names here, and not patterns.
+    data.exclude.extend(config.beside_the_state().iter().map(|name| entry_of(name, |_| false)));
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
         "data.resample makes actions of what was set before and after, which nobody took; set data.resample = \"last\""
@@ -55,6 +63,15 @@ pub(super) fn read(
     let surveyed = calib_data::survey(&data, &study.preprocess, &progress)?;
     let names = config.columns();
     let recorded = surveyed.recorded(&names, &progress)?;
+    memory::require(
+        surveyed.state_bytes().saturating_add(surveyed.working_bytes()),
+        &format!(
+            "reading {} states of {} columns",
+            count(surveyed.rows() + surveyed.held_out_rows()),
+            surveyed.columns()
+        ),
+        "raise data.period_secs where data.resample is set, shorten data.train, or leave channels out with data.exclude",
+    )?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let column = |name: &str| -> Vec<f64> {
         let place = names.iter().position(|of| of == name);
@@ -171,14 +188,34 @@ impl ActionLog {
     }
 }
 
-/// The states in which episodes begin, and what `metric` makes of them.
-pub(super) fn starts(log: &Decisions, metric: &States, start: StartRows) -> anyhow::Result<Starts> {
-    let rows: Vec<usize> = match start {
+/// The rows in which episodes begin.
+fn start_rows(log: &Decisions, start: StartRows) -> Vec<usize> {
+    match start {
         StartRows::Episodes => log.starts().into_iter().map(RowIndex::get).collect(),
         StartRows::Anywhere => {
             log.transitions().sources().iter().map(|&row| row as usize).collect()
         }
-    };
+    }
+}
+
+/// Refuse a model that memory cannot hold.
+pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> anyhow::Result<()> {
+    let starts = start_rows(log, config.start).len();
+    Ok(memory::require(
+        ActionModel::bytes(log, starts, &config.model),
+        &format!(
+            "a model of {} members with {} neighbours for each of {} actions",
+            config.model.members,
+            count(config.model.neighbors),
+            log.levels()
+        ),
+        "lower control.model.neighbors or control.model.members",
+    )?)
+}
+
+/// The states in which episodes begin, and what `metric` makes of them.
+pub(super) fn starts(log: &Decisions, metric: &States, start: StartRows) -> anyhow::Result<Starts> {
+    let rows = start_rows(log, start);
     ensure!(!rows.is_empty(), "the log has no episode");
     let of = |states: &States| {
         let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row)).copied().collect();

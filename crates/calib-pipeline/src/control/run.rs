@@ -50,6 +50,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let candidates = config.grid.candidates(config.agent)?;
     announce(config, &log, candidates.len(), printer);
     fits(&candidates, &log, printer)?;
+    log::require_model(&log.decisions, config)?;
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);

@@ -175,7 +175,10 @@ fn in_two(
          of the calibration model; move one of them"
     );
     let keys = match periods {
-        [None, None] => ["the part for pre-training", "the part for the calibration model"],
+        [None, None] => [
+            "the part for pre-training, by pretrain.fraction,",
+            "the part for the calibration model, by pretrain.fraction,",
+        ],
         _ => ["pretrain.period", "model.period"],
     };
     Ok(Division {

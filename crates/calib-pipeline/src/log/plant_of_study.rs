@@ -70,7 +70,7 @@ pub(crate) fn check_days(job: &Job) -> anyhow::Result<()> {
 /// The `[data]` section with the variables of the environment.
 pub(crate) fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
     let data = job.data_to_read(|name| std::env::var(name).ok())?;
-    Ok(DataConfig { scratch: memory::working_files(), ..data })
+    Ok(memory::on_this_machine(data))
 }
 
 /// The plant that a study describes, and the folder where its log goes; nothing if it describes none.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
-use calib_data::{DataConfig, Sketch, sketch};
+use calib_data::{ChannelSketch, Sketch, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
@@ -70,6 +70,9 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
     }
+    if let Some(bridged) = bridged(&look) {
+        printer.warn(&bridged);
+    }
     let chosen = Proposal::of(args, &path, &look, printer)?;
     write_output(&args.study, args.standing, |file| {
         std::io::Write::write_all(file, chosen.text.as_bytes())
@@ -82,6 +85,32 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
     )]);
     Ok(Outcome::Done)
 }
+
+/// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
+/// the slowest channel.
+fn bridged(look: &Look) -> Option<String> {
+    let Look { sketch, scope, .. } = look;
+    let mut stopped: Vec<&ChannelSketch> =
+        scope.channels.iter().map(|&of| &sketch.channels[of]).collect();
+    stopped.retain(|of| !of.bridged.is_none());
+    stopped.sort_by(|left, right| right.bridged.longest_secs.total_cmp(&left.bridged.longest_secs));
+    let longest = span(stopped.first()?.bridged.longest_secs);
+    let names: Vec<&str> = stopped.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+    let more = if stopped.len() > NAMED { " …" } else { "" };
+    Some(format!(
+        "{} not recorded for up to {longest}, far longer than usual, and the last value stands in ({}{more}): lower data.max_age_secs, \
+         which is one for all channels, if that is not what the plant did",
+        if stopped.len() == 1 {
+            "1 channel is".to_owned()
+        } else {
+            format!("{} channels are", count(stopped.len()))
+        },
+        names.join(", ")
+    ))
+}
+
+/// Channels that are named.
+const NAMED: usize = 3;
 
 /// The path of the log as it is written into a study: as it was typed, where that means the same from there.
 fn path_in_study(logs: &Path, study: &Path) -> anyhow::Result<String> {
@@ -108,7 +137,7 @@ struct Look {
 impl Look {
     fn at(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Self> {
         let study = calib_study::of_data(&args.logs, &args.set)?;
-        let mut data = DataConfig { scratch: memory::working_files(), ..study.data };
+        let mut data = memory::on_this_machine(study.data);
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;

@@ -57,9 +57,10 @@ pub(super) fn read(job: &Job, dataset: &Dataset) -> anyhow::Result<States> {
             path.display()
         ),
     };
-    let found = found.with_context(|| format!("cannot import {}", path.display()))?;
-    check_origin(path, &found, dataset)?;
-    join(found, dataset).with_context(|| format!("cannot import {}", path.display()))
+    let cannot = || format!("representation.path: cannot import {}", path.display());
+    let found = found.with_context(cannot)?;
+    check_origin(path, &found, dataset).with_context(cannot)?;
+    join(found, dataset).with_context(cannot)
 }
 
 fn npy(path: &Path) -> anyhow::Result<Found> {
@@ -141,8 +142,7 @@ fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> anyhow::Result
     let expected = dataset.fingerprint.to_string();
     if let Some(told) = told.filter(|told| *told != expected) {
         bail!(
-            "{} was made for other data: its fingerprint is {told}, the study's data has {expected}",
-            path.display()
+            "it was made for other data: its fingerprint is {told}, the study's data has {expected}"
         );
     }
     Ok(())
@@ -181,6 +181,17 @@ fn join(found: Found, dataset: &Dataset) -> anyhow::Result<States> {
 }
 
 fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> anyhow::Result<States> {
+    // Of two states of this size the squared distance, Σ (x - y)², is still a number.
+    let largest = (f32::MAX / (4.0 * dimension as f32)).sqrt();
+    if let Some(place) = values.iter().position(|value| value.is_finite() && value.abs() > largest)
+    {
+        bail!(
+            "ψ of state {} is {:e} in dimension {}, and distances between such states are infinite; scale it to at most {largest:.1e}",
+            place / dimension,
+            values[place],
+            place % dimension
+        );
+    }
     States::new(values, rows, dimension).map_err(|error| match error {
         StatesError::NotFinite { row, column } => {
             anyhow::anyhow!("ψ of state {row} is not finite in dimension {column}")

@@ -1,0 +1,178 @@
+//! What numbers that are times count: their sizes tell, or two readings are left and nothing does.
+
+use std::ops::RangeInclusive;
+
+use crate::{TimestampUnit, text::Notation};
+
+/// Years 1990 to 2100, in microseconds: when plants are logged.
+const NOW: RangeInclusive<i64> = 631_152_000_000_000..=4_133_894_400_000_000;
+/// Years 1900 to 1969: when logs before 1970 are of.
+const BEFORE: RangeInclusive<i64> = -2_208_988_800_000_000..=-1;
+
+const SINCE_1970: [TimestampUnit; 4] = [
+    TimestampUnit::Seconds,
+    TimestampUnit::Milliseconds,
+    TimestampUnit::Microseconds,
+    TimestampUnit::Nanoseconds,
+];
+
+/// Numbers that count something else, which calib does not read.
+struct Foreign {
+    name: &'static str,
+    micros: f64,
+    /// What 1970 is.
+    zero: f64,
+}
+
+impl Foreign {
+    fn in_micros(&self, number: f64) -> i64 {
+        ((number - self.zero) * self.micros).round() as i64
+    }
+
+    fn is_now(&self, number: f64) -> bool {
+        NOW.contains(&self.in_micros(number))
+    }
+}
+
+const FOREIGN: [Foreign; 6] = [
+    Foreign { name: "days as MATLAB counts them", micros: 86_400e6, zero: 719_529.0 },
+    Foreign { name: "Julian days", micros: 86_400e6, zero: 2_440_587.5 },
+    Foreign { name: "seconds since 1904", micros: 1e6, zero: 2_082_844_800.0 },
+    Foreign { name: "seconds since 1900", micros: 1e6, zero: 2_208_988_800.0 },
+    Foreign { name: "file times of Windows", micros: 0.1, zero: 116_444_736e9 },
+    Foreign { name: "ticks of .NET", micros: 0.1, zero: 621_355_968e9 },
+];
+
+/// The units that numbers may have: one where their sizes tell.
+///
+/// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps. Numbers before 1970 are
+/// small in every unit, and days of a spreadsheet are seconds of the first day of 1970.
+///
+/// # Errors
+/// If they may count something that calib does not read, in words.
+pub(crate) fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
+    let sorted = sorted(numbers);
+    let Some(&middle) = sorted.get(sorted.len() / 2) else {
+        return Ok(vec![TimestampUnit::Seconds]);
+    };
+    let guess = by_size(middle.abs());
+    if let Some(foreign) = FOREIGN.iter().find(|of| mostly(&sorted, |number| of.is_now(number))) {
+        let [read, known] = [foreign.in_micros(middle), guess.in_micros(middle)].map(told);
+        return Err(format!(
+            "its numbers, such as {middle}, fit two notations: {read} if they are {}, which calib does not read (write times as text, such as 2022-11-01T06:00:00), \
+             and {known} with data.timestamp_unit = \"{}\"",
+            foreign.name,
+            guess.key()
+        ));
+    }
+    if NOW.contains(&guess.in_micros(middle)) {
+        return Ok(vec![guess]);
+    }
+    if mostly(&sorted, |number| NOW.contains(&TimestampUnit::Excel.in_micros(number))) {
+        return Ok(vec![guess, TimestampUnit::Excel]);
+    }
+    let low = sorted[sorted.len() / 10];
+    if low < 0.0 {
+        let mut fitting = SINCE_1970.to_vec();
+        fitting.retain(|unit| BEFORE.contains(&unit.in_micros(low)));
+        if !fitting.is_empty() {
+            return Ok(fitting);
+        }
+    }
+    Ok(vec![guess])
+}
+
+/// Whether it is so of all but a quarter of the numbers: some stand for something else.
+fn mostly(numbers: &[f64], is_so: impl Fn(f64) -> bool) -> bool {
+    4 * numbers.iter().filter(|&&number| is_so(number)).count() >= 3 * numbers.len()
+}
+
+fn told(micros: i64) -> String {
+    crate::format_time(calib_core::Timestamp::from_micros(micros))
+}
+
+/// What to say of a number that may have several units.
+pub(crate) fn readings(number: &str, units: &[TimestampUnit]) -> String {
+    let reading = |unit: &TimestampUnit| Notation::Number(*unit).reading(number);
+    units.iter().map(reading).collect::<Vec<_>>().join(", ")
+}
+
+fn by_size(size: f64) -> TimestampUnit {
+    match size {
+        _ if size < 1e11 => TimestampUnit::Seconds,
+        _ if size < 1e14 => TimestampUnit::Milliseconds,
+        _ if size < 1e17 => TimestampUnit::Microseconds,
+        _ => TimestampUnit::Nanoseconds,
+    }
+}
+
+/// The finite numbers in order, evenly thinned where there are many.
+fn sorted(numbers: &[f64]) -> Vec<f64> {
+    let thinned = numbers.iter().step_by(numbers.len() / THINNED + 1).copied();
+    let mut sorted: Vec<f64> = thinned.filter(|number| number.is_finite()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted
+}
+
+/// Numbers that are looked at for their unit.
+const THINNED: usize = 1 << 16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(numbers: &[f64]) -> Option<TimestampUnit> {
+        match units(numbers).expect("known")[..] {
+            [unit] => Some(unit),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn the_unit_shows_in_the_size() {
+        let second = 1_667_282_400.0;
+        for (factor, expected) in [1.0, 1e3, 1e6, 1e9].into_iter().zip(SINCE_1970) {
+            assert_eq!(unit(&[second * factor]), Some(expected));
+            let sentinels = [0.0, second * factor, second * factor + 1.0, f64::NAN, 9e18, -1.0];
+            assert_eq!(unit(&sentinels), Some(expected), "few of them stand for something else");
+        }
+        assert_eq!(unit(&[]), Some(TimestampUnit::Seconds));
+        assert_eq!(unit(&[0.0, 60.0, 120.0]), Some(TimestampUnit::Seconds), "from the beginning");
+    }
+
+    #[test]
+    fn numbers_that_fit_two_notations_have_both() {
+        let units = |numbers: &[f64]| units(numbers).expect("known");
+        assert_eq!(
+            units(&[45_292.5, 45_292.6]),
+            [TimestampUnit::Seconds, TimestampUnit::Excel],
+            "days of a spreadsheet"
+        );
+        let hours: Vec<f64> = (0..40).map(|hour| f64::from(hour) * 3600.0).collect();
+        assert_eq!(units(&hours), [TimestampUnit::Seconds], "seconds that pass through them");
+        let before = units(&[-1_036_800_000.0, -1_036_740_000.0]);
+        assert_eq!(before, SINCE_1970, "milliseconds of December 1969, or seconds of 1937");
+        assert_eq!(units(&[-3.15e11])[0], TimestampUnit::Milliseconds, "no seconds since 1900");
+        assert!(units(&[-60_000.0, -30_000.0, 0.0, 30_000.0, 60_000.0]).len() > 1);
+        let told = readings("45292.5", &units(&[45_292.5]));
+        assert!(told.contains("1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\""), "{told}");
+        assert!(
+            told.contains("2024-01-01 12:00:00 with data.timestamp_unit = \"excel\""),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn what_calib_does_not_read_is_named() {
+        for (number, name) in [
+            (739_252.5, "MATLAB"),
+            (2_460_311.5, "Julian"),
+            (3_786_912_000.0, "since 1904"),
+            (133_485_408e9, "Windows"),
+            (638_396_640e9, ".NET"),
+        ] {
+            let error = units(&[number, number + 1e-3 * number.sqrt()]).expect_err(name);
+            assert!(error.contains(name) && error.contains("20"), "{error}");
+        }
+    }
+}

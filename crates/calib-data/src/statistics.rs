@@ -1,0 +1,171 @@
+//! What the footer of a Parquet file says of the values of its columns.
+//!
+//! Most writers put no checksums into pages, and almost all of them put the smallest and the largest value and the number of
+//! nulls of each column into the footer. Where what was read is something else, one of the two is damaged.
+
+use std::ops::Range;
+
+use polars::prelude as pl;
+
+/// Check what was read of column `name` in `rows` of the file that `metadata` describes.
+///
+/// # Errors
+/// The first row group that does not hold what the footer says of it, in words.
+pub(crate) fn verify(
+    metadata: &pl::FileMetadata,
+    name: &str,
+    rows: &Range<usize>,
+    column: &pl::Column,
+) -> Result<(), String> {
+    let mut start = 0;
+    for (number, group) in metadata.row_groups.iter().enumerate() {
+        let all = start..start + group.num_rows();
+        start = all.end;
+        let inside = all.start.max(rows.start)..all.end.min(rows.end);
+        if inside.is_empty() {
+            continue;
+        }
+        let mut chunks = group.columns_under_root_iter(name).into_iter().flatten();
+        let (Some(chunk), None) = (chunks.next(), chunks.next()) else { continue };
+        if chunk.descriptor().path_in_schema.len() != 1 {
+            continue;
+        }
+        let Some(Ok(said)) = chunk.statistics(&metadata.footer_buf) else { continue };
+        let column = column.slice((inside.start - rows.start) as i64, inside.len());
+        let is_whole = inside == all;
+        let told = |what: String| {
+            Err(format!(
+                "column {name} in row group {}: {what}; one of the two is damaged",
+                number + 1
+            ))
+        };
+        if let (true, Some(nulls)) = (is_whole, said.null_count())
+            && nulls != column.null_count() as i64
+        {
+            return told(format!(
+                "{} values are missing, and the footer says {nulls}",
+                column.null_count()
+            ));
+        }
+        let extent = if let Some(said) = said.as_double() {
+            Extent::of_floats(&column, said.min_value, said.max_value)
+        } else if let Some(said) = said.as_float() {
+            Extent::of_floats(&column, said.min_value.map(f64::from), said.max_value.map(f64::from))
+        } else if let Some(said) = said.as_int64() {
+            Extent::of_integers(&column, said.min_value.zip(said.max_value))
+        } else if let Some(said) = said.as_int32() {
+            Extent::of_integers(
+                &column,
+                said.min_value.zip(said.max_value).map(|(min, max)| (min.into(), max.into())),
+            )
+        } else if let Some(said) = said.as_binary() {
+            Extent::of_text(&column, said.min_value.as_deref(), said.max_value.as_deref())
+        } else {
+            None
+        };
+        if let Some(extent) = extent.filter(|extent| !extent.fits(is_whole)) {
+            return told(format!(
+                "its values are from {} to {}, and the footer says from {} to {}",
+                extent.read[0], extent.read[1], extent.said[0], extent.said[1]
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The smallest and the largest value, as they were read and as the footer has them.
+struct Extent {
+    read: [String; 2],
+    said: [String; 2],
+    /// Whether they are the same.
+    is_same: bool,
+    /// Whether what was read lies within what is said.
+    is_within: bool,
+}
+
+impl Extent {
+    /// Of a part of a row group not every value was read.
+    fn fits(&self, is_whole: bool) -> bool {
+        self.is_same || self.is_within && !is_whole
+    }
+
+    fn of_floats(column: &pl::Column, min: Option<f64>, max: Option<f64>) -> Option<Self> {
+        if !column.dtype().is_float() {
+            return None;
+        }
+        let said = [min?, max?];
+        let numbers = column.cast(&pl::DataType::Float64).ok()?;
+        let mut read = [f64::INFINITY, f64::NEG_INFINITY];
+        for number in numbers.f64().ok()?.iter().flatten().filter(|number| !number.is_nan()) {
+            read = [read[0].min(number), read[1].max(number)];
+        }
+        // Writers may leave zeros of either sign, and of no values they need not say anything.
+        let is_empty = read[0] > read[1];
+        Some(Self {
+            is_same: is_empty || read == said,
+            is_within: is_empty || said[0] <= read[0] && read[1] <= said[1],
+            read: read.map(|number| format!("{number:?}")),
+            said: said.map(|number| format!("{number:?}")),
+        })
+    }
+
+    fn of_integers(column: &pl::Column, said: Option<(i64, i64)>) -> Option<Self> {
+        use pl::DataType as D;
+        let said = said?;
+        let said = match column.dtype() {
+            // Unsigned numbers lie in the bits of signed ones.
+            D::UInt64 => [said.0, said.1].map(|number| i128::from(number.cast_unsigned())),
+            D::UInt8 | D::UInt16 | D::UInt32 => {
+                [said.0, said.1].map(|number| i128::from((number as i32).cast_unsigned()))
+            }
+            D::Int8 | D::Int16 | D::Int32 | D::Int64 | D::Date | D::Datetime(..) => {
+                [said.0, said.1].map(i128::from)
+            }
+            _ => return None,
+        };
+        let integers = column.to_physical_repr();
+        let mut read: Option<[i128; 2]> = None;
+        let mut take = |number: i128| {
+            let [min, max] = read.get_or_insert([number; 2]);
+            (*min, *max) = ((*min).min(number), (*max).max(number));
+        };
+        if let D::UInt64 = integers.dtype() {
+            integers.u64().ok()?.iter().flatten().for_each(|number| take(number.into()));
+        } else {
+            let integers = integers.cast(&D::Int64).ok()?;
+            integers.i64().ok()?.iter().flatten().for_each(|number| take(number.into()));
+        }
+        let Some(read) = read else { return None };
+        // Instants may be read in a finer unit than they are written in.
+        let units: &[i128] =
+            if let D::Datetime(..) = column.dtype() { &[1, 1_000, 1_000_000] } else { &[1] };
+        let said_in = |unit: i128| said.map(|number| number * unit);
+        Some(Self {
+            is_same: units.iter().any(|&unit| said_in(unit) == read),
+            is_within: units.iter().any(|&unit| {
+                let [min, max] = said_in(unit);
+                min <= read[0] && read[1] <= max
+            }),
+            read: read.map(|number| number.to_string()),
+            said: said.map(|number| number.to_string()),
+        })
+    }
+
+    /// What is said of text may be cut off: its values lie within.
+    fn of_text(column: &pl::Column, min: Option<&[u8]>, max: Option<&[u8]>) -> Option<Self> {
+        let (min, max) = (min?, max?);
+        let text = column.cast(&pl::DataType::String).ok()?;
+        let mut texts = text.str().ok()?.iter().flatten();
+        let first = texts.next()?;
+        let (least, most) =
+            texts.fold((first, first), |(least, most), text| (least.min(text), most.max(text)));
+        let is_within = min <= least.as_bytes() && most.as_bytes() <= max;
+        let shown = |text: &str| format!("{:?}", text.chars().take(40).collect::<String>());
+        Some(Self {
+            read: [shown(least), shown(most)],
+            said: [min, max].map(|bytes| shown(&String::from_utf8_lossy(bytes))),
+            is_same: is_within,
+            is_within,
+        })
+    }
+}

@@ -1,0 +1,444 @@
+//! Wall-clock times of a place as instants.
+//!
+//! Where clocks are set back, an hour of wall-clock times comes twice. Which of the two a row is of, its time alone does
+//! not say: the rows around it may. [`Walls`] holds the rows of such an hour back until they do.
+
+use std::collections::{HashSet, VecDeque};
+
+use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
+
+use crate::{log::NO_TIME, time::Stamp};
+
+/// The rules of a place.
+#[derive(Clone, Debug)]
+pub(crate) struct Zone(TimeZone);
+
+/// What a wall-clock time stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Meaning {
+    Once(i64),
+    /// Clocks showed it before and after they were set back.
+    Twice(Fold),
+    /// Clocks were set forward over it. With the instant by the clock before that.
+    Never(i64),
+}
+
+/// A wall-clock time that came twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Fold {
+    first: i64,
+    second: i64,
+}
+
+impl Zone {
+    /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
+    pub(crate) fn new(name: &str) -> Option<Self> {
+        TimeZone::get(name).ok().map(Self)
+    }
+
+    fn meaning(&self, wall: i64) -> Option<Meaning> {
+        let clock = jiff::Timestamp::from_microsecond(wall).ok()?;
+        let ambiguous = self.0.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
+        let at = |offset: Offset| wall - i64::from(offset.seconds()) * 1_000_000;
+        Some(match ambiguous.offset() {
+            AmbiguousOffset::Unambiguous { offset } => Meaning::Once(at(offset)),
+            AmbiguousOffset::Gap { before, .. } => Meaning::Never(at(before)),
+            AmbiguousOffset::Fold { before, after } => {
+                Meaning::Twice(Fold { first: at(before), second: at(after) })
+            }
+        })
+    }
+
+    /// The instant that a moment of a study is: of two the first one, and a time that clocks left out is read by the
+    /// clock before it.
+    pub(crate) fn moment(&self, wall: i64) -> Option<i64> {
+        self.meaning(wall).map(|meaning| match meaning {
+            Meaning::Once(instant) | Meaning::Never(instant) => instant,
+            Meaning::Twice(fold) => fold.first,
+        })
+    }
+}
+
+/// Steps before an hour that comes twice of which the shortest tells how far apart rows are: at least, and at most.
+const STEPS: (usize, usize) = (8, 30);
+/// A step longer than this many of those is a gap.
+const GAP: f64 = 1.25;
+
+/// Rows of a file or of a tag, one after the other as they were recorded, on the clock of a place.
+#[derive(Debug)]
+pub(crate) struct Walls<Row> {
+    zone: Zone,
+    last: Option<i64>,
+    /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
+    forward: i64,
+    /// The last steps between rows.
+    steps: VecDeque<i64>,
+    /// Rows of an hour that comes twice, and those without a time among them.
+    waiting: Vec<(Row, Option<Fold>)>,
+    /// Rows whose time names no instant, or two between which nothing decides.
+    pub(crate) undecided: u64,
+}
+
+impl<Row> Walls<Row> {
+    pub(crate) fn new(zone: Zone) -> Self {
+        Self {
+            zone,
+            last: None,
+            forward: 0,
+            steps: VecDeque::new(),
+            waiting: Vec::new(),
+            undecided: 0,
+        }
+    }
+
+    /// Take the next row. `out` gets rows in this order, each with its instant or [`NO_TIME`], as soon as that is known.
+    pub(crate) fn push<E>(
+        &mut self,
+        stamp: Option<Stamp>,
+        row: Row,
+        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let meaning = match stamp {
+            Some(Stamp::Instant(instant)) => Some(Meaning::Once(instant)),
+            Some(Stamp::Wall(wall)) => self.zone.meaning(wall),
+            None => None,
+        };
+        match meaning {
+            Some(Meaning::Twice(fold)) => {
+                if self.waiting.iter().find_map(|(_, fold)| *fold).is_some_and(|known| {
+                    known.first.abs_diff(fold.first) >= known.first.abs_diff(known.second)
+                }) {
+                    self.settle(Some(fold.first), out)?;
+                }
+                self.waiting.push((row, Some(fold)));
+                Ok(())
+            }
+            Some(Meaning::Once(instant)) => {
+                self.settle(Some(instant), out)?;
+                self.place(instant);
+                out(row, instant)
+            }
+            without @ (Some(Meaning::Never(_)) | None) => {
+                self.undecided += u64::from(without.is_some());
+                if self.waiting.is_empty() {
+                    return out(row, NO_TIME);
+                }
+                self.waiting.push((row, None));
+                Ok(())
+            }
+        }
+    }
+
+    /// Say that there are no more rows.
+    pub(crate) fn finish<E>(
+        &mut self,
+        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.settle(None, out)
+    }
+
+    /// Decide about the rows that wait; the next one is at `next`.
+    fn settle<E>(
+        &mut self,
+        next: Option<i64>,
+        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let waiting = std::mem::take(&mut self.waiting);
+        let folds: Vec<Fold> = waiting.iter().filter_map(|(_, fold)| *fold).collect();
+        let is_first = self.first_pass(folds, next);
+        let mut seen = 0;
+        for (row, fold) in waiting {
+            let Some(fold) = fold else {
+                out(row, NO_TIME)?;
+                continue;
+            };
+            let Some(is_first) = &is_first else {
+                self.undecided += 1;
+                out(row, NO_TIME)?;
+                continue;
+            };
+            let instant = if is_first[seen] { fold.first } else { fold.second };
+            seen += 1;
+            self.place(instant);
+            out(row, instant)?;
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, instant: i64) {
+        if let Some(last) = self.last {
+            self.forward += instant.cmp(&last) as i64;
+            if instant != last {
+                if self.steps.len() == STEPS.1 {
+                    self.steps.pop_front();
+                }
+                self.steps.push_back(instant.saturating_sub(last).saturating_abs());
+            }
+        }
+        self.last = Some(instant);
+    }
+
+    /// Whether each row is of the hour before clocks were set back, if rows tell.
+    fn first_pass(&self, mut folds: Vec<Fold>, next: Option<i64>) -> Option<Vec<bool>> {
+        // Clocks go back once, whichever way most rows go.
+        let inside = || folds.windows(2).map(|pair| pair[1].first.cmp(&pair[0].first) as i64);
+        let forward = Some(self.forward).filter(|forward| *forward != 0);
+        let forward = forward.unwrap_or_else(|| inside().sum());
+        let is_backward =
+            forward < 0 || forward == 0 && next.is_some_and(|next| next < folds[0].first);
+        let (mut before, mut after) = (self.last, next);
+        if is_backward {
+            folds.reverse();
+            std::mem::swap(&mut before, &mut after);
+        }
+        let passes = Passes { step: self.step(), folds: &folds, before, after };
+        let split = passes.split()?;
+        let mut is_first: Vec<bool> = (0..folds.len()).map(|row| row < split).collect();
+        if is_backward {
+            is_first.reverse();
+        }
+        Some(is_first)
+    }
+
+    /// The step from one row to the next where none is missing, if there are enough to tell.
+    fn step(&self) -> Option<i64> {
+        if self.steps.len() < STEPS.0 { None } else { self.steps.iter().copied().min() }
+    }
+}
+
+/// Rows of an hour that comes twice, the oldest first.
+struct Passes<'a> {
+    folds: &'a [Fold],
+    before: Option<i64>,
+    after: Option<i64>,
+    step: Option<i64>,
+}
+
+impl Passes<'_> {
+    /// How many of the rows are of the first of the two hours.
+    ///
+    /// Where times go back, that is where clocks did, unless a single row stands out of order. Where they do not, it is the
+    /// only place that leaves no gap in rows which otherwise have none. Else nobody knows.
+    fn split(&self) -> Option<usize> {
+        let hour = self.folds[0].second - self.folds[0].first;
+        let back = |row: &usize| self.folds[row - 1].first - self.folds[*row].first;
+        let falls: Vec<usize> = (1..self.folds.len()).filter(|row| back(row) > 0).collect();
+        let Some(deepest) = falls.iter().copied().max_by_key(back) else {
+            // At the end of a log any row may be missing.
+            self.before.zip(self.after)?;
+            // The same time twice is the second hour, and no copy of a row: or else nobody knows.
+            let mut again = (1..self.folds.len()).filter(|row| back(row) == 0);
+            let splits = match (again.next(), again.next()) {
+                (None, _) => 0..=self.folds.len(),
+                (Some(row), None) => row..=row,
+                (Some(_), Some(_)) => return None,
+            };
+            let mut gapless = splits.filter(|&split| self.is_gapless(split));
+            return gapless.next().filter(|_| gapless.next().is_none());
+        };
+        if falls.iter().filter(|row| 2 * back(row) >= hour).count() > 1 {
+            return None;
+        }
+        let repeats = || {
+            let passed: HashSet<i64> =
+                self.folds[..deepest].iter().map(|fold| fold.first).collect();
+            falls.len() == 1
+                && self.folds[deepest..].iter().any(|fold| passed.contains(&fold.first))
+        };
+        (2 * back(&deepest) >= hour || self.is_gapless(deepest) || repeats()).then_some(deepest)
+    }
+
+    /// Whether rows follow each other without a gap if `split` of them are of the first hour.
+    fn is_gapless(&self, split: usize) -> bool {
+        let Some(step) = self.step else { return false };
+        let is_short = |from: Option<i64>, to: Option<i64>| {
+            from.zip(to).is_none_or(|(from, to)| (to - from) as f64 <= GAP * step as f64)
+        };
+        let rows = self.folds.len();
+        let instant = |row: usize| {
+            let fold = self.folds[row];
+            if row < split { fold.first } else { fold.second }
+        };
+        let at_split = (1..rows).contains(&split);
+        is_short(self.before, Some(instant(0)))
+            && is_short(Some(instant(rows - 1)), self.after)
+            && (!at_split || is_short(Some(instant(split - 1)), Some(instant(split))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::time::parse_stamp;
+
+    const MINUTE: i64 = 60_000_000;
+
+    fn wall(text: &str) -> i64 {
+        match parse_stamp(text) {
+            Some(Stamp::Wall(micros)) => micros,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn instants(zone: &str, walls: &[i64]) -> (Vec<i64>, u64) {
+        let mut rows = Walls::new(Zone::new(zone).expect("a zone"));
+        let mut all = Vec::new();
+        let mut out = |row: usize, instant: i64| {
+            all.push((row, instant));
+            Ok::<(), ()>(())
+        };
+        for (row, &wall) in walls.iter().enumerate() {
+            rows.push(Some(Stamp::Wall(wall)), row, &mut out).expect("taken");
+        }
+        rows.finish(&mut out).expect("taken");
+        assert!(all.iter().map(|(row, _)| *row).eq(0..walls.len()), "rows keep their order");
+        (all.into_iter().map(|(_, instant)| instant).collect(), rows.undecided)
+    }
+
+    /// Minutes from midnight UTC of the day, for wall-clock times of it, or of another that is named, which follow many rows of
+    /// so many minutes.
+    fn after(zone: &str, day: &str, period: i64, shown: &[&str]) -> Vec<Option<i64>> {
+        let first = wall(&format!("{day}T{}:00", shown[0]));
+        let earlier = (1..=9).rev().map(|row| first - row * period * MINUTE);
+        let walls: Vec<String> = earlier
+            .map(|wall| {
+                crate::format_time(calib_core::Timestamp::from_micros(wall)).replace(' ', "T")[..16]
+                    .to_owned()
+            })
+            .collect();
+        let all: Vec<&str> =
+            walls.iter().map(String::as_str).chain(shown.iter().copied()).collect();
+        minutes(zone, day, &all).split_off(9)
+    }
+
+    /// Minutes from midnight UTC of the day, for wall-clock times of it, or of another that is named.
+    fn minutes(zone: &str, day: &str, shown: &[&str]) -> Vec<Option<i64>> {
+        let midnight = wall(&format!("{day}T00:00:00"));
+        let of_day = |time: &&str| {
+            if time.contains('T') {
+                wall(&format!("{time}:00"))
+            } else {
+                wall(&format!("{day}T{time}:00"))
+            }
+        };
+        let walls: Vec<i64> = shown.iter().map(of_day).collect();
+        let (instants, _) = instants(zone, &walls);
+        let minute = |instant: &i64| (*instant != NO_TIME).then(|| (instant - midnight) / MINUTE);
+        instants.iter().map(minute).collect()
+    }
+
+    fn some(minutes: &[i64]) -> Vec<Option<i64>> {
+        minutes.iter().map(|&minute| Some(minute)).collect()
+    }
+
+    #[test]
+    fn the_hour_that_comes_twice_is_told_by_the_rows_around_it() {
+        // 2024-10-27: clocks in Paris go from 3:00 back to 2:00, at 1:00 UTC.
+        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
+        let oldest_first = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
+        assert_eq!(paris(&oldest_first), some(&[-30, 0, 30, 60, 90, 120]));
+        let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
+        assert_eq!(paris(&newest_first), some(&[120, 90, 60, 30, 0, -30]));
+        // Rows that do not stand at whole hours: the same time twice is an hour.
+        let every =
+            |period: i64, shown: &[&str]| after("Europe/Paris", "2024-10-27", period, shown);
+        let half_past = ["00:30", "01:30", "02:30", "02:30", "03:30"];
+        assert_eq!(every(60, &half_past), some(&[-90, -30, 30, 90, 150]));
+        assert_eq!(every(30, &half_past)[2..], [None, None, Some(150)], "or a row and its copy");
+        let half_past = ["00:30", "01:30", "01:30", "02:30"];
+        let moscow = after("Europe/Moscow", "2014-10-26", 60, &half_past);
+        assert_eq!(moscow, some(&[-210, -150, -90, -30]));
+        // Two hours after the last row, and two before the next.
+        assert_eq!(every(120, &["00:30", "02:30", "03:30", "05:30"]), some(&[-90, 30, 150, 270]));
+        // Every row of the first hour, and two of the second.
+        let some_are_missing =
+            ["01:45", "02:00", "02:15", "02:30", "02:45", "02:15", "02:30", "03:30"];
+        assert_eq!(paris(&some_are_missing), some(&[-15, 0, 15, 30, 45, 75, 90, 150]));
+    }
+
+    #[test]
+    fn a_file_may_begin_and_end_in_such_an_hour() {
+        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
+        let ends = after("Europe/Paris", "2024-10-27", 15, &["01:45", "02:00", "02:15"]);
+        assert_eq!(ends, [Some(-15), None, None]);
+        assert_eq!(paris(&["02:30", "02:45", "03:00"]), [None, None, Some(120)]);
+        assert_eq!(paris(&["02:30", "02:45"]), [None, None]);
+        assert_eq!(paris(&["02:40", "02:50", "02:00", "02:10"]), some(&[40, 50, 60, 70]));
+        assert_eq!(paris(&["02:10", "02:00", "02:50", "02:40"]), some(&[70, 60, 50, 40]));
+    }
+
+    #[test]
+    fn rows_that_could_be_of_either_hour_have_no_time() {
+        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
+        let once = paris(&["01:30", "01:45", "02:00", "02:15", "02:30", "02:45", "03:00"]);
+        assert_eq!(once, [Some(-30), Some(-15), None, None, None, None, Some(120)]);
+        // 2018-02-18: clocks in São Paulo go from midnight back to 23:00.
+        let day = "2018-02-17";
+        let once = minutes("America/Sao_Paulo", day, &["22:30", "22:45", "23:30", "23:45"]);
+        assert_eq!(once[..2], some(&[24 * 60 + 30, 24 * 60 + 45]));
+        assert_eq!(once[2..], [None, None]);
+        assert_eq!(paris(&["02:30"]), [None]);
+        // A row out of order is no second pass.
+        let disorder = paris(&["01:45", "02:00", "02:30", "02:20", "02:45", "03:00"]);
+        assert_eq!(disorder[1..5], [None; 4]);
+        // 2024-03-31: clocks go from 2:00 to 3:00.
+        let spring = minutes("Europe/Paris", "2024-03-31", &["01:45", "02:00", "03:00"]);
+        assert_eq!(spring, [Some(45), None, Some(60)]);
+        let (_, undecided) = instants("Europe/Paris", &[wall("2024-03-31T02:00:00")]);
+        assert_eq!(undecided, 1);
+    }
+
+    #[test]
+    fn a_moment_of_a_study_is_the_first_of_two() {
+        let paris = Zone::new("Europe/Paris").expect("a zone");
+        let midnight = wall("2024-10-27T00:00:00");
+        let moment = paris.moment(wall("2024-10-27T02:30:00")).expect("in range");
+        assert_eq!((moment - midnight) / MINUTE, 30);
+        assert!(Zone::new("Europe/Atlantis").is_none());
+    }
+
+    proptest! {
+        /// Rows of which the wall-clock times are known to be those of instants: what is placed is placed right.
+        #[test]
+        fn no_row_is_placed_an_hour_off(
+            zone in prop::sample::select(vec![
+                ("Europe/Paris", "2024-10-27T00:00:00Z"),
+                ("Europe/Moscow", "2014-10-25T21:00:00Z"),
+                ("America/Sao_Paulo", "2018-02-18T00:00:00Z"),
+                ("Australia/Lord_Howe", "2024-04-06T14:00:00Z"),
+            ]),
+            period in prop::sample::select(vec![1_i64, 5, 10, 15, 20, 30, 60, 120]),
+            offset in 0_i64..60,
+            missing in prop::collection::vec(prop::bool::weighted(0.3), 100),
+            newest_first in any::<bool>(),
+            before in 0_i64..60,
+        ) {
+            let (name, start) = zone;
+            let Some(Stamp::Instant(start)) = parse_stamp(start) else { panic!("an instant") };
+            let rules = TimeZone::get(name).expect("a zone");
+            let rows = (0..100).map(|row| start + (offset + (row - before) * period) * MINUTE);
+            let mut truth: Vec<i64> =
+                rows.zip(&missing).filter(|(_, missing)| !**missing).map(|(row, _)| row).collect();
+            if newest_first {
+                truth.reverse();
+            }
+            let walls: Vec<i64> = truth.iter().map(|&instant| {
+                let at = jiff::Timestamp::from_microsecond(instant).expect("in range");
+                instant + i64::from(rules.to_offset(at).seconds()) * 1_000_000
+            }).collect();
+            let (placed, undecided) = instants(name, &walls);
+            prop_assert_eq!(placed.iter().filter(|&&time| time == NO_TIME).count() as u64, undecided);
+            for (placed, truth) in placed.iter().zip(&truth) {
+                prop_assert!(*placed == NO_TIME || placed == truth, "{} for {}", placed, truth);
+            }
+            if missing.iter().all(|missing| !missing) && before > 40 && (100 - before) * period > 180 {
+                prop_assert_eq!(undecided, 0);
+            }
+        }
+    }
+}

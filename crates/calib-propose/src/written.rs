@@ -1,0 +1,64 @@
+//! Text from elsewhere in a study file: names of channels may hold anything, and must not become keys.
+
+use std::borrow::Cow;
+
+use toml_writer::{ToTomlValue as _, TomlStringBuilder};
+
+/// As TOML has it, on one line, whatever is in it.
+pub(crate) fn quoted(text: &str) -> String {
+    let quoted = TomlStringBuilder::new(text).as_basic().to_toml_value();
+    let written = |letter: char| {
+        if breaks_out(letter) {
+            format!("\\u{:04X}", u32::from(letter))
+        } else {
+            letter.to_string()
+        }
+    };
+    if quoted.contains(breaks_out) { quoted.chars().map(written).collect() } else { quoted }
+}
+
+/// A comment, which ends where its line does.
+pub(crate) fn comment(text: &str) -> Cow<'_, str> {
+    if !text.contains(breaks_out) {
+        return Cow::Borrowed(text);
+    }
+    let written = |letter: char| {
+        if breaks_out(letter) { letter.escape_unicode().to_string() } else { letter.to_string() }
+    };
+    Cow::Owned(text.chars().map(written).collect())
+}
+
+/// Control characters, separators of lines, and marks that turn the direction of what follows: all of them have four digits.
+fn breaks_out(letter: char) -> bool {
+    letter.is_control()
+        || matches!(
+            letter,
+            '\u{61c}' | '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+        )
+}
+
+#[cfg(test)]
+mod tests {
+    use toml::Table;
+
+    use super::*;
+
+    #[test]
+    fn any_text_is_one_string_on_one_line() {
+        let mut texts: Vec<String> = (0..0x3000)
+            .chain(0xfe00..0x1_0100)
+            .filter_map(char::from_u32)
+            .map(|letter| format!("a{letter}b"))
+            .collect();
+        let tricks =
+            ["\n[evaluate]\nresamples = 0 #", "\"\"\"\n", "'''\n", "\\", "\\u000a", "a = \"\r\n"];
+        texts.extend(tricks.map(str::to_owned));
+        for text in texts {
+            let line = format!("a = {} # {}", quoted(&text), comment(&text));
+            assert!(!line.contains(breaks_out), "{line:?}");
+            let read: Table = toml::from_str(&line).expect("TOML");
+            assert_eq!(read.len(), 1);
+            assert_eq!(read["a"].as_str(), Some(text.as_str()));
+        }
+    }
+}
