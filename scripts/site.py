@@ -47,6 +47,7 @@ CONTENTS = [
     },
     {
         "Reference": [
+            {"Commands and exit codes": "docs/commands.md"},
             {"Every key of a study": "docs/study.md"},
             {"Every file": "docs/formats.md"},
             {"What every number means": "docs/metrics.md"},

@@ -102,21 +102,13 @@ fn ratio(logarithms: &[f64]) -> Result<Estimate, SweepError> {
     Ok(Estimate { value: summary.mean.exp(), interval })
 }
 
-/// The simple predictor to use instead of the agent: the best of those that are better, or else the best of all if the agent is
-/// not known to match it.
+/// The simple predictor to use instead of the agent: the best of all, if the agent is not known to match it or one of the
+/// others is better.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     let ratio = |comparison: &SimpleComparison| comparison.ratio.map_or(1.0, |ratio| ratio.value);
-    let mut best: Option<&SimpleComparison> = None;
-    let mut best_better: Option<&SimpleComparison> = None;
-    for comparison in compared {
-        // The simpler of those that are alike.
-        if best.is_none_or(|best| ratio(comparison) > ratio(best)) {
-            best = Some(comparison);
-        }
-        let is_best = best_better.is_none_or(|best| ratio(comparison) > ratio(best));
-        if comparison.is_better() && is_best {
-            best_better = Some(comparison);
-        }
-    }
-    best_better.or_else(|| best.filter(|best| !best.is_matched()))
+    // The simpler of those that are alike.
+    let best =
+        compared.iter().reduce(|best, other| if ratio(other) > ratio(best) { other } else { best });
+    let is_beaten = compared.iter().any(SimpleComparison::is_better);
+    best.filter(|best| is_beaten || !best.is_matched())
 }
