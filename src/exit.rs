@@ -52,7 +52,7 @@ pub(crate) fn report(error: &anyhow::Error, observer: &dyn Observer) -> ExitStat
 fn was_interrupted(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(StepError::was_interrupted)
-            || matches!(cause.downcast_ref(), Some(DataError::Interrupted))
+            || matches!(cause.downcast_ref(), Some(DataError::Cancelled(_)))
     })
 }
 

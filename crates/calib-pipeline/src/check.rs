@@ -19,7 +19,7 @@ use crate::{
         artefact::{Files, MANIFEST},
         memory,
         options::Logs,
-        outcome::{Interrupted, Outcome},
+        outcome::Outcome,
     },
     output::{Printer, count},
 };
@@ -93,7 +93,7 @@ struct Check<'a> {
 
 impl Check<'_> {
     fn folder(&mut self, folder: &Path) -> anyhow::Result<()> {
-        ensure!(!self.printer.progress().interrupted(), Interrupted);
+        self.printer.progress().check()?;
         let read = || format!("cannot read {}", folder.display());
         let mut entries = fs::read_dir(folder)
             .and_then(Iterator::collect::<Result<Vec<_>, _>>)

@@ -2,7 +2,7 @@
 
 use calib_agent::AgentError;
 use calib_control::ControlError;
-use calib_core::Monitor;
+use calib_core::Cancelled;
 use calib_data::DataError;
 use calib_dynamics::DynamicsError;
 use calib_files::FileError;
@@ -29,19 +29,6 @@ pub enum Outcome {
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct Incomplete(pub(crate) String);
-
-/// The user asked to stop.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted; run the same command again to go on")]
-pub(crate) struct Interrupted;
-
-/// Go on, unless somebody asked to stop.
-///
-/// # Errors
-/// [`Interrupted`].
-pub(crate) fn go_on(monitor: &dyn Monitor) -> Result<(), Interrupted> {
-    if monitor.interrupted() { Err(Interrupted) } else { Ok(()) }
-}
 
 /// Why a step did not do what it should: the study or the data is wrong, the machine refuses, or somebody asked it to stop.
 #[derive(Debug, thiserror::Error)]
@@ -75,13 +62,13 @@ impl StepError {
     pub fn told(error: &anyhow::Error) -> String {
         if error
             .chain()
-            .any(|cause| matches!(cause.downcast_ref(), Some(ControlError::Interrupted)))
+            .any(|cause| matches!(cause.downcast_ref(), Some(ControlError::Cancelled(_))))
         {
             return "interrupted; agents that act keep nothing: the same command begins anew"
                 .to_owned();
         }
         if was_interrupted(error) {
-            return Interrupted.to_string();
+            return "interrupted; run the same command again to go on".to_owned();
         }
         error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
             if told.is_empty() {
@@ -103,18 +90,15 @@ impl StepError {
 /// Whether it is no error but the user's wish.
 pub(crate) fn was_interrupted(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
-        cause.is::<Interrupted>()
-            || matches!(cause.downcast_ref(), Some(DataError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(KnnError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(AgentError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(SweepError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(RepresentError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(ModelError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(RolloutError::Interrupted))
-            || matches!(cause.downcast_ref(), Some(DynamicsError::Interrupted))
-            || matches!(
-                cause.downcast_ref(),
-                Some(ControlError::Interrupted | ControlError::Knn(KnnError::Interrupted))
-            )
+        cause.is::<Cancelled>()
+            || matches!(cause.downcast_ref(), Some(DataError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(KnnError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(AgentError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(SweepError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(RepresentError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(ModelError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(RolloutError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(DynamicsError::Cancelled(_)))
+            || matches!(cause.downcast_ref(), Some(ControlError::Cancelled(_)))
     })
 }

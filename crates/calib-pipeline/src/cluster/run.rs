@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::bail;
-use calib_core::Monitor;
+use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
 use calib_sweep::{
     EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult, remove_states,
@@ -187,7 +187,7 @@ impl Running<'_> {
         for (task, ended) in tasks.iter().zip(ended) {
             match ended {
                 TaskEnd::Done => {}
-                TaskEnd::Stopped => bail!(SweepError::Interrupted),
+                TaskEnd::Stopped => bail!(Cancelled),
                 TaskEnd::Failed(told) => {
                     failed += 1;
                     self.printer.error(&format!("{}: {told}", task.name));
@@ -222,7 +222,7 @@ impl Running<'_> {
                 self.diary.made(&task.name, made.len(), task.predicted_secs, clock.elapsed());
                 TaskEnd::Done
             }
-            Err(SweepError::Interrupted) => TaskEnd::Stopped,
+            Err(SweepError::Cancelled(_)) => TaskEnd::Stopped,
             Err(error) => {
                 if matches!(error, SweepError::File(_)) {
                     writable.store(false, Ordering::Relaxed);

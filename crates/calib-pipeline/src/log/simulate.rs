@@ -10,10 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    base::{
-        artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
-        outcome::Interrupted,
-    },
+    base::artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
     log::{
         changes::{self, CHANGES, DatedChange},
         plant_of_study,
@@ -151,9 +148,7 @@ pub(crate) fn simulate(
         changes,
     };
     while plant.day() < plant.days() {
-        if progress.interrupted() {
-            return Err(Interrupted.into());
-        }
+        progress.check()?;
         let path = directory.join(file_name(simulation.options.start, plant.day()));
         if path.exists() && !force {
             if plant.skip_day().is_none() {

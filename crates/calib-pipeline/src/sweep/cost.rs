@@ -220,7 +220,7 @@ fn seconds_of(
         let run = Run { stream, steps, curve, seed };
         let watch = Deadline { monitor, clock: Stopwatch::start(), done: AtomicU64::new(0) };
         match train_learners(run, &learners, &NoKeeper, &watch) {
-            Err(AgentError::Interrupted) if !monitor.interrupted() => {
+            Err(AgentError::Cancelled(_)) if !monitor.interrupted() => {
                 let done = watch.done.into_inner().max(1) as f64;
                 Ok(Timed::Late(watch.clock.elapsed().as_secs_f64() / done * whole as f64))
             }

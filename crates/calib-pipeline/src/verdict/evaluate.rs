@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 use crate::{
     base::{
         artefact::{self, MANIFEST, TOOL},
-        outcome::{Outcome, go_on},
+        outcome::Outcome,
         stale::Kept,
     },
     log::partition,
@@ -153,7 +153,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Judged> 
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
-            go_on(monitor)?;
+            monitor.check()?;
             let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));

@@ -13,10 +13,7 @@ use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, Study};
 
 use crate::{
-    base::{
-        artefact::{self, Below},
-        outcome::go_on,
-    },
+    base::artefact::{self, Below},
     model::{
         build_model, jumps as jump_text,
         model_files::{self, ModelManifest},
@@ -61,17 +58,17 @@ fn write_all(
     let directory = paths.evaluate().join(FIGURES);
     let mut written = write_comparisons(&directory, report)?;
     for sensitivity in &report.sensitivities {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("sensitivity-{}", sensitivity.sensor);
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
     for curves in &report.learning {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
         written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
     for rollout in &report.rollouts {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("rollout-{}", rollout.sensor);
         written.extend(figures::write(&directory, &name, &rollout.figure()?)?);
     }

@@ -19,7 +19,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     STEP_PATTERNS,
-    base::outcome::Interrupted,
     model::model_files::OpenModel,
     output::Printer,
     rollouts::truth::{Record, Truth, row},
@@ -135,9 +134,7 @@ pub(crate) fn compare(
     let pairs = pairs
         .into_par_iter()
         .map(|(job, sensor)| {
-            if progress.interrupted() {
-                return Err(Interrupted.into());
-            }
+            progress.check()?;
             let states = model.frames.states();
             let column = sensors[sensor].1;
             let reference: Vec<f64> = job.recorded.values(column).map(f64::from).collect();
