@@ -97,7 +97,7 @@ impl Study {
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
             .map(|number| {
-                let member = self.model.neighbors().expect("tables").member(number);
+                let member = self.model.knn().member(number);
                 let starts = start_states(&member, StartSource::Random, runs, seed)
                     .expect("starts")
                     .into_iter()

@@ -11,10 +11,9 @@ use calib_sweep::{Candidate, EnvironmentId, ErrorScale, RunRow, Unit, UnitResult
 use serde_json::Value;
 
 use crate::{
-    base::{
-        artefact::{self, TOOL},
-        outcome::StepError,
-    },
+    StepError,
+    base::artefact::{self, TOOL},
+    ensure,
     log::{partition, prepared},
     model::model_files,
     output::Printer,
@@ -88,10 +87,10 @@ impl SweepStreams {
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
         prepared::begin_command();
-        Ok(Self::new(job, printer)?)
+        Self::new(job, printer)
     }
 
-    fn new(job: &Job, printer: &Printer) -> anyhow::Result<Self> {
+    fn new(job: &Job, printer: &Printer) -> Result<Self, StepError> {
         let study = job.study();
         let model = model_files::open(job)?;
         let dataset: Dataset = partition::load(job, printer)?.dataset;
@@ -181,8 +180,8 @@ impl SweepStreams {
     ) -> Result<RunOutcome, StepError> {
         let run = &self.runs[stream];
         let steps = self.steps_of(stream);
-        let score = || -> anyhow::Result<RunOutcome> {
-            anyhow::ensure!(
+        let score = || -> Result<RunOutcome, StepError> {
+            ensure!(
                 predictions.len() == steps,
                 "{} predictions for the {steps} steps of {}, run {}",
                 predictions.len(),
@@ -198,7 +197,7 @@ impl SweepStreams {
                 self.curve,
             )?)
         };
-        Ok(score()?)
+        score()
     }
 
     /// Steps of the run over a stream.
@@ -238,7 +237,7 @@ impl SweepStreams {
         let mut record = FolderRecord::open(path.parent().unwrap_or(Path::new("")))?;
         record.note(names.into_iter().chain([FILES[1].to_owned()]))?;
         artefact::write_table(curves, &path.with_file_name(FILES[1]))?;
-        Ok(artefact::write_table(table, path)?)
+        artefact::write_table(table, path)
     }
 
     fn unit(&self, result: &ExternalResult) -> UnitResult {

@@ -5,6 +5,7 @@ use calib_propose::{Costs, Horizon, Size};
 use calib_study::{Job, Request};
 
 use crate::{
+    StepError, bail,
     base::{
         artefact,
         clock::{Stopwatch, Taken},
@@ -13,7 +14,7 @@ use crate::{
     model::{build_model, jumps, model_files::ModelManifest},
     output::{Printer, span},
     rollouts::rollout,
-    sweep::{self, plan::Counted, streams::Unscorable},
+    sweep::{self, plan::Counted},
     verdict::evaluate,
 };
 
@@ -78,7 +79,7 @@ pub(super) struct Trials<'a> {
 
 impl Trials<'_> {
     /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
-    fn job(&self, text: String, folder: &str) -> anyhow::Result<Job> {
+    fn job(&self, text: String, folder: &str) -> Result<Job, StepError> {
         let request = Request {
             output: Some(self.place.path().join(folder)),
             set: self.args.set.clone(),
@@ -94,7 +95,7 @@ impl Trials<'_> {
         candidates: &[usize],
         text: impl Fn(usize) -> String,
         period_secs: f64,
-    ) -> anyhow::Result<(usize, String, f64)> {
+    ) -> Result<(usize, String, f64), StepError> {
         let mut best: Option<(usize, usize, String, f64)> = None;
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
@@ -142,7 +143,7 @@ impl Trials<'_> {
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<Measured> {
+    ) -> Result<Measured, StepError> {
         let silent = &self.printer.silent();
         self.printer.say("measuring how long a study takes");
         let steps = |of: usize| of.min(most_steps);
@@ -153,7 +154,7 @@ impl Trials<'_> {
             rollout::run(&job, silent)
         });
         made?;
-        let sweep = |steps: usize, horizon: &mut Horizon| -> anyhow::Result<Swept> {
+        let sweep = |steps: usize, horizon: &mut Horizon| -> Result<Swept, StepError> {
             let taken = self.sweep(steps, horizon, &text)?;
             Ok(Swept { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
         };
@@ -184,20 +185,23 @@ impl Trials<'_> {
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<Taken> {
+    ) -> Result<Taken, StepError> {
         for _ in 0..HALVED {
             let job = self.job(text(steps, *horizon).0, COSTS)?;
             let silent = self.printer.silent();
             let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), None, &silent));
             match swept {
-                Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
+                Err(reason)
+                    if matches!(reason.root(), StepError::Unscorable(_))
+                        && horizon.states > 2.0 =>
+                {
                     let spacing_secs = horizon.secs / horizon.states;
                     *horizon = Horizon::new(horizon.secs / 2.0, spacing_secs);
                 }
                 swept => return swept.map(|_| taken),
             }
         }
-        anyhow::bail!(
+        bail!(
             "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
         )
     }

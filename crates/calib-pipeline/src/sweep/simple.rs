@@ -6,7 +6,7 @@ use calib_files::{read_sealed_json, write_sealed_json};
 use calib_sweep::{Baselines, Environment, SimpleScore, simple_scores};
 use serde::{Deserialize, Serialize};
 
-use crate::sweep::setting::Setting;
+use crate::{StepError, sweep::setting::Setting};
 
 /// Where they are.
 pub(crate) const FILE: &str = "simple.json";
@@ -25,7 +25,7 @@ impl SimpleErrors {
         setting: &Setting,
         environments: &[Box<dyn Environment + '_>],
         baselines: &Baselines<'_>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let environments: Vec<&dyn Environment> =
             environments.iter().map(|environment| &**environment).collect();
         let gamma = setting.candidates[0].agent.gamma;
@@ -38,11 +38,11 @@ impl SimpleErrors {
         Ok(Self { units: setting.sensors.iter().map(unit).collect(), scores })
     }
 
-    pub(crate) fn write(&self, directory: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {
         Ok(write_sealed_json(&directory.join(FILE), self)?)
     }
 
-    pub(crate) fn read(directory: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn read(directory: &Path) -> Result<Self, StepError> {
         Ok(read_sealed_json(&directory.join(FILE))?)
     }
 }
