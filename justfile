@@ -24,10 +24,13 @@ cli *filter:
 calib *arguments:
     cargo run -- {{arguments}}
 
-# Write the JSON Schemas anew: of a study, and of what commands print.
+# Write the JSON Schema of a study anew.
 schemas:
     cargo test -p calib-study --test schema write_the_schema -- --ignored
-    cargo test -p calib-rl --test cli write_the_schemas -- --ignored
+
+# Write the JSON Schemas of what commands print with --json into a folder.
+json-schemas folder:
+    cargo run --example json_schemas -- {{folder}}
 
 # Draw the crates in ARCHITECTURE.md anew.
 crates:
