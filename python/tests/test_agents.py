@@ -254,3 +254,35 @@ def test_optuna_tunes_in_the_model(sweep: agents.Sweep) -> None:
     assert 1e-3 < study.best_params["learning_rate"] < 1
     states = {trial.state.name for trial in study.trials}
     assert "COMPLETE" in states
+
+
+def test_simple_predictors_stand_beside_agents(runs: agents.AgentRuns, sweep: agents.Sweep) -> None:
+    verdict = runs.evaluate()
+    sensor = next(iter(sweep.streams.sensors))
+    told = next(of for of in verdict.summary["verdicts"] if of["sensor"] == sensor)
+    rows = {row["predictor"]: row["online_rmse"] for row in told["simple"]}
+    assert set(rows) == {"mean", "persistence", "line", "autoregression", "ridge", "least_squares_td"}
+    # What would be deployed predicts what was scored, over the streams that agents see.
+    errors = {}
+    for name in rows:
+        predictor = agents.SimplePredictor(verdict, sensor, name)
+        windows = {}
+        for stream in sweep.streams.all:
+            if stream.environment != "online":
+                continue
+            states, pieces = stream.states()
+            starts = {start for start, _ in pieces}
+            predictions = np.zeros(stream.steps, dtype=np.float32)
+            for step in range(stream.steps):
+                if step in starts:
+                    predictor.begin()
+                predictions[step] = predictor.predict(states[step])
+            windows[stream.start_row] = sweep.streams._native.score(stream.position, sensor, 0, predictions, 0).nrmse
+        errors[name] = np.mean(list(windows.values()))
+    for name, error in errors.items():
+        assert error / errors["mean"] == pytest.approx(rows[name] / rows["mean"], rel=1e-4), name
+    assert agents.Ridge(verdict, sensor).state_dict()["weights"] is not None
+    with pytest.raises(ValueError, match="expected one of mean"):
+        agents.SimplePredictor(verdict, sensor, "nothing")
+    with pytest.raises(ValueError, match="the study predicts no sensor"):
+        agents.Ridge(verdict, "nobody")

@@ -28,6 +28,10 @@ struct Agent {
     updates: usize,
 }
 
+/// The smallest step size: features far out of their range would shrink it until it can neither be divided by nor grow
+/// again.
+const LEAST_RATE: f32 = 1e-10;
+
 /// Names and symbols are those of the paper: λ, η, ε and θ.
 #[derive(Clone, Copy, Debug)]
 struct Rule {
@@ -148,6 +152,8 @@ impl Agent {
                 let rate = log_rates[i].exp();
                 if rate > bound || rate.is_infinite() {
                     log_rates[i] = bound.ln();
+                } else if !(rate > LEAST_RATE) {
+                    log_rates[i] = LEAST_RATE.ln();
                 }
                 h_old[i] = h[i];
                 h[i] = h_next[i] + error * trace_bar[i] - trace_step[i] * value_step;
@@ -165,6 +171,7 @@ impl Agent {
     /// Put the present features into the traces.
     fn observe(&mut self, features: &[f32], value: f32) {
         let Rule { bound, log_decay, meta_step_size, .. } = self.rule;
+        let least = LEAST_RATE.ln();
         let Memory {
             log_rates,
             trace,
@@ -198,7 +205,7 @@ impl Agent {
                 h[i] = 0.0;
                 h_old[i] = 0.0;
                 trace_bar[i] = 0.0;
-                log_rates[i] += log_decay * x * x;
+                log_rates[i] = (log_rates[i] + log_decay * x * x).max(least);
             }
         }
         self.memory.value = value;
@@ -388,6 +395,37 @@ mod tests {
             for (got, expected) in agent.memory.log_rates.iter().zip(&case.log_rates) {
                 assert!(close(*got, *expected), "{got} {expected}");
             }
+        }
+    }
+
+    /// A sensor that is off the scale for a while: the state is far outside of the range that it was scaled by.
+    #[test]
+    fn outliers_end_nothing() {
+        for learning_rate in [1e-6, 1e-3] {
+            let config = AgentConfig {
+                value_function: ValueFunction::Linear,
+                replay: ReplayKind::None,
+                optimiser: OptimiserKind::SwiftTd,
+                learning_rate,
+                ..AgentConfig::default()
+            };
+            let rule = Rule::of(&config);
+            let mut agent = Agent {
+                rule,
+                series: 0,
+                learns: true,
+                weights: vec![0.0; 3],
+                memory: Memory::new(3, learning_rate, rule),
+                updates: 0,
+            };
+            let mut error = 0.0;
+            for t in 0..20_000 {
+                let wave = (t as f32 * 0.05).sin();
+                let outlier = if (500..560).contains(&t) { 3e3 } else { 0.5 };
+                error = agent.arrive(&[wave, outlier, 1.0], wave, 0.5);
+                assert!(agent.weights.iter().all(|weight| weight.is_finite()), "step {t}");
+            }
+            assert!(error.abs() < 0.1, "it learns again: {error}");
         }
     }
 }

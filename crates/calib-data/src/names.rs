@@ -130,7 +130,14 @@ pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
         };
         name.chars().map(escaped).collect()
     };
-    (1..).map(repeated).find(|entry| !is_channel(entry)).unwrap_or_default()
+    let mut times = 1;
+    loop {
+        let entry = repeated(times);
+        if !is_channel(&entry) {
+            return entry;
+        }
+        times += 1;
+    }
 }
 
 /// `; did you mean A or B?`, or nothing.

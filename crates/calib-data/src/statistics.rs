@@ -135,7 +135,7 @@ impl Extent {
             let integers = integers.cast(&D::Int64).ok()?;
             integers.i64().ok()?.iter().flatten().for_each(|number| take(number.into()));
         }
-        let Some(read) = read else { return None };
+        let read = read?;
         // Instants may be read in a finer unit than they are written in.
         let units: &[i128] =
             if let D::Datetime(..) = column.dtype() { &[1, 1_000, 1_000_000] } else { &[1] };

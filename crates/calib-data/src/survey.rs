@@ -255,8 +255,8 @@ impl Scan<'_> {
         }
         let has_words = !channel.not_numbers.words.is_empty();
         let seldom = channel.seldom.take();
-        let (looked, bounds) = match seldom.as_ref().filter(|seldom| self.misses_too_much(seldom)) {
-            Some(seldom) => {
+        let (looked, bounds) =
+            if let Some(seldom) = seldom.as_ref().filter(|seldom| self.misses_too_much(seldom)) {
                 let mut near = seldom.with_neighbours(&log.steps.stretches);
                 let looked = self.looked(&mut Viewed::some(&mut near, self));
                 let bounds = match looked.in_train {
@@ -267,8 +267,7 @@ impl Scan<'_> {
                     None => fit(&[], None, has_words, self.preprocess),
                 };
                 (looked, bounds)
-            }
-            None => {
+            } else {
                 if let Some(seldom) = seldom {
                     channel.values = seldom.into_all(log.rows.timestamps.len());
                 }
@@ -277,8 +276,7 @@ impl Scan<'_> {
                 let in_train = &values[log.train.clone()];
                 let bounds = fit(in_train, looked.in_train, has_words, self.preprocess);
                 (looked, bounds)
-            }
-        };
+            };
         let (mut imputed, mut unfilled) = (0, 0);
         if bounds.is_ok() && looked.missing > 0 {
             imputed = impute(

@@ -20,12 +20,14 @@ fn exp(x: f32) -> f32 {
 }
 
 /// 1 / (1 + e^−x).
+#[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// 1 − 2 / (1 + e^2x), within 2e-7.
+#[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn tanh(x: f32) -> f32 {
     1.0 - 2.0 / (1.0 + exp(2.0 * x))

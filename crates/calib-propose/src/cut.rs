@@ -69,6 +69,21 @@ impl Cut {
         shortened
     }
 
+    /// The training range, cut in the same way: what is tried must not have seen what is held out.
+    #[must_use]
+    pub fn inside(&self, timestamps: &[Timestamp]) -> Self {
+        let [start, end] =
+            self.train.map(|moment| timestamps.partition_point(|time| *time < moment));
+        let held_out = (HELD_OUT * (end - start) as f64) as usize;
+        let cut = end - held_out;
+        Self {
+            train: [self.train[0], timestamps[cut]],
+            held_out: [timestamps[cut], self.train[1]],
+            rows: [cut - start, held_out],
+            reason: String::new(),
+        }
+    }
+
     /// The range of the rows in both, of a log with these `timestamps`.
     pub fn span(&self, timestamps: &[Timestamp]) -> Range<usize> {
         let at = |moment: Timestamp| timestamps.partition_point(|time| *time < moment);
@@ -163,6 +178,10 @@ mod tests {
         assert_eq!(cut.span(&log.timestamps), 0..3_000);
         let latest = cut.shortened(&log.timestamps, 500);
         assert_eq!((latest.rows, latest.train[0]), ([500, 1_100], log.timestamps[1_400]));
+        let inside = latest.inside(&log.timestamps);
+        assert_eq!(inside.rows, [334, 166]);
+        assert_eq!(inside.train, [log.timestamps[1_400], log.timestamps[1_734]]);
+        assert_eq!(inside.held_out, [log.timestamps[1_734], log.timestamps[1_900]]);
     }
 
     #[test]

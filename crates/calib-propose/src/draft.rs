@@ -3,7 +3,7 @@ use std::{collections::HashSet, fmt::Write as _};
 use calib_data::{Sketch, entry_of};
 
 use crate::{
-    Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
+    Cleaning, Clock, Cut, Horizon, ProposedAgent, Scope, Sensors, Size,
     size::{LEAST_STEPS, MEMBERS},
     written::{comment, quoted},
 };
@@ -38,6 +38,8 @@ pub struct Draft<'a> {
     pub horizon: Horizon,
     /// How much.
     pub size: &'a Size,
+    /// Why this agent.
+    pub agent_reason: &'a str,
     /// What is said of the size.
     pub size_reason: &'a str,
 }
@@ -145,16 +147,35 @@ impl Draft<'_> {
     fn agent(&self, text: &mut Lines) {
         let Horizon { secs, states, gamma } = self.horizon;
         text.section("agent");
-        text.key("value_function", "\"mlp\"", "");
-        text.key("hidden_layers", "2", "");
-        text.key("hidden_units", &self.size.hidden_units.to_string(), "");
-        text.key("batch_size", "32", "");
+        text.comment(self.agent_reason);
+        match self.size.agent {
+            ProposedAgent::Linear => {
+                text.key("value_function", "\"linear\"", "");
+                text.key("optimiser", "\"swift_td\"", "it finds the step size of each weight");
+                text.key("replay", "\"none\"", "every step is learnt from once");
+            }
+            ProposedAgent::Network => {
+                text.key("value_function", "\"mlp\"", "");
+                text.key("hidden_layers", "2", "");
+                text.key("hidden_units", &self.size.hidden_units.to_string(), "");
+                text.key("batch_size", "32", "");
+            }
+        }
+        text.key(
+            "baseline",
+            "\"best\"",
+            "what is learnt is added to the simple predictor that suits the sensor best; \"none\" starts from nothing",
+        );
         text.key(
             "gamma",
             &gamma.to_string(),
             &format!("a horizon of {states:.0} states, {}: until half of what a sensor was is forgotten, but no more than a hundredth of a run", span(secs)),
         );
-        text.key("learning_rate", "1e-3", "the default that the verdict compares with");
+        text.key(
+            "learning_rate",
+            "0",
+            "the default that the verdict compares with: nothing is learnt after the log",
+        );
     }
 
     fn sweep(&self, text: &mut Lines) {
@@ -189,8 +210,13 @@ impl Draft<'_> {
         text.key("member_runs", &size.member_runs.to_string(), "in each member");
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "");
         text.section("sweep.grid");
-        let axis = format!("{{ from = 1e-5, to = 1e-1, per_decade = {} }}", size.per_decade);
-        text.key("learning_rate", &axis, "");
+        text.key("learning_rate", &format!("[{}]", size.learning_rates().join(", ")), "");
+        text.section("evaluate");
+        text.key(
+            "rule",
+            "\"log_replay\"",
+            "agents that start from the log are chosen by the log; docs/metrics.md has the other rules",
+        );
     }
 }
 
@@ -265,7 +291,7 @@ mod tests {
         let scope = Scope::of(&log).expect("channels");
         let sensors = Sensors::of(&log, &scope).expect("sensors");
         let cut = Cut::of(&log, &scope).expect("rows");
-        let size = Size::trial(1_000, 2);
+        let size = Size::trial(ProposedAgent::Linear, 1_000, 2);
         let draft = Draft {
             sketch: &log,
             path: "logs",
@@ -277,6 +303,7 @@ mod tests {
             cut: &cut,
             sensors: &sensors,
             size: &size,
+            agent_reason: "tried",
             size_reason: "sized to end within 10 min",
         };
         let text = draft.text();

@@ -7,6 +7,7 @@
 //! - [`spacings`]: from one state to the next; trial models decide among them.
 //! - [`Sensors`]: which to predict.
 //! - [`horizon`]: how far ahead.
+//! - [`choose_agent`]: what learns, by what was tried.
 //! - [`Size`]: how long and how often, to end within a time.
 //! - [`Draft`]: the study file with a comment for each of these; [`with_given`] what the user said beside it.
 //!
@@ -21,6 +22,7 @@
 //! assert_eq!((horizon.states.round(), horizon.gamma), (20.0, 0.95));
 //! ```
 
+mod agent;
 mod cleaning;
 mod cut;
 mod draft;
@@ -33,6 +35,7 @@ mod size;
 mod spacing;
 mod written;
 
+pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use cleaning::{Cleaning, Clock};
 pub use cut::Cut;
 pub use draft::Draft;

@@ -1,9 +1,13 @@
+use crate::ProposedAgent;
+
 /// Members of an ensemble.
 pub(crate) const MEMBERS: usize = 5;
 /// The share of the time asked for that is planned with: machines have other things to do.
 const PLANNED: f64 = 0.85;
 /// Runs of a kind at most: more hardly narrow an interval.
 const MOST_RUNS: usize = 30;
+/// Steps of a run at most where agents are compared with each other.
+const COMPARED_STEPS: usize = 2_000;
 /// What a network of half as many units takes.
 const SMALLER: f64 = 0.6;
 /// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
@@ -18,9 +22,11 @@ pub(crate) const LEAST_STEPS: usize = 200;
 pub struct Size {
     /// `sweep.steps`.
     pub steps: usize,
-    /// Learning rates a decade from 1e-5 to 1e-1.
+    /// Which agents.
+    pub agent: ProposedAgent,
+    /// Learning rates a decade: 1, 2 or 3.
     pub per_decade: usize,
-    /// `agent.hidden_units`, of two layers.
+    /// `agent.hidden_units`, of two layers, for a network.
     pub hidden_units: usize,
     /// Sensors of those that are proposed.
     pub sensors: usize,
@@ -37,7 +43,7 @@ pub struct Size {
 pub struct Costs {
     /// What does not depend on the size of the sweep: reading, the model, rollouts, the report.
     pub fixed_secs: f64,
-    /// One step of one agent of 2 x 64 hidden units, on all threads together.
+    /// One step of one agent, with 2 x 64 hidden units if it is a network, on all threads together.
     pub agent_step_secs: f64,
 }
 
@@ -50,8 +56,9 @@ impl Size {
     }
 
     /// What the costs are measured with: small, and all of its kind.
-    pub fn trial(steps: usize, sensors: usize) -> Self {
+    pub fn trial(agent: ProposedAgent, steps: usize, sensors: usize) -> Self {
         Self {
+            agent,
             steps,
             sensors,
             per_decade: 2,
@@ -62,9 +69,21 @@ impl Size {
         }
     }
 
+    /// What agents are compared with before one is proposed.
+    pub fn comparison(agent: ProposedAgent, steps: usize, sensors: usize) -> Self {
+        let runs = Self {
+            per_decade: 1,
+            online_runs: 4,
+            log_replay_runs: 4,
+            ..Self::trial(agent, steps, sensors)
+        };
+        Self { steps: steps.min(COMPARED_STEPS), hidden_units: 32, ..runs }
+    }
+
     /// From the least that says anything to what the paper has.
-    fn levels() -> [Self; 7] {
+    fn levels(agent: ProposedAgent) -> [Self; 7] {
         let level = |steps, per_decade, hidden_units, sensors, runs: [usize; 3]| Self {
+            agent,
             steps,
             per_decade,
             hidden_units,
@@ -86,15 +105,21 @@ impl Size {
 
     /// The largest that is done in `within_secs`, where runs have at most `most_steps` and there are so many `sensors`. The smallest, where
     /// none is.
-    pub fn within(within_secs: f64, costs: Costs, most_steps: usize, sensors: usize) -> Self {
+    pub fn within(
+        agent: ProposedAgent,
+        within_secs: f64,
+        costs: Costs,
+        most_steps: usize,
+        sensors: usize,
+    ) -> Self {
         let fit = |level: Self| Self {
             steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
             sensors: level.sensors.min(sensors),
             ..level
         };
         let planned = PLANNED * within_secs;
-        let mut levels = Self::levels().map(fit).into_iter();
-        let smallest = levels.next().unwrap_or_else(|| Self::trial(most_steps, sensors));
+        let mut levels = Self::levels(agent).map(fit).into_iter();
+        let smallest = levels.next().unwrap_or_else(|| Self::trial(agent, most_steps, sensors));
         let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);
         let swept = largest.secs(costs) - costs.fixed_secs;
         let stretch = ((planned - costs.fixed_secs) / swept).max(1.0);
@@ -130,9 +155,27 @@ impl Size {
         }
     }
 
-    /// Learning rates, over four decades.
+    /// Learning rates as a study has them: 0, which keeps what the agent starts from, and round numbers.
+    pub fn learning_rates(&self) -> Vec<String> {
+        let digits: &[u8] = match self.per_decade {
+            0 | 1 => &[1],
+            2 => &[1, 3],
+            _ => &[1, 2, 5],
+        };
+        // SwiftTD only begins with them, and bounds what they come to.
+        let [first, last]: [i32; 2] = match self.agent {
+            ProposedAgent::Linear => [-5, -1],
+            ProposedAgent::Network => [-6, -2],
+        };
+        let decades =
+            (first..last).flat_map(|decade| digits.iter().map(move |digit| (digit, decade)));
+        let rates = decades.chain([(&1, last)]).map(|(digit, decade)| format!("{digit}e{decade}"));
+        ["0".to_owned()].into_iter().chain(rates).collect()
+    }
+
+    /// How many learning rates.
     pub fn values(&self) -> usize {
-        4 * self.per_decade + 1
+        self.learning_rates().len()
     }
 
     /// Steps of all agents.
@@ -143,7 +186,8 @@ impl Size {
 
     /// How long it takes.
     pub fn secs(&self, costs: Costs) -> f64 {
-        let smaller = if self.hidden_units < 64 { SMALLER } else { 1.0 };
+        let is_smaller = self.agent == ProposedAgent::Network && self.hidden_units < 64;
+        let smaller = if is_smaller { SMALLER } else { 1.0 };
         costs.fixed_secs + self.agent_steps() * costs.agent_step_secs * smaller
     }
 }
@@ -158,7 +202,7 @@ mod tests {
     fn more_time_is_used_for_more_and_never_exceeded() {
         let mut before = 0.0;
         for within in [60.0, 120.0, 300.0, 600.0, 1_800.0] {
-            let size = Size::within(within, COSTS, 10_000, 3);
+            let size = Size::within(ProposedAgent::Network, within, COSTS, 10_000, 3);
             let secs = size.secs(COSTS);
             assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {size:?}");
             assert!(secs >= 0.7 * within.min(600.0), "{within}: {secs} {size:?}");
@@ -174,9 +218,15 @@ mod tests {
 
     #[test]
     fn short_logs_and_slow_machines_get_what_there_is() {
-        let short = Size::within(600.0, COSTS, 250, 1);
+        let short = Size::within(ProposedAgent::Network, 600.0, COSTS, 250, 1);
         assert_eq!((short.steps, short.sensors), (250, 1));
-        let slow = Size::within(1.0, COSTS, 10_000, 3);
-        assert_eq!((slow.values(), slow.online_runs), (5, 4), "the smallest");
+        let slow = Size::within(ProposedAgent::Network, 1.0, COSTS, 10_000, 3);
+        assert_eq!((slow.values(), slow.online_runs), (6, 4), "the smallest");
+        assert_eq!(slow.learning_rates(), ["0", "1e-6", "1e-5", "1e-4", "1e-3", "1e-2"]);
+        let finest = Size::within(ProposedAgent::Linear, 1e6, COSTS, 10_000, 3);
+        assert_eq!(
+            (finest.values(), &finest.learning_rates()[1..5]),
+            (14, &["1e-5", "2e-5", "5e-5", "1e-4"].map(str::to_owned)[..])
+        );
     }
 }

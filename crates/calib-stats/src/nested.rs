@@ -157,7 +157,7 @@ pub(crate) mod tests {
                 drawn[..3].iter().all(|of| *of == drawn[0])
                     && drawn[3..].iter().all(|of| *of == drawn[3])
             );
-            means.push((drawn[0] + drawn[3]) / 2.0);
+            means.push(f64::midpoint(drawn[0], drawn[3]));
         }
         // The variance of 0 … 5 is 35 / 12; that of the mean of two of them is half of it.
         let mean = means.iter().sum::<f64>() / means.len() as f64;

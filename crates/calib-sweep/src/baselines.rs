@@ -117,6 +117,28 @@ impl<'a> Baselines<'a> {
         wanted.iter().map(|wanted| Arc::clone(&fits[wanted])).collect()
     }
 
+    /// Every simple predictor of each sensor, fitted on these rows; sensors come with their column of the states.
+    pub fn simple(
+        &self,
+        sensors: &[(String, usize)],
+        gamma: f64,
+        rows: &FittingRows,
+    ) -> Vec<FittedSimple> {
+        let agent = AgentConfig { gamma, ..AgentConfig::default() };
+        let mut all = Vec::with_capacity(sensors.len() * SimplePredictor::ALL.len());
+        for (sensor, column) in sensors {
+            let wanted: Vec<Wanted> =
+                SimplePredictor::ALL.into_iter().map(|predictor| (predictor, *column)).collect();
+            for (fitted, (predictor, column)) in
+                self.fitted(&wanted, &agent, rows).into_iter().zip(wanted)
+            {
+                let fitted = (*fitted).clone();
+                all.push(FittedSimple { sensor: sensor.clone(), column, predictor, fitted });
+            }
+        }
+        all
+    }
+
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
     /// for one that starts from nothing. The rows are those that the run's predictors may be fitted on.
     pub(crate) fn predictions(
@@ -159,6 +181,19 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// A simple predictor of a sensor, with its coefficients: of normalised states, for normalised returns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FittedSimple {
+    /// The predicted sensor.
+    pub sensor: String,
+    /// Its column of the states.
+    pub column: usize,
+    /// What predicts.
+    pub predictor: SimplePredictor,
+    /// How.
+    pub fitted: FittedPredictor,
+}
+
 /// The error of a simple predictor over one recorded window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SimpleScore {
@@ -174,59 +209,75 @@ pub struct SimpleScore {
     pub scores: Scores,
 }
 
-/// The errors of every simple predictor over every recorded window of these environments, in the order of environments,
-/// windows, sensors and predictors. Predictors see the state, and are fitted on what the window does not hold.
+/// A stretch of a recorded log that predictors are scored on.
+pub struct RecordedWindow {
+    /// Whether it is of the held-out range or of the log.
+    pub environment: EnvironmentId,
+    /// Row of that range at which it begins.
+    pub start_row: u32,
+    /// What may be fitted on: not what it holds.
+    pub fitting_rows: FittingRows,
+    /// Its states.
+    pub stream: Box<dyn Stream>,
+}
+
+/// The recorded windows of these environments, each once.
 ///
 /// # Errors
-/// If a stream cannot be made, or no step of it can be scored.
+/// If a stream cannot be made.
+pub fn recorded_windows(
+    environments: &[&dyn Environment],
+) -> Result<Vec<RecordedWindow>, SweepError> {
+    let mut windows: Vec<RecordedWindow> = Vec::new();
+    for &environment in environments {
+        let id = environment.id();
+        if matches!(id, EnvironmentId::Member(_)) {
+            continue;
+        }
+        for run in 0..environment.runs() {
+            let streamed = environment.stream(run)?;
+            let start_row = streamed.start_row.0;
+            let is_known =
+                |window: &RecordedWindow| window.environment == id && window.start_row == start_row;
+            if !windows.iter().any(is_known) {
+                let fitting_rows = environment.fitting_rows(run);
+                let stream = streamed.stream;
+                windows.push(RecordedWindow { environment: id, start_row, fitting_rows, stream });
+            }
+        }
+    }
+    Ok(windows)
+}
+
+/// The errors of every simple predictor over these windows, in the order of windows, sensors and predictors. Predictors see
+/// the state, and are fitted on what the window does not hold.
+///
+/// # Errors
+/// If no step of a window can be scored.
 pub fn simple_scores(
     baselines: &Baselines<'_>,
-    environments: &[&dyn Environment],
+    windows: &[RecordedWindow],
     sensors: &[(String, usize)],
     gamma: f64,
     span: Span,
 ) -> Result<Vec<SimpleScore>, SweepError> {
-    let mut windows: Vec<(&dyn Environment, usize)> = Vec::new();
-    for &environment in environments {
-        if matches!(environment.id(), EnvironmentId::Member(_)) {
-            continue;
-        }
-        let mut starts = Vec::new();
-        for run in 0..environment.runs() {
-            let start = environment.stream(run)?.start_row;
-            if !starts.contains(&start) {
-                starts.push(start);
-                windows.push((environment, run));
-            }
-        }
-    }
-    let agent = AgentConfig { gamma, ..AgentConfig::default() };
-    let of_window = |&(environment, run): &(&dyn Environment, usize)| {
-        let rows = environment.fitting_rows(run);
-        let streamed = environment.stream(run)?;
-        let stream = &*streamed.stream;
+    let of_window = |window: &RecordedWindow| {
+        let stream = &*window.stream;
         let steps = span.steps.min(stream.len().saturating_sub(1));
-        let mut scores = Vec::with_capacity(sensors.len() * SimplePredictor::ALL.len());
-        let all = SimplePredictor::ALL.into_iter();
-        let wanted: Vec<Wanted> = all
-            .flat_map(|predictor| sensors.iter().map(move |(_, column)| (predictor, *column)))
-            .collect();
-        let fitted = baselines.fitted(&wanted, &agent, &rows);
-        for (place, (sensor, column)) in sensors.iter().enumerate() {
-            for (number, predictor) in SimplePredictor::ALL.into_iter().enumerate() {
-                let predictions = fitted[number * sensors.len() + place].predictions(stream);
-                let curve = CurveRule { windows: 0 };
-                let run =
-                    score_predictions(stream, *column, gamma, &predictions[..steps], 0, curve)
-                        .map_err(SweepError::Together)?;
-                scores.push(SimpleScore {
-                    sensor: sensor.clone(),
-                    predictor,
-                    environment: environment.id(),
-                    start_row: streamed.start_row.0,
-                    scores: run.scores,
-                });
-            }
+        let fitted = baselines.simple(sensors, gamma, &window.fitting_rows);
+        let mut scores = Vec::with_capacity(fitted.len());
+        for FittedSimple { sensor, column, predictor, fitted } in fitted {
+            let predictions = fitted.predictions(stream);
+            let curve = CurveRule { windows: 0 };
+            let run = score_predictions(stream, column, gamma, &predictions[..steps], 0, curve)
+                .map_err(SweepError::Together)?;
+            scores.push(SimpleScore {
+                sensor,
+                predictor,
+                environment: window.environment,
+                start_row: window.start_row,
+                scores: run.scores,
+            });
         }
         Ok(scores)
     };

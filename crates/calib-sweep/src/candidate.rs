@@ -81,7 +81,7 @@ pub fn candidates(
     }
     for field in sweep.grid.keys() {
         let lacking = all.iter().map(|candidate| candidate.agent.lacks(field));
-        if let Some(Some(needed)) = lacking.reduce(|one, other| one.and(other)) {
+        if let Some(Some(needed)) = lacking.reduce(Option::and) {
             return Err(SweepError::UnusedField { field: field.clone(), needed });
         }
     }

@@ -56,7 +56,10 @@ mod verdict;
 mod windows;
 
 pub use axis::{Axis, AxisError};
-pub use baselines::{Baselines, FittingRows, SimpleScore, simple_scores};
+pub use baselines::{
+    Baselines, FittedSimple, FittingRows, RecordedWindow, SimpleScore, recorded_windows,
+    simple_scores,
+};
 pub use candidate::{Candidate, candidates, written};
 pub use closed::ClosedEnvironment;
 pub use config::{Beginning, RaceKind, SweepConfig};

@@ -13,6 +13,7 @@ from ._optuna import optuna_objective
 from ._protocol import Agent, Factory, Task, Values
 from ._runs import AgentRuns, evaluate
 from ._serve import serve
+from ._simple import LeastSquaresTD, Mean, Persistence, Ridge, SimplePredictor
 from ._streams import Stream, Streams
 from ._sweep import Sweep, grid
 
@@ -20,6 +21,11 @@ __all__ = [
     "Agent",
     "AgentRuns",
     "Factory",
+    "LeastSquaresTD",
+    "Mean",
+    "Persistence",
+    "Ridge",
+    "SimplePredictor",
     "Stream",
     "Streams",
     "Sweep",

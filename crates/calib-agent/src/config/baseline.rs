@@ -47,8 +47,11 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(
     let parsed: Result<_, value::Error> =
         SimplePredictor::deserialize(text.as_str().into_deserializer());
     parsed.map(Some).map_err(|_| {
-        let names: Vec<&str> =
-            SimplePredictor::ALL.into_iter().map(SimplePredictor::name).collect();
+        let names: Vec<&str> = SimplePredictor::ALL
+            .into_iter()
+            .chain([SimplePredictor::Best])
+            .map(SimplePredictor::name)
+            .collect();
         D::Error::custom(format!(
             "unknown baseline {text:?}: expected \"{NONE}\" or one of {}",
             names.join(", ")

@@ -2,6 +2,7 @@ use calib_core::Stream;
 
 use super::{
     FittedPredictor,
+    fit::Judged,
     moments::{Folds, Target, sum},
     solve::Square,
 };
@@ -22,7 +23,7 @@ pub(super) fn fit(
     column: usize,
     returns: &[f64],
     folds: &Folds,
-) -> Option<FittedPredictor> {
+) -> Option<Judged> {
     let most = ORDERS[ORDERS.len() - 1];
     let size = most + 1;
     let mut starts = vec![0; stream.len()];
@@ -44,11 +45,15 @@ pub(super) fn fit(
         let matrix = leading(&sum(&second, parts), order + 1);
         matrix.solve(&Target::sum(&targets, parts).products[..=order])
     };
+    let padded = |parts: &[usize], order: usize| {
+        let mut weights = solve(parts, order)?;
+        weights.resize(size, 0.0);
+        Some(weights)
+    };
     let error = |order: usize| -> Option<f64> {
         let mut total = 0.0;
         for split in folds.splits() {
-            let mut weights = solve(&split.fitted, order)?;
-            weights.resize(size, 0.0);
+            let weights = padded(&split.fitted, order)?;
             let judged = Target::sum(&targets, &split.judged);
             total += judged.squared_error(&sum(&second, &split.judged), &weights);
         }
@@ -60,7 +65,9 @@ pub(super) fn fit(
     let weights = solve(&folds.all(), best)?;
     let lags = weights[1..].to_vec();
     let bias = weights[0] - center * lags.iter().sum::<f64>();
-    Some(FittedPredictor::Autoregression { column, lags, bias })
+    let predictor = FittedPredictor::Autoregression { column, lags, bias };
+    let squared_error = folds.error_ahead(&second, &targets, |parts| padded(parts, best));
+    Some(Judged { predictor, squared_error })
 }
 
 /// The first rows and columns, with a little on the diagonal.

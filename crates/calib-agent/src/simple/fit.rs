@@ -30,6 +30,13 @@ pub struct Fitter<'a> {
     ahead: OnceCell<Vec<Square>>,
 }
 
+/// A predictor that was fitted on all rows.
+pub(super) struct Judged {
+    pub(super) predictor: FittedPredictor,
+    /// Summed over later folds, each predicted by what earlier ones fit; infinite where one of them fits nothing.
+    pub(super) squared_error: f64,
+}
+
 /// What is chosen between by cross-validation.
 enum Equations<'m> {
     /// Least squares: the second moments of the features are the matrix.
@@ -67,9 +74,7 @@ impl<'a> Fitter<'a> {
     pub fn fit(&self, predictor: SimplePredictor, column: usize) -> FittedPredictor {
         let width = self.stream.width();
         if predictor == SimplePredictor::Persistence {
-            let mut weights = vec![0.0; width];
-            weights[column] = 1.0 / (1.0 - self.gamma);
-            return FittedPredictor::Affine { weights, bias: 0.0 };
+            return self.persistence(column);
         }
         let returns = discounted_returns(&self.stream, column, self.gamma);
         let rows = &self.folds.rows;
@@ -79,45 +84,88 @@ impl<'a> Fitter<'a> {
             return constant;
         }
         let fitted = match predictor {
-            SimplePredictor::Mean | SimplePredictor::Persistence => None,
-            SimplePredictor::Line => self.line(column, &returns),
-            SimplePredictor::Autoregression => {
-                autoregression::fit(&self.stream, column, &returns, &self.folds)
-            }
-            SimplePredictor::Ridge => self.linear(column, &returns, &Equations::Ridge),
-            SimplePredictor::LeastSquaresTd => {
-                self.linear(column, &returns, &Equations::Td(self.ahead()))
-            }
+            SimplePredictor::Best => return self.best(column, &returns, constant),
+            predictor => self.judged(predictor, column, &returns),
         };
-        fitted.unwrap_or(constant)
+        fitted.map_or(constant, |fitted| fitted.predictor)
     }
 
-    fn line(&self, column: usize, returns: &[f64]) -> Option<FittedPredictor> {
-        let (mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0);
-        let count = self.folds.rows.len() as f64;
-        let (mean, scale) = (self.features.means[column], self.features.scales[column]);
-        for &t in &self.folds.rows {
-            let value = (f64::from(self.stream.state(t)[column]) - mean) * scale;
-            x += value;
-            y += returns[t];
-            xx += value * value;
-            xy += value * returns[t];
+    /// The simplest of those that are within a hundredth of the least error on what came later.
+    fn best(&self, column: usize, returns: &[f64], constant: FittedPredictor) -> FittedPredictor {
+        let judged: Vec<Judged> = SimplePredictor::ALL
+            .into_iter()
+            .filter_map(|predictor| self.judged(predictor, column, returns))
+            .filter(|judged| judged.squared_error.is_finite())
+            .collect();
+        let least = judged.iter().map(|judged| judged.squared_error).fold(f64::INFINITY, f64::min);
+        // A hundredth of the root mean squared error.
+        let simplest =
+            judged.into_iter().find(|judged| judged.squared_error <= 1.01 * 1.01 * least);
+        simplest.map_or(constant, |judged| judged.predictor)
+    }
+
+    /// A predictor, and its error where later folds are predicted by what was fitted on earlier ones; none where the column
+    /// does not allow it.
+    fn judged(&self, predictor: SimplePredictor, column: usize, returns: &[f64]) -> Option<Judged> {
+        match predictor {
+            SimplePredictor::Mean => self.line(None, returns),
+            SimplePredictor::Persistence => {
+                let error = |t: usize| {
+                    returns[t] - f64::from(self.stream.state(t)[column]) / (1.0 - self.gamma)
+                };
+                let judged = self.folds.splits_ahead().into_iter().flat_map(|split| split.judged);
+                let rows = judged.flat_map(|part| self.folds.rows_of(part).iter());
+                let squared_error = rows.map(|&t| error(t).powi(2)).sum();
+                Some(Judged { predictor: self.persistence(column), squared_error })
+            }
+            SimplePredictor::Line => self.line(Some(column), returns),
+            SimplePredictor::Autoregression => {
+                autoregression::fit(&self.stream, column, returns, &self.folds)
+            }
+            SimplePredictor::Ridge => self.linear(column, returns, &Equations::Ridge),
+            SimplePredictor::LeastSquaresTd => {
+                self.linear(column, returns, &Equations::Td(self.ahead()))
+            }
+            SimplePredictor::Best => None,
         }
-        let spread = xx - x * x / count;
-        let slope = if spread > 0.0 { (xy - x * y / count) / spread } else { return None };
-        let mut weights = vec![0.0; self.stream.width() + 1];
-        weights[column] = slope;
-        weights[self.stream.width()] = (y - slope * x) / count;
-        Some(self.features.affine(&weights))
+    }
+
+    fn persistence(&self, column: usize) -> FittedPredictor {
+        let mut weights = vec![0.0; self.stream.width()];
+        weights[column] = 1.0 / (1.0 - self.gamma);
+        FittedPredictor::Affine { weights, bias: 0.0 }
+    }
+
+    /// Least squares on a constant, and on one column if there is one.
+    fn line(&self, column: Option<usize>, returns: &[f64]) -> Option<Judged> {
+        let width = self.stream.width();
+        let size = 1 + usize::from(column.is_some());
+        if column.is_some_and(|column| self.features.scales[column] == 0.0) {
+            return None;
+        }
+        let write = |t: usize, to: &mut [f64]| {
+            to[0] = 1.0;
+            if let Some(column) = column {
+                let value = f64::from(self.stream.state(t)[column]);
+                to[1] = (value - self.features.means[column]) * self.features.scales[column];
+            }
+        };
+        let second = self.folds.second_moments(size, write);
+        let targets = self.folds.target_moments(size, write, |t| returns[t]);
+        let solve =
+            |parts: &[usize]| sum(&second, parts).solve(&Target::sum(&targets, parts).products);
+        let solved = solve(&self.folds.all())?;
+        let mut weights = vec![0.0; width + 1];
+        weights[width] = solved[0];
+        if let Some(column) = column {
+            weights[column] = solved[1];
+        }
+        let squared_error = self.folds.error_ahead(&second, &targets, solve);
+        Some(Judged { predictor: self.features.affine(&weights), squared_error })
     }
 
     /// The linear predictor on all columns whose penalty has the least squared error over the folds.
-    fn linear(
-        &self,
-        column: usize,
-        returns: &[f64],
-        equations: &Equations<'_>,
-    ) -> Option<FittedPredictor> {
+    fn linear(&self, column: usize, returns: &[f64], equations: &Equations<'_>) -> Option<Judged> {
         let size = self.stream.width() + 1;
         let second = self.second();
         let write = |t: usize, to: &mut [f64]| self.features.write(self.stream.state(t), to);
@@ -162,7 +210,9 @@ impl<'a> Fitter<'a> {
         let errors = PENALTIES.into_iter().filter_map(|penalty| Some((penalty, error(penalty)?)));
         // The largest penalty of those that are alike.
         let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
-        Some(self.features.affine(&solve(&self.folds.all(), best)?))
+        let predictor = self.features.affine(&solve(&self.folds.all(), best)?);
+        let squared_error = self.folds.error_ahead(second, &targets, |parts| solve(parts, best));
+        Some(Judged { predictor, squared_error })
     }
 
     fn second(&self) -> &[Square] {

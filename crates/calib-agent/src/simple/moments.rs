@@ -122,6 +122,36 @@ impl Folds {
         (0..self.parts.len()).collect()
     }
 
+    /// Steps of a part.
+    pub(super) fn rows_of(&self, part: usize) -> &[usize] {
+        &self.rows[self.parts[part].clone()]
+    }
+
+    /// The later folds, each judged by what all before it fit.
+    pub(super) fn splits_ahead(&self) -> Vec<Split> {
+        let split = |fold: usize| Split {
+            fitted: (0..3 * fold - 1).collect(),
+            judged: (3 * fold..3 * fold + 3).collect(),
+        };
+        (FOLDS / 2..FOLDS).map(split).collect()
+    }
+
+    /// The squared error over the later folds of what `solve` gives for the parts before them; infinite if it gives nothing.
+    pub(super) fn error_ahead(
+        &self,
+        second: &[Square],
+        targets: &[Target],
+        solve: impl Fn(&[usize]) -> Option<Vec<f64>>,
+    ) -> f64 {
+        let mut total = 0.0;
+        for split in self.splits_ahead() {
+            let Some(weights) = solve(&split.fitted) else { return f64::INFINITY };
+            let judged = Target::sum(targets, &split.judged);
+            total += judged.squared_error(&sum(second, &split.judged), &weights);
+        }
+        total
+    }
+
     /// What is fitted on and what is judged by in each fold that has both.
     pub(super) fn splits(&self) -> Vec<Split> {
         let split = |fold: usize| {

@@ -97,6 +97,33 @@ fn a_line_is_what_least_squares_gives() {
 }
 
 #[test]
+fn the_best_is_what_predicts_what_comes_later() {
+    let best_of = |values: Vec<f32>, columns: usize| {
+        let rows = values.len() / columns;
+        let states = States::new(values, rows, columns).expect("valid");
+        let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
+        let fitter = Fitter::new(&train, GAMMA, &[]);
+        let best = fitter.fit(SimplePredictor::Best, 0);
+        SimplePredictor::ALL.into_iter().find(|&other| fitter.fit(other, 0) == best)
+    };
+    let mut rng = Seed::new(12).rng();
+    let mut noise = || rng.normal() as f32;
+    let white = (0..4000).map(|_| noise()).collect();
+    assert_eq!(best_of(white, 1), Some(SimplePredictor::Mean));
+    let mut level = 0.0;
+    let walk = (0..4000).map(|_| {
+        level += 0.1 * noise();
+        level
+    });
+    assert_eq!(best_of(walk.collect(), 1), Some(SimplePredictor::Persistence));
+    let wave = (0..4000).map(|t| (t as f32 * 0.3).cos()).collect();
+    assert_eq!(best_of(wave, 1), Some(SimplePredictor::Autoregression));
+    let train = stream(9000, 13);
+    let both = (0..9000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
+    assert_eq!(best_of(both, 3), Some(SimplePredictor::Ridge));
+}
+
+#[test]
 fn what_is_excluded_has_no_influence() {
     let train = stream(3000, 4);
     let mut values: Vec<f32> = (0..3000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
@@ -104,7 +131,7 @@ fn what_is_excluded_has_no_influence() {
     let states = States::new(values, 3000, 3).expect("valid");
     let changed = RowStream::replay(states, &Segments::from_lengths([1000, 2000]).expect("valid"));
     let excluded = std::slice::from_ref(&(1500..2000));
-    for predictor in SimplePredictor::ALL {
+    for predictor in SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best]) {
         let fitted = Fitter::new(&train, GAMMA, excluded).fit(predictor, 0);
         let again = Fitter::new(&changed, GAMMA, excluded).fit(predictor, 0);
         assert_eq!(fitted, again, "{predictor:?}");
@@ -132,7 +159,7 @@ fn logs_without_information_give_their_mean() {
     let short = stream(24, 5);
     let constant = States::new(vec![0.25; 600], 300, 2).expect("valid");
     let constant = RowStream::replay(constant, &Segments::from_lengths([300]).expect("valid"));
-    for predictor in SimplePredictor::ALL {
+    for predictor in SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best]) {
         let predictions = Fitter::new(&short, GAMMA, &[]).fit(predictor, 0).predictions(&short);
         assert!(predictions.iter().all(|value| value.is_finite()), "{predictor:?}");
         let of_constant = Fitter::new(&constant, GAMMA, &[]).fit(predictor, 0);

@@ -2,7 +2,7 @@
 
 use std::{cell::RefCell, sync::atomic::AtomicU64};
 
-use calib_core::Silent;
+use calib_core::{Cancelled, Silent};
 use calib_nn::Moments;
 
 use super::{

@@ -1,6 +1,6 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use calib_core::{Rng, RowIndex, RowStream, Segments, Silent, States};
+use calib_core::{Cancelled, Rng, RowIndex, RowStream, Segments, Silent, States};
 
 use super::*;
 use crate::{

@@ -124,16 +124,14 @@ pub(crate) fn import(
     let mut instants = clock.rows();
     let read = |records: Records<'_>| Part::read(records, width, time, clock.notation(), fractions);
     file.read_parts(read, |part| imported.add(part, &mut instants, store), monitor)?;
-    imported.undecided = instants.finish(&mut |(), instant| imported.take(instant))?;
+    imported.undecided = instants.finish(&mut |(), instant| {
+        imported.times.push(instant);
+        Ok::<(), DataError>(())
+    })?;
     Ok(imported)
 }
 
 impl Imported {
-    fn take(&mut self, instant: i64) -> Result<(), DataError> {
-        self.times.push(instant);
-        Ok(())
-    }
-
     fn add(
         &mut self,
         mut part: Part,
@@ -142,7 +140,10 @@ impl Imported {
     ) -> Result<(), DataError> {
         let rows = part.stamps.len();
         for stamp in part.stamps {
-            instants.push(stamp, (), &mut |(), instant| self.take(instant))?;
+            instants.push(stamp, (), &mut |(), instant| {
+                self.times.push(instant);
+                Ok::<(), DataError>(())
+            })?;
         }
         store.adopt(part.seen, &mut part.cells)?;
         for (column, cells) in part.cells.chunks(rows.max(1)).enumerate() {

@@ -89,6 +89,7 @@ pub(crate) struct FileSummary {
 }
 
 /// Where channels are read from.
+#[expect(clippy::large_enum_variant, reason = "there is one for a log")]
 enum Origin {
     /// Wide files.
     Tables(Vec<LogFile>),

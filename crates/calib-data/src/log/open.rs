@@ -21,6 +21,7 @@ use crate::{
 };
 
 /// What the files hold, before rows and ranges are known.
+#[expect(clippy::large_enum_variant, reason = "there is one for a log")]
 pub(super) enum Opened {
     Tables(Tables),
     Samples(Shape, Vec<FileSummary>, Sink),

@@ -9,7 +9,7 @@ use super::{
     file::{FieldKind, LogFile},
     gaps,
     open::{Opened, Tables, refuse_pair},
-    resample::Grid,
+    resample::{Coverage, Grid},
     room::Room,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
@@ -172,7 +172,7 @@ fn grid_rows(
     recorded: &Rows,
     data: &DataConfig,
 ) -> Result<Vec<calib_core::Timestamp>, DataError> {
-    let mut coverage = grid.coverage();
+    let mut coverage = Coverage::new();
     match origin {
         Origin::Tables(_) => {
             let times: Vec<i64> = recorded.timestamps.iter().map(|time| time.as_micros()).collect();

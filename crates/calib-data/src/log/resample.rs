@@ -48,6 +48,11 @@ impl Bridged {
 pub(crate) struct Coverage(Union<(i64, i64)>);
 
 impl Coverage {
+    /// No rows.
+    pub(crate) fn new() -> Self {
+        Self(Union::new(join))
+    }
+
     /// Number of rows.
     pub(crate) fn rows(&mut self) -> u64 {
         self.runs().iter().map(|(from, to)| from.abs_diff(*to)).sum()
@@ -80,10 +85,6 @@ impl Grid {
     /// The same rows, each with the last value.
     pub(crate) fn of_last_values(&self) -> Self {
         Self { resample: Resample::Last, ..self.clone() }
-    }
-
-    pub(crate) fn coverage(&self) -> Coverage {
-        Coverage(Union::new(join))
     }
 
     /// Choose the rows for which a sample at one of `times`, which are in order, is recent enough. What is held is a run of
@@ -225,7 +226,7 @@ mod tests {
     }
 
     fn rows(grid: &Grid, times: &[i64]) -> Vec<Timestamp> {
-        let mut coverage = grid.coverage();
+        let mut coverage = Coverage::new();
         grid.cover(times, &mut coverage);
         let rows = grid.rows(&mut coverage);
         assert_eq!(rows.len() as u64, coverage.rows());
@@ -286,7 +287,7 @@ mod tests {
     #[test]
     fn rows_are_counted_before_there_are_any() {
         let grid = grid(Resample::Last, 1, i64::MAX, from_ref(&(0..4_000_000_000_000_000)));
-        let mut coverage = grid.coverage();
+        let mut coverage = Coverage::new();
         grid.cover(&[0, 2_000_000_000_000_000], &mut coverage);
         assert_eq!(coverage.rows(), 4_000_000_000_000_000);
     }

@@ -178,7 +178,9 @@ pub(crate) fn each_label(
     use pl::DataType as D;
     let column = match column {
         RawColumn::Cells(cells, store) => {
-            cells.iter().for_each(|&cell| with_label(cell, &store.words, &mut take));
+            for &cell in cells {
+                with_label(cell, &store.words, &mut take);
+            }
             return Ok(());
         }
         RawColumn::Polars(column) => column,

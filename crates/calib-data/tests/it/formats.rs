@@ -183,7 +183,9 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
     let told = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&told, "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
     // Where the first rows do not tell, later ones may not contradict each other, in a file nor in two.
-    let whole: String = (0..500).map(|row| format!("{};{row};1\n", 1_704_067_200 + row)).collect();
+    let rows: Vec<String> =
+        (0..500).map(|row| format!("{};{row};1\n", 1_704_067_200 + row)).collect();
+    let whole = rows.concat();
     let late =
         |cell: &str, row: i32| format!("time;a;b\n{whole}{};{cell};2\n", 1_704_067_700 + row);
     let folder = text("a.csv", &late("1.210,5", 0));

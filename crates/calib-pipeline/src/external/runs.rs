@@ -18,7 +18,10 @@ use crate::{
     ensure,
     output::Printer,
     rollouts::figures,
-    sweep::SweepManifest,
+    sweep::{
+        SweepManifest,
+        simple::{self, SimpleErrors},
+    },
     verdict::{
         evaluate::{self, Summary},
         report::{FIGURES, SUMMARY},
@@ -36,13 +39,14 @@ pub(crate) fn run(
 ) -> Result<Outcome, StepError> {
     let part = study.part();
     let Runs { sensors, candidates, results } = read(path, part)?;
-    let sweep = manifest(study, candidates);
+    let mut sweep = manifest(study, candidates);
+    sweep.simple = simple_beside(path)?;
     let judging = Judging {
         part,
         rule: study.evaluate.rule,
         top_k: study.evaluate.top_k,
         scales: &[],
-        simple: &[],
+        simple: &sweep.simple.scores,
         stands_still: false,
         resamples: study.evaluate.resamples,
         seed: Seed::new(study.seed).child("verdict"),
@@ -90,6 +94,17 @@ pub(crate) fn run(
         }
     }
     Ok(evaluate::told(&summary))
+}
+
+/// What simple predictors came to on the windows of these runs, where calib wrote both.
+fn simple_beside(path: &Path) -> Result<SimpleErrors, StepError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if !folder.join(simple::FILE).is_file() {
+        return Ok(SimpleErrors::default());
+    }
+    let beside = SimpleErrors::read(folder)?;
+    let is_of_these = beside.runs.is_some() && beside.runs == fingerprint_file(path).ok();
+    Ok(if is_of_these { beside } else { SimpleErrors::default() })
 }
 
 /// The page beside the summary.

@@ -5,9 +5,12 @@ use std::{fmt, path::Path};
 use calib_agent::{CurveRule, Part, RunOutcome, score_predictions};
 use calib_core::{Seed, Stream};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, FolderRecord};
+use calib_files::{Fingerprint, FolderRecord, fingerprint_file};
 use calib_study::Job;
-use calib_sweep::{Candidate, EnvironmentId, ErrorScale, RunRow, Unit, UnitResult};
+use calib_sweep::{
+    Baselines, Candidate, Environment, EnvironmentId, ErrorScale, RecordedWindow, RunRow, Unit,
+    UnitResult, recorded_windows,
+};
 use serde_json::Value;
 
 use crate::{
@@ -20,6 +23,7 @@ use crate::{
     sweep::{
         SweepManifest,
         environments::{Environments, Sources, Streaming, open_all},
+        simple::{self, SimpleErrors},
         streams::{Streams, error_scales},
         tables::{FILES, curves_table, external_runs},
     },
@@ -31,6 +35,8 @@ pub struct SweepStreams {
     runs: Vec<StreamRun>,
     sensors: Vec<(String, usize)>,
     scales: Vec<ErrorScale>,
+    dataset: Dataset,
+    windows: Vec<RecordedWindow>,
     manifest: SweepManifest,
     part: Part,
     curve: CurveRule,
@@ -129,12 +135,17 @@ impl SweepStreams {
                 });
             }
         }
+        let opened: Vec<&dyn Environment> =
+            environments.iter().map(|environment| &**environment).collect();
+        let windows = recorded_windows(&opened)?;
         let span = streams.demand.span;
         let content = model.manifest.content()?;
         let mut manifest = SweepManifest::of_nothing(study, &dataset, content, span, Vec::new());
         manifest.scales.clone_from(&scales);
         let curve = CurveRule { windows: study.sweep.curve_points };
-        Ok(Self { runs, sensors, scales, manifest, part: streams.demand.part, curve })
+        drop(environments);
+        let part = streams.demand.part;
+        Ok(Self { runs, sensors, scales, dataset, windows, manifest, part, curve })
     }
 
     /// All streams, environment by environment.
@@ -206,7 +217,7 @@ impl SweepStreams {
     }
 
     /// Write what agents came to as a table that [`evaluate_runs`](crate::evaluate_runs) reads, and beside it their learning curves,
-    /// `curves.parquet`.
+    /// `curves.parquet`, and what simple predictors come to on the same windows, `simple.json`.
     ///
     /// # Errors
     /// If a field has the name of another column, or one of the files is there and calib did not write it, or cannot be
@@ -235,9 +246,21 @@ impl SweepStreams {
         // The folder is the user's.
         let names = [path.file_name().unwrap_or_default().to_string_lossy().into_owned()];
         let mut record = FolderRecord::open(path.parent().unwrap_or(Path::new("")))?;
-        record.note(names.into_iter().chain([FILES[1].to_owned()]))?;
+        let beside = [FILES[1], simple::FILE].map(str::to_owned);
+        record.note(names.into_iter().chain(beside))?;
         artefact::write_table(curves, &path.with_file_name(FILES[1]))?;
-        artefact::write_table(table, path)
+        artefact::write_table(table, path)?;
+        let mut simple = self.simple()?;
+        simple.runs = Some(fingerprint_file(path)?);
+        simple.write(path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// What simple predictors come to where agents are judged.
+    fn simple(&self) -> Result<SimpleErrors, StepError> {
+        let baselines = Baselines::new(&self.dataset.train);
+        let predicted = (&self.sensors[..], &self.dataset.normaliser);
+        let span = self.manifest.span;
+        SimpleErrors::measure(&baselines, &self.windows, predicted, self.gamma(), span)
     }
 
     fn unit(&self, result: &ExternalResult) -> UnitResult {

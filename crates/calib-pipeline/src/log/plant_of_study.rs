@@ -87,5 +87,5 @@ pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError>
 /// # Errors
 /// If the log of the plant that the study describes is not there, or a variable of the environment is not set.
 pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
-    Ok(data(job)?)
+    data(job)
 }

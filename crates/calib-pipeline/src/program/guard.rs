@@ -145,17 +145,14 @@ unsafe fn end_all() {
             let read = usize::try_from(read).unwrap_or(0);
             let mut child: libc::pid_t = 0;
             for &byte in &buffer[..read] {
-                match byte {
-                    b'0'..=b'9' => {
-                        child = child.wrapping_mul(10).wrapping_add(libc::pid_t::from(byte - b'0'));
-                    }
+                if byte.is_ascii_digit() {
+                    child = child.wrapping_mul(10).wrapping_add(libc::pid_t::from(byte - b'0'));
+                } else {
                     // A number that is cut off is read again.
-                    _ => {
-                        if child > 1 {
-                            libc::kill(child, libc::SIGKILL);
-                        }
-                        child = 0;
+                    if child > 1 {
+                        libc::kill(child, libc::SIGKILL);
                     }
+                    child = 0;
                 }
             }
             loop {

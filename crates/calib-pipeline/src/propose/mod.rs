@@ -8,13 +8,14 @@ use calib_core::Timestamp;
 use calib_data::{ChannelSketch, Sketch, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
+    Cleaning, Clock, Cut, Draft, Horizon, LeftOut, ProposedAgent, Scope, Sensors, Size, Trial,
+    choose_agent, horizon, spacings,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use self::trial::Trials;
+use self::trial::{Predicted, Trials, halved};
 use crate::{
     Context as _, StepError, bail,
     base::{
@@ -43,6 +44,8 @@ pub(crate) struct Chosen {
     /// Time from one state to the next, in seconds.
     state_secs: f64,
     sensors: Vec<String>,
+    /// Why this agent is proposed.
+    agent_reason: String,
     gamma: f64,
     horizon_secs: f64,
     /// Steps of every run.
@@ -187,6 +190,9 @@ struct Proposal {
     text: String,
     spacing: usize,
     cut: Cut,
+    /// Channels that are predicted, then those that could be.
+    sensors: Sensors,
+    agent: Evidence,
     horizon: Horizon,
     size: Size,
     expected_secs: f64,
@@ -200,11 +206,17 @@ impl Proposal {
         look: &Look,
         printer: &Printer,
     ) -> Result<Self, StepError> {
-        let Look { sketch, scope, sensors, .. } = look;
+        let Look { sketch, scope, .. } = look;
         let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, printer };
         let candidates = spacings(sketch, scope, look.cut.rows[0]);
-        let draft = |spacing: usize, cut: &Cut, horizon, size: &Size, words: [&str; 2]| {
+        let mut sensors = look.sensors.clone();
+        let draft = |spacing: usize,
+                     cut: &Cut,
+                     sensors: &Sensors,
+                     horizon,
+                     size: &Size,
+                     words: [&str; 3]| {
             Draft {
                 sketch,
                 path,
@@ -216,34 +228,43 @@ impl Proposal {
                 sensors,
                 horizon,
                 size,
-                size_reason: words[1],
+                agent_reason: words[1],
+                size_reason: words[2],
             }
             .text()
         };
         let ahead = |spacing: usize, steps: usize| match args.horizon {
             Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
-            None => horizon(sketch, &sensors.proposed, spacing, steps),
+            None => horizon(sketch, &look.sensors.proposed, spacing, steps),
         };
         let most = |spacing: usize| Size::most_steps(look.cut.rows[1] / spacing);
         // Models of the last rows of the training range, because it is theirs to be judged on what follows.
         let small = |spacing: usize| {
             let rows = trial::ROWS * spacing;
-            let size = Size::trial(most(spacing), sensors.proposed.len());
+            let size = Size::trial(ProposedAgent::Linear, most(spacing), sensors.proposed.len());
             let cut = look.cut.shortened(&sketch.timestamps, rows);
-            draft(spacing, &cut, ahead(spacing, size.steps), &size, [""; 2])
+            draft(spacing, &cut, &sensors, ahead(spacing, size.steps), &size, [""; 3])
         };
         let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
+        let latest = look.cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
+        let inside = latest.inside(&sketch.timestamps);
+        let mut horizon = ahead(spacing, most(spacing));
+        let agent = Evidence::gather(&trials, &mut horizon, |agent, horizon| {
+            let steps = Size::most_steps(inside.rows[1] / spacing);
+            let size = Size::comparison(agent, steps, look.sensors.proposed.len());
+            draft(spacing, &inside, &look.sensors, horizon, &size, [""; 3])
+        })?;
+        agent.reorder(&mut sensors, !args.sensors.is_empty());
         let rows = trial::rows_within(args.within, build_secs, look.cut.rows[0] / spacing);
         let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
         let steps = most(spacing);
-        let mut horizon = ahead(spacing, steps);
         let trial = |steps: usize, horizon: Horizon| {
-            let size = Size::trial(steps, sensors.proposed.len());
-            (draft(spacing, &cut, horizon, &size, [""; 2]), size)
+            let size = Size::trial(agent.agent, steps, sensors.proposed.len());
+            (draft(spacing, &cut, &sensors, horizon, &size, [""; 3]), size)
         };
         let measured = trials.costs(steps, &mut horizon, trial)?;
         let costs = measured.time;
-        let size = Size::within(args.within, costs, steps, sensors.proposed.len());
+        let size = Size::within(agent.agent, args.within, costs, steps, sensors.proposed.len());
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason = format!(
@@ -259,12 +280,99 @@ impl Proposal {
                 span(expected_secs.round())
             ));
         }
-        let text = draft(spacing, &cut, horizon, &size, [&why, &reason]);
+        let text = draft(spacing, &cut, &sensors, horizon, &size, [&why, &agent.reason, &reason]);
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
         Job::of_text(Request::new(&args.study), text.clone())?;
-        Ok(Self { text, spacing, cut, horizon, size, expected_secs, expected_processor_secs })
+        Ok(Self {
+            text,
+            spacing,
+            cut,
+            sensors,
+            agent,
+            horizon,
+            size,
+            expected_secs,
+            expected_processor_secs,
+        })
     }
+}
+
+/// What was tried where only the training range is known, and what follows from it.
+struct Evidence {
+    agent: ProposedAgent,
+    /// In words.
+    reason: String,
+    /// Of each proposed sensor.
+    predicted: Vec<Predicted>,
+}
+
+impl Evidence {
+    /// Try agents at a `horizon` that is halved until something predicts at least one of the sensors better than its mean.
+    fn gather(
+        trials: &Trials<'_>,
+        horizon: &mut Horizon,
+        text: impl Fn(ProposedAgent, Horizon) -> String,
+    ) -> Result<Self, StepError> {
+        let say = |words: &str| trials.printer.say(words);
+        say("comparing agents with simple predictors on the last third of the training range");
+        let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
+        let is_given = trials.args.horizon.is_some();
+        let mut shorter = *horizon;
+        while !predicted.iter().any(Predicted::is_predicted) && !is_given && shorter.states >= 4.0 {
+            shorter = halved(shorter);
+            let nearer = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
+            if nearer.iter().any(Predicted::is_predicted) {
+                say(&format!(
+                    "nothing predicts {} ahead better than the mean does",
+                    span(horizon.secs)
+                ));
+                (predicted, *horizon) = (nearer, shorter);
+            }
+        }
+        let network = trials.compare(horizon, |at| text(ProposedAgent::Network, at))?;
+        let tried = [(ProposedAgent::Linear, &predicted), (ProposedAgent::Network, &network)];
+        let tried = tried.map(|(agent, sensors)| Trial { agent, ratio: typical(sensors) });
+        let chosen = choose_agent(&tried).unwrap_or(tried[0]);
+        let said = |trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio);
+        let errors = tried.iter().map(said).collect::<Vec<_>>().join(", ");
+        let mut reason = format!(
+            "On the last third of the training range, errors by the best simple predictor's: {errors}"
+        );
+        if !predicted.iter().chain(&network).any(Predicted::is_predicted) {
+            let warning = format!(
+                "nothing that was tried predicts {} ahead better than the mean does; try a shorter --horizon, or other sensors with --sensor",
+                span(horizon.secs)
+            );
+            trials.printer.warn(&warning);
+            reason = format!("{reason}; {warning}");
+        } else if chosen.ratio > 1.0 {
+            reason.push_str("; no agent is better, and the study asks once more");
+        }
+        Ok(Self { agent: chosen.agent, reason, predicted })
+    }
+
+    /// Sensors that something predicts come first, unless the order `is_given`.
+    fn reorder(&self, sensors: &mut Sensors, is_given: bool) {
+        if is_given {
+            return;
+        }
+        let all: Vec<(usize, bool)> = sensors
+            .proposed
+            .iter()
+            .copied()
+            .zip(self.predicted.iter().map(Predicted::is_predicted))
+            .collect();
+        let (first, last): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|(_, predicted)| *predicted);
+        sensors.proposed = first.into_iter().chain(last).map(|(channel, _)| channel).collect();
+    }
+}
+
+/// The geometric mean of an agent's errors by the best simple predictors'.
+fn typical(sensors: &[Predicted]) -> f64 {
+    let sum: f64 = sensors.iter().map(|sensor| sensor.agent.ln()).sum();
+    (sum / sensors.len() as f64).exp()
 }
 
 impl Proposal {
@@ -281,10 +389,10 @@ fn show(
     chosen: &Proposal,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let Look { sketch, scope, sensors, .. } = look;
+    let Look { sketch, scope, .. } = look;
     let name = |&channel: &usize| sketch.channels[channel].name.clone();
     let predicted: Vec<String> =
-        sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
+        chosen.sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
     let state_secs = sketch.period_secs * chosen.spacing as f64;
     if printer.is_for_machines() {
         return printer.json(&Chosen {
@@ -300,6 +408,7 @@ fn show(
             rows: chosen.cut.rows,
             state_secs,
             sensors: predicted,
+            agent_reason: chosen.agent.reason.clone(),
             gamma: chosen.horizon.gamma,
             horizon_secs: chosen.horizon.secs,
             steps: chosen.size.steps,
@@ -322,6 +431,7 @@ fn show(
             span(chosen.horizon.secs),
             chosen.horizon.gamma
         ),
+        chosen.agent.reason.clone(),
         format!(
             "{} learning rates, runs of {} steps: about {} of the {} that were asked for{}",
             chosen.size.values(),

@@ -1,8 +1,10 @@
 //! Small models of a log, and what they take.
 
+use calib_agent::SimplePredictor;
 use calib_files::TemporaryFolder;
 use calib_propose::{Costs, Horizon, Size};
 use calib_study::{Job, Request};
+use calib_sweep::SensorVerdict;
 
 use crate::{
     StepError, bail,
@@ -32,6 +34,12 @@ const LONGER: usize = 4;
 const WORTH: f64 = 0.01;
 /// The folder of what costs are measured with.
 const COSTS: &str = "costs";
+/// The folder of what agents are compared in.
+const COMPARED: &str = "compared";
+/// Keys of a study whose model nobody looks at.
+const SMALLEST_MODEL: [&str; 2] = ["model.members=2", "sweep.member_runs=1"];
+/// A sensor is predicted where the error is at most this share of the mean's.
+const PREDICTED: f64 = 0.95;
 /// How often a horizon is halved until some step can be scored.
 const HALVED: usize = 6;
 
@@ -80,9 +88,20 @@ pub(super) struct Trials<'a> {
 impl Trials<'_> {
     /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
     fn job(&self, text: String, folder: &str) -> Result<Job, StepError> {
+        self.job_with(text, folder, &[])
+    }
+
+    /// The same with some keys of the study changed.
+    fn job_with(&self, text: String, folder: &str, set: &[&str]) -> Result<Job, StepError> {
         let request = Request {
             output: Some(self.place.path().join(folder)),
-            set: self.args.set.clone(),
+            set: self
+                .args
+                .set
+                .iter()
+                .cloned()
+                .chain(set.iter().map(|&key| key.to_owned()))
+                .collect(),
             ..Request::new(&self.args.study)
         };
         Ok(Job::of_text(request, text)?)
@@ -180,30 +199,86 @@ impl Trials<'_> {
         })
     }
 
+    /// What an agent and the simple predictors come to where only the training range is known, at a `horizon` that is halved
+    /// until some step can be scored.
+    pub(super) fn compare(
+        &self,
+        horizon: &mut Horizon,
+        text: impl Fn(Horizon) -> String,
+    ) -> Result<Vec<Predicted>, StepError> {
+        let silent = &self.printer.silent();
+        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, &SMALLEST_MODEL);
+        build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+        scorable(horizon, |horizon| {
+            sweep::run(&study(horizon)?, &Counted::default(), None, silent)
+        })?;
+        let judged = evaluate::judge(&study(*horizon)?, &*silent.progress())?;
+        Ok(judged.summary.verdicts.iter().map(Predicted::of).collect())
+    }
+
     fn sweep(
         &self,
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
     ) -> Result<Taken, StepError> {
-        for _ in 0..HALVED {
-            let job = self.job(text(steps, *horizon).0, COSTS)?;
-            let silent = self.printer.silent();
+        let silent = self.printer.silent();
+        scorable(horizon, |horizon| {
+            let job = self.job(text(steps, horizon).0, COSTS)?;
             let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), None, &silent));
-            match swept {
-                Err(reason)
-                    if matches!(reason.root(), StepError::Unscorable(_))
-                        && horizon.states > 2.0 =>
-                {
-                    let spacing_secs = horizon.secs / horizon.states;
-                    *horizon = Horizon::new(horizon.secs / 2.0, spacing_secs);
-                }
-                swept => return swept.map(|_| taken),
+            swept.map(|_| taken)
+        })
+    }
+}
+
+/// What `sweep` gives at a horizon that is halved until some step of it can be scored.
+fn scorable<T>(
+    horizon: &mut Horizon,
+    sweep: impl Fn(Horizon) -> Result<T, StepError>,
+) -> Result<T, StepError> {
+    for _ in 0..HALVED {
+        match sweep(*horizon) {
+            Err(reason)
+                if matches!(reason.root(), StepError::Unscorable(_)) && horizon.states > 2.0 =>
+            {
+                *horizon = halved(*horizon);
             }
+            swept => return swept,
         }
-        bail!(
-            "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
-        )
+    }
+    bail!(
+        "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
+    )
+}
+
+/// Half as far ahead.
+pub(super) fn halved(horizon: Horizon) -> Horizon {
+    Horizon::new(horizon.secs / 2.0, horizon.secs / horizon.states)
+}
+
+/// How a sensor was predicted on the last third of the training range, from what came before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Predicted {
+    /// Error of the best simple predictor by that of the mean.
+    pub(super) simple: f64,
+    /// Error of the agent, with the learning rate that the log chooses, by that of the best simple predictor.
+    pub(super) agent: f64,
+}
+
+impl Predicted {
+    fn of(verdict: &SensorVerdict) -> Self {
+        // All of an agent's ratios are of the same windows, so that their quotients compare predictors with each other.
+        let ratio = |predictor: SimplePredictor| {
+            let row = verdict.simple.iter().find(|row| row.predictor == predictor);
+            row.and_then(|row| row.ratio).map_or(f64::NAN, |ratio| ratio.value)
+        };
+        let agent = SimplePredictor::ALL.into_iter().map(ratio).fold(f64::NAN, f64::max);
+        Self { simple: ratio(SimplePredictor::Mean) / agent, agent }
+    }
+
+    /// Whether something predicts the sensor better than its mean.
+    pub(super) fn is_predicted(&self) -> bool {
+        self.simple * self.agent.min(1.0) <= PREDICTED
     }
 }
 

@@ -26,7 +26,7 @@ use crate::{
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
         setting::{Setting, Unsettled, candidates_of},
-        simple::{self, SimpleErrors},
+        simple,
         standing_still::Still,
         streams::{OnlineWindow, Streams, error_scales, online_windows},
         tables as sweep_tables,
@@ -156,7 +156,7 @@ fn sweep(
     if !is_the_same {
         let claim = claim.map_or_else(|| begin(&directory), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
-        SimpleErrors::measure(&setting, &environments, &baselines)?.write(&directory)?;
+        setting.simple_errors(&environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
         manifest.files = artefact::fingerprints(&directory, tables())?;
         if ran > 0 {

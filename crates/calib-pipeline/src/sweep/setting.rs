@@ -8,7 +8,7 @@ use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{
     Baselines, Candidate, Environment, Plan, PlanOptions, Program, Span, Start, SweepError,
-    candidates,
+    candidates, recorded_windows,
 };
 
 use crate::{
@@ -23,6 +23,7 @@ use crate::{
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
         environments::{Environments, Sources, Streaming, open_all},
         notes::standing_still,
+        simple::SimpleErrors,
         standing_still::Still,
         streams::Streams,
     },
@@ -125,6 +126,20 @@ impl Setting {
         };
         let rolling = Streaming::of(study, span)?;
         open_all(&self.environments.described, sources, rolling)
+    }
+
+    /// What simple predictors come to over the recorded windows of the environments.
+    pub(crate) fn simple_errors(
+        &self,
+        environments: &[Box<dyn Environment + '_>],
+        baselines: &Baselines<'_>,
+    ) -> Result<SimpleErrors, StepError> {
+        let environments: Vec<&dyn Environment> =
+            environments.iter().map(|environment| &**environment).collect();
+        let windows = recorded_windows(&environments)?;
+        let predicted = (&self.sensors[..], &self.dataset.normaliser);
+        let gamma = self.candidates[0].agent.gamma;
+        SimpleErrors::measure(baselines, &windows, predicted, gamma, self.streams.demand.span)
     }
 
     /// Runs in all: of every value, for every sensor, in every environment.

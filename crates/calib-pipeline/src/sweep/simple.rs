@@ -1,41 +1,47 @@
-//! The errors of simple predictors over the windows of a sweep, in a file beside its tables.
+//! Simple predictors of a sweep's sensors, in a file beside its tables.
 
 use std::{collections::BTreeMap, path::Path};
 
-use calib_files::{read_sealed_json, write_sealed_json};
-use calib_sweep::{Baselines, Environment, SimpleScore, simple_scores};
+use calib_core::Normaliser;
+use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
+use calib_sweep::{
+    Baselines, FittedSimple, FittingRows, RecordedWindow, SimpleScore, Span, simple_scores,
+};
 use serde::{Deserialize, Serialize};
 
-use crate::{StepError, sweep::setting::Setting};
+use crate::StepError;
 
 /// Where they are.
 pub(crate) const FILE: &str = "simple.json";
 
-/// What simple predictors came to.
+/// What simple predictors came to, and those of them that can be deployed.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SimpleErrors {
+    /// The table of runs that they stand beside; none where a manifest says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) runs: Option<Fingerprint>,
     /// What a normalised return is multiplied by to give a discounted mean of the sensor, in its own unit.
     pub(crate) units: BTreeMap<String, f64>,
+    /// Fitted on all of the training range.
+    pub(crate) fitted: Vec<FittedSimple>,
     pub(crate) scores: Vec<SimpleScore>,
 }
 
 impl SimpleErrors {
-    /// Fit and score every simple predictor over every recorded window.
+    /// Fit and score every simple predictor of these sensors over recorded windows.
     pub(crate) fn measure(
-        setting: &Setting,
-        environments: &[Box<dyn Environment + '_>],
         baselines: &Baselines<'_>,
+        windows: &[RecordedWindow],
+        (sensors, normaliser): (&[(String, usize)], &Normaliser),
+        gamma: f64,
+        span: Span,
     ) -> Result<Self, StepError> {
-        let environments: Vec<&dyn Environment> =
-            environments.iter().map(|environment| &**environment).collect();
-        let gamma = setting.candidates[0].agent.gamma;
-        let span = setting.streams.demand.span;
-        let scores = simple_scores(baselines, &environments, &setting.sensors, gamma, span)?;
-        let columns = setting.dataset.normaliser.columns();
+        let scores = simple_scores(baselines, windows, sensors, gamma, span)?;
         let unit = |(sensor, column): &(String, usize)| {
-            (sensor.clone(), columns[*column].bounds.scale * (1.0 - gamma))
+            (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
         };
-        Ok(Self { units: setting.sensors.iter().map(unit).collect(), scores })
+        let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
+        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, scores })
     }
 
     pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {

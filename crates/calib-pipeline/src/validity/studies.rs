@@ -186,7 +186,7 @@ impl Listed {
             Some(name) => layout.of_model(name),
             None => layout,
         };
-        let wants_libtorch = matches!(kind, ModelKind::Gru | ModelKind::Torchscript);
+        let wants_libtorch = kind == ModelKind::Torchscript;
         wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
     }
 }

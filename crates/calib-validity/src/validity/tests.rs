@@ -152,7 +152,8 @@ fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
 #[test]
 fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
     // Quotients e and 1 in turn, against log replay, whose regret is 0 everywhere.
-    let regrets = |plant: usize| [0.0, if plant % 2 == 0 { 1_f64.exp_m1() } else { 0.0 }, 1.0];
+    let regrets =
+        |plant: usize| [0.0, if plant.is_multiple_of(2) { 1_f64.exp_m1() } else { 0.0 }, 1.0];
     let validity = plants(8, regrets);
     let of = comparison(&validity.comparisons, "model:a", "log_replay");
     // Mean ½, s = √(2/7), t(7) = 2.364624252.

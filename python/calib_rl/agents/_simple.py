@@ -1,0 +1,124 @@
+"""Simple predictors, as agents that are ready to be deployed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._study import Study
+from .._verdict import Verdict
+
+NAMES = ("mean", "persistence", "line", "autoregression", "ridge", "least_squares_td")
+
+
+class SimplePredictor:
+    """A predictor that calib fitted on the training range, and that learns nothing afterwards.
+
+    Args:
+        source: A study that was swept, a verdict, or the folder with ``simple.json``.
+        sensor: The predicted sensor.
+        predictor: ``"mean"``, ``"persistence"``, ``"line"``, ``"autoregression"``, ``"ridge"`` or
+            ``"least_squares_td"``.
+
+    It is an `Agent`: it predicts normalised returns from normalised states. Of an autoregression, `predict` is called
+    once for every state, in order, and `begin` where an unbroken piece begins.
+
+    Examples:
+        >>> ridge = SimplePredictor(verdict, "PIT300", "ridge")     # doctest: +SKIP
+        >>> ridge.predict(model.normalised(latest_state))           # doctest: +SKIP
+        4.71
+    """
+
+    predictor: ClassVar[str] = ""
+
+    def __init__(self, source: Study | Verdict | str | os.PathLike[str], sensor: str, predictor: str = "") -> None:
+        name = predictor or self.predictor
+        if name not in NAMES:
+            raise ValueError(f"predictor is {name!r}, expected one of {', '.join(NAMES)}")
+        rows: list[dict[str, Any]] = json.loads(_file(source).read_text(encoding="utf-8"))["fitted"]
+        sensors = {row["sensor"] for row in rows}
+        if sensor not in sensors:
+            raise ValueError(f"the study predicts no sensor {sensor!r}; it predicts {', '.join(sorted(sensors))}")
+        self.sensor = sensor
+        self.name = name
+        fitted = next(row["fitted"] for row in rows if row["sensor"] == sensor and row["predictor"] == name)
+        self.bias = float(fitted["bias"])
+        self.weights: NDArray[np.float64] | None = None
+        """One for each column of a state; none for an autoregression."""
+        self.lags: NDArray[np.float64] | None = None
+        """For the sensor's latest values, the present one first; none but for an autoregression."""
+        if fitted["form"] == "affine":
+            self.weights = np.array(fitted["weights"], dtype=np.float64)
+        else:
+            self.column = int(fitted["column"])
+            self.lags = np.array(fitted["lags"], dtype=np.float64)
+            self._latest: deque[float] = deque(maxlen=len(self.lags))
+
+    def begin(self) -> None:
+        """What was before a gap is forgotten."""
+        if self.lags is not None:
+            self._latest.clear()
+
+    def predict(self, observation: NDArray[np.float32]) -> float:
+        """The return that is expected from a normalised state, in normalised units."""
+        if self.weights is not None:
+            return float(self.bias + self.weights @ np.asarray(observation, dtype=np.float64)[: len(self.weights)])
+        assert self.lags is not None
+        value = float(observation[self.column])
+        # Before the first state the sensor counts as having had its first value.
+        self._latest.extendleft([value] * (1 if self._latest else len(self.lags)))
+        return float(self.bias + self.lags @ np.array(self._latest))
+
+    def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
+        """Nothing is learnt."""
+
+    def state_dict(self) -> Mapping[str, Any]:
+        """The coefficients."""
+        return {"bias": self.bias, "weights": self.weights, "lags": self.lags}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.name} of {self.sensor}>"
+
+
+class Mean(SimplePredictor):
+    """The mean return of the training range."""
+
+    predictor = "mean"
+
+
+class Persistence(SimplePredictor):
+    """The sensor stays as it is."""
+
+    predictor = "persistence"
+
+
+class Ridge(SimplePredictor):
+    """Ridge regression on all columns of the state."""
+
+    predictor = "ridge"
+
+
+class LeastSquaresTD(SimplePredictor):
+    """Least-squares TD on all columns of the state."""
+
+    predictor = "least_squares_td"
+
+
+def _file(source: Study | Verdict | str | os.PathLike[str]) -> Path:
+    if isinstance(source, Study):
+        folder = source.results / "sweep"
+    elif isinstance(source, Verdict):
+        folder = source._sweep
+    else:
+        folder = Path(source)
+    file = folder / "simple.json"
+    if not file.exists():
+        raise FileNotFoundError(f"{file} is not there; sweep the study first")
+    return file
